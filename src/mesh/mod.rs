@@ -1,0 +1,86 @@
+//! Triangle meshes: reading them, judging their health, closing them.
+//!
+//! **In:** a path to an OBJ, GLB/glTF, STL, PLY or 3MF file and its unit. **Out:** a [`Solid`]: triangles in millimetres,
+//! z up, with UVs and textures, coherently oriented, plus the caps that close its holes for the inside test, and a
+//! [`HealthReport`] that says what was found and what was done.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec2};
+
+/// Triangles with optional texture coordinates and surface materials.
+#[derive(Debug, Clone, Default)]
+pub struct TriangleMesh {
+    /// Vertex positions in mm; after loading in the file's own frame turned to z up.
+    pub positions: Vec<DVec3>,
+    /// Vertex indices, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+    /// Texture coordinates of each triangle's corners; empty when the file has none.
+    /// (0, 0) is the image's upper left corner (glTF's convention), v grows downwards.
+    pub uvs: Vec<[Vec2; 3]>,
+    /// Index into `materials` per triangle; empty means material 0 everywhere.
+    pub material_of: Vec<u16>,
+    /// Surface materials in file order; may be empty.
+    pub materials: Vec<SurfaceMaterial>,
+}
+
+/// The base colour of a surface as its file states it.
+#[derive(Debug, Clone)]
+pub struct SurfaceMaterial {
+    /// The file's name for it.
+    pub name: String,
+    /// Linear RGBA factor.
+    pub base_color: [f32; 4],
+    /// sRGB-encoded texture that multiplies the factor.
+    pub base_color_texture: Option<Arc<Texture>>,
+}
+
+/// An 8-bit RGBA image, row 0 on top.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Texture {
+    /// Texels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width · height` texels, encoded as in the file (sRGB for colours).
+    pub texels: Vec<[u8; 4]>,
+}
+
+/// A mesh fit for slicing: coherently oriented, its holes capped for the inside test.
+#[derive(Debug, Clone)]
+pub struct Solid {
+    /// The surface that depth is measured from.
+    pub mesh: TriangleMesh,
+    /// Triangles that close the mesh's boundary, as positions. They count for inside/outside only, never for depth.
+    /// Together with `mesh` every directed edge is balanced by its reverse, so winding numbers are integers.
+    pub caps: Vec<[DVec3; 3]>,
+    /// What was found and done.
+    pub health: HealthReport,
+}
+
+/// What a mesh suffers from, and what was done about it.
+#[derive(Debug, Clone, Default, serde::Serialize)]
+pub struct HealthReport {
+    /// Triangles in the file.
+    pub triangles: usize,
+    /// Edges that bound only one triangle.
+    pub open_edges: usize,
+    /// Closed loops of open edges.
+    pub holes: usize,
+    /// Edges shared by more than two triangles.
+    pub non_manifold_edges: usize,
+    /// Triangles turned to agree with their neighbours.
+    pub flipped_triangles: usize,
+    /// Triangles dropped because another has the same corners.
+    pub doubled_triangles: usize,
+    /// Triangles dropped because they have no area.
+    pub degenerate_triangles: usize,
+    /// Pairs of triangles that cross each other; `None` where the check was too dear.
+    pub self_intersections: Option<usize>,
+    /// Connected pieces.
+    pub shells: usize,
+    /// Enclosed volume in mm³, positive.
+    pub volume_mm3: f64,
+    /// Surface area in mm².
+    pub area_mm2: f64,
+}

@@ -1,0 +1,1 @@
+//! What every surface point should reflect, and the layers that do it.
