@@ -1,1 +1,14 @@
-//! room
+//! From the field to files: bricks of material ids, slab after slab, streamed into sinks.
+//!
+//! **In:** objects on a lattice. **Out:** slices, masks, meshes, previews and the manifest that lists them.
+//!
+//! | file | what it does |
+//! | --- | --- |
+//! | `fill`   | one object into one block: descent by halves, uniform tiles, bricks |
+//! | `engine` | slab after slab, blocks in parallel |
+
+mod engine;
+mod fill;
+
+pub use engine::Slicer;
+pub use fill::ObjectField;
