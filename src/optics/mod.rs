@@ -9,4 +9,4 @@ mod kubelka_munk;
 
 pub use composite::Composite;
 pub use frequency::FrequencyGrid;
-pub use kubelka_munk::{KubelkaMunk, SlabSpectrum};
+pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
