@@ -9,6 +9,10 @@
 
 mod engine;
 mod fill;
+mod output;
+mod png;
 
 pub use engine::Slicer;
 pub use fill::ObjectField;
+pub use output::{FileEntry, MANIFEST, OutputError, OutputFolder, TIMINGS};
+pub use png::{Palette, RowBuffers, encode_mask, encode_rgba};
