@@ -1,1 +1,5 @@
 //! room
+
+pub mod printer;
+
+pub use printer::Printer;
