@@ -42,7 +42,7 @@ impl Unit {
             Self::Mm => 1.0,
             Self::Cm => 10.0,
             Self::M => 1000.0,
-            Self::Inch => crate::voxel::printer::MM_PER_INCH,
+            Self::Inch => crate::voxel::MM_PER_INCH,
             Self::Um => 0.001,
         }
     }

@@ -8,5 +8,5 @@ mod printer;
 mod slab;
 
 pub use lattice::{Lattice, LatticeError};
-pub use printer::*;
+pub use printer::{MM_PER_INCH, Printer, UnknownPrinter};
 pub use slab::{BRICK, BRICK_VOXELS, Block, BlockShape, MaterialId, Slab, Tile};
