@@ -2,6 +2,7 @@
 //!
 //! A layer owns depth in [top, bottom); below the last one lies the core.
 
+use super::textured::TexturedLayers;
 use crate::{
     sdf::{BrickSurface, DepthRange},
     voxel::{BRICK_VOXELS, MaterialId},
@@ -12,6 +13,8 @@ use crate::{
 pub enum LayerField {
     /// The same layers everywhere.
     Uniform(LayerStack),
+    /// Layers that vary from texel to texel.
+    Textured(Box<TexturedLayers>),
 }
 
 /// What a brick asks its layer field about.
@@ -30,6 +33,7 @@ impl LayerField {
     pub fn thickness(&self) -> f64 {
         match self {
             Self::Uniform(stack) => stack.thickness(),
+            Self::Textured(layers) => layers.thickness(),
         }
     }
 
@@ -37,20 +41,20 @@ impl LayerField {
     pub fn core(&self) -> MaterialId {
         match self {
             Self::Uniform(stack) => stack.core,
+            Self::Textured(layers) => layers.core(),
         }
     }
 
     /// Whether materials depend on texture coordinates.
     pub fn needs_uv(&self) -> bool {
-        match self {
-            Self::Uniform(_) => false,
-        }
+        matches!(self, Self::Textured(_))
     }
 
     /// The one material of all depths in `range` under all of `triangles`, if there is one for certain.
-    pub fn uniform_over(&self, _triangles: &[u32], range: DepthRange) -> Option<MaterialId> {
+    pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<MaterialId> {
         match self {
             Self::Uniform(stack) => stack.uniform_over(range),
+            Self::Textured(layers) => layers.uniform_over(triangles, range),
         }
     }
 
@@ -58,6 +62,7 @@ impl LayerField {
     pub fn fill_brick(&self, query: BrickQuery<'_>, exact: impl Fn(usize) -> f64, out: &mut [u8; BRICK_VOXELS]) {
         match self {
             Self::Uniform(stack) => stack.fill_brick(query, exact, out),
+            Self::Textured(layers) => layers.fill_brick(query, out),
         }
     }
 }
