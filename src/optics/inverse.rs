@@ -3,75 +3,115 @@
 //! f(r) = (1/2π) ∫ f̂(k) J₀(kr) k dk, and integrated over a disc, E(r) = 2π∫₀^r f s ds = r ∫ f̂(k) J₁(kr) dk. Discs
 //! and rings are finite where f is not (R ~ 1/r at the centre), so profiles come back as ring means.
 //!
-//! Within the grid f̂ is a cubic through the coefficients. Beyond its end f̂ is continued as C/k, the transform of the
-//! central C/(2πr), with C from the last coefficients; the integral of that part is closed up to ∫J₀. *Fails* beyond r ≈ π/Δk (20 mm on
-//! the default grid), where the spacing of the coefficients aliases.
+//! Near the centre a reflection profile is (C/2πr) e^(−br), whose pair is closed: f̂ = C/√(k² + b²), E = C (1 − e^(−br))/b. C and
+//! b are read off the upper part of the grid, the pair is subtracted, and only the smooth rest is integrated numerically, as a
+//! cubic through the coefficients; beyond the grid the rest is 0. *Fails* beyond r ≈ π/Δk (20 mm on the default grid), where
+//! the spacing of the coefficients aliases.
 
 use super::quadrature::bisect;
 use super::{FrequencyGrid, ProfileError, RadialProfile};
 
-/// Coefficients at the end of the grid from which C of C/k is taken.
-const ASYMPTOTE: usize = 8;
-/// Largest phase kr per Gauss step.
+/// Coefficients averaged at each of the two places the asymptote is read from.
+const WINDOW: usize = 8;
+/// The inner place, as a share of the grid; the outer is its end.
+const INNER: f64 = 0.6;
+/// Largest phase kr per Gauss step: three points then err under 1e-6 of the interval.
 const MAX_PHASE: f64 = 0.8;
+/// Three-point Gauss–Legendre rule, exact to degree 5.
+const GAUSS: [(f64, f64); 3] =
+    [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];
 
 /// A spectrum seen as a function of k, ready to be turned back.
 #[derive(Debug, Clone)]
 pub struct InverseHankel<'a> {
     k: &'a [f64],
-    values: &'a [f64],
-    /// C of f̂ ≈ C/k beyond the grid.
-    asymptote: f64,
+    total: f64,
+    centre: Centre,
+    /// What is left of the spectrum without the centre's.
+    rest: Vec<f64>,
+}
+
+/// (C/2πr) e^(−br).
+#[derive(Debug, Clone, Copy)]
+struct Centre {
+    strength: f64,
+    decay: f64,
+}
+
+impl Centre {
+    /// From f̂² (k² + b²) = C² at two places; C/k (b = 0) where the coefficients do not fall as such a pair's would.
+    fn of(k: &[f64], values: &[f64]) -> Self {
+        let mean = |end: usize| {
+            let window = end.saturating_sub(WINDOW)..end;
+            let n = window.len().max(1) as f64;
+            (k[window.clone()].iter().sum::<f64>() / n, values[window].iter().sum::<f64>() / n)
+        };
+        let inner = ((INNER * k.len() as f64) as usize).max(1).min(k.len());
+        let ((k0, f0), (k1, f1)) = (mean(inner), mean(k.len()));
+        if f1 <= 0.0 {
+            return Self { strength: 0.0, decay: 0.0 };
+        }
+        let squared = (f0 * f0 * k0 * k0 - f1 * f1 * k1 * k1) / (f1 * f1 - f0 * f0);
+        let decay = if f0 > f1 && squared > 0.0 { squared.sqrt().min(k1) } else { 0.0 };
+        Self { strength: f1 * k1.hypot(decay), decay }
+    }
+
+    fn transform(&self, k: f64) -> f64 {
+        self.strength / k.hypot(self.decay)
+    }
+
+    fn energy_within(&self, r: f64) -> f64 {
+        let decayed = self.decay * r;
+        let share = if decayed > 1e-8 { -(-decayed).exp_m1() / decayed } else { 1.0 };
+        self.strength * r * share
+    }
 }
 
 impl<'a> InverseHankel<'a> {
     /// Of one value per frequency of the grid; extra values on either side are ignored.
-    pub fn new(values: &'a [f64], grid: &'a FrequencyGrid) -> Self {
+    pub fn new(values: &[f64], grid: &'a FrequencyGrid) -> Self {
         let len = values.len().min(grid.len());
-        let (k, values) = (&grid.as_slice()[..len], &values[..len]);
-        let last = ASYMPTOTE.min(len.saturating_sub(1)).max(1);
-        let asymptote = k.iter().zip(values).rev().take(last).map(|(k, f)| k * f).sum::<f64>() / last as f64;
-        Self { k, values, asymptote }
+        let k = &grid.as_slice()[..len];
+        let total = values.first().copied().unwrap_or(0.0);
+        if len < 2 {
+            return Self { k, total, centre: Centre { strength: 0.0, decay: 0.0 }, rest: values[..len].to_vec() };
+        }
+        // A pair without decay has no value at k = 0; the grid's own spacing then rounds off its pole.
+        let mut centre = Centre::of(k, &values[..len]);
+        centre.decay = centre.decay.max(k[1]);
+        centre.strength = if centre.strength > 0.0 { centre.strength } else { 0.0 };
+        let rest = k.iter().zip(values).map(|(k, f)| f - centre.transform(*k)).collect();
+        Self { k, total, centre, rest }
     }
 
     /// E(r), the energy leaving within r mm of the source.
     pub fn energy_within(&self, r: f64) -> f64 {
-        let Some(&k_max) = self.k.last() else { return 0.0 };
         if r <= 0.0 {
             return 0.0;
         }
         let mut sum = 0.0;
-        for i in 0..self.k.len() - 1 {
-            let (from, to) = (self.k[i], self.k[i + 1]);
-            let parts = ((to - from) * r / MAX_PHASE).ceil().max(1.0);
-            let half = 0.5 * (to - from) / parts;
+        for (i, pair) in self.k.windows(2).enumerate() {
+            let parts = ((pair[1] - pair[0]) * r / MAX_PHASE).ceil().max(1.0);
+            let half = 0.5 * (pair[1] - pair[0]) / parts;
             for part in 0..parts as usize {
-                let middle = from + (2 * part + 1) as f64 * half;
-                // Three-point Gauss–Legendre, exact to degree 5.
-                for (x, weight) in
-                    [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)]
-                {
-                    let k = middle + half * x;
-                    sum += half * weight * self.interpolate(i, k) * libm::j1(k * r);
-                }
+                let middle = pair[0] + (2 * part + 1) as f64 * half;
+                let value = |k: f64| self.interpolate(i, k) * libm::j1(k * r);
+                sum += GAUSS.iter().map(|(x, weight)| half * weight * value(middle + half * x)).sum::<f64>();
             }
         }
-        // ∫_x^∞ J₁(t)/t dt = 1 − ∫₀^x J₀ dt + J₁(x), from J₁/t = J₀ − J₁′.
-        let x = k_max * r;
-        r * (sum + self.asymptote * (1.0 - integral_of_j0(x) + libm::j1(x)))
+        r * sum + self.centre.energy_within(r)
     }
 
-    /// Radius in mm within which the given share of f̂(0) leaves, to about 1% between 1/k_max (0.05 mm on the default grid) and
-    /// π/Δk, and to 10% below, where only the asymptote speaks. `None` if f̂(0) ≤ 0 or the radius would exceed π/Δk.
+    /// Radius in mm within which the given share of f̂(0) leaves, to about 1% up to π/Δk. `None` if f̂(0) ≤ 0, or the radius would
+    /// be beyond that.
     pub fn radius_of_energy(&self, share: f64) -> Option<f64> {
-        let (total, spacing) = (*self.values.first()?, self.k.get(1)? - self.k[0]);
-        let limit = std::f64::consts::PI / spacing;
-        let wanted = share * total;
-        // E(r) may ripple by noise: the first bracket on a coarse scan is refined.
-        const STEPS: usize = 400;
+        let limit = std::f64::consts::PI / (self.k.get(1)? - self.k[0]);
+        let wanted = share * self.total;
+        // E(r) may ripple by noise: the first bracket of a coarse scan is refined.
+        const STEPS: usize = 200;
         let radius = |step: usize| limit * (step as f64 / STEPS as f64).powi(3);
         let step = (1..=STEPS).find(|step| self.energy_within(radius(*step)) >= wanted)?;
-        (total > 0.0).then(|| bisect(radius(step - 1), radius(step), |r| self.energy_within(r) < wanted))
+        (self.total > 0.0).then(|| bisect(radius(step - 1), radius(step), |r| self.energy_within(r) < wanted))
     }
 
     /// The profile as means over rings between edges in mm, the first 0. Ripples below 0 are kept if they pass as noise.
@@ -87,30 +127,12 @@ impl<'a> InverseHankel<'a> {
 
     /// Catmull–Rom in the i-th interval; f̂ is even in k, which gives the neighbour left of 0.
     fn interpolate(&self, i: usize, k: f64) -> f64 {
-        let f = |j: usize| self.values[j.min(self.values.len() - 1)];
         let width = self.k[i + 1] - self.k[i];
-        let (f0, f1) = (f(i), f(i + 1));
-        let before = if i == 0 { f(1) } else { f(i - 1) };
-        let after = if i + 2 < self.values.len() { f(i + 2) } else { 2.0 * f1 - f0 };
+        let (f0, f1) = (self.rest[i], self.rest[i + 1]);
+        let before = if i == 0 { f1 } else { self.rest[i - 1] };
+        let after = self.rest.get(i + 2).copied().unwrap_or(2.0 * f1 - f0);
         let t = (k - self.k[i]) / width;
         let (m0, m1) = (0.5 * (f1 - before), 0.5 * (after - f0));
         f0 + t * (m0 + t * (3.0 * (f1 - f0) - 2.0 * m0 - m1 + t * (2.0 * (f0 - f1) + m0 + m1)))
     }
-}
-
-/// ∫₀^x J₀(t) dt by Gauss–Legendre steps of at most 1, error under 1e-9.
-fn integral_of_j0(x: f64) -> f64 {
-    const NODES: [(f64, f64); 4] = [
-        (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-        (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-        (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-        (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-    ];
-    let parts = x.ceil().max(1.0);
-    let half = 0.5 * x / parts;
-    let step = |part: usize| {
-        let middle = (2 * part + 1) as f64 * half;
-        NODES.iter().map(|(t, weight)| half * weight * libm::j0(middle + half * t)).sum::<f64>()
-    };
-    (0..parts as usize).map(step).sum()
 }
