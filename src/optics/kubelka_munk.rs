@@ -128,28 +128,33 @@ impl KubelkaMunk {
     }
 
     /// A slab `thickness_mm` ≥ 0 thick, infinity included.
+    pub fn slab(&self, thickness_mm: f64) -> SlabSpectrum {
+        let (reflection, transmission) = (0..self.len()).map(|i| self.slab_coefficient(i, thickness_mm)).unzip();
+        SlabSpectrum { reflection, transmission }
+    }
+
+    /// (R̂, T̂) of the slab at coefficient `i` alone.
     ///
     /// With u = sinh(γh)/γ the paper's equations read T = 1/((K+S)u + cosh γh), R = S·u·T; both are scaled by e^(−γh), so that
     /// no thickness overflows, and u has the limit h where nothing absorbs.
-    pub fn slab(&self, thickness_mm: f64) -> SlabSpectrum {
+    pub(crate) fn slab_coefficient(&self, i: usize, thickness_mm: f64) -> (f64, f64) {
         let h = thickness_mm;
-        let (reflection, transmission) = (0..self.len())
-            .map(|i| {
-                let (gamma, s) = (self.gamma[i], self.scattering[i]);
-                let k_plus_s = if self.alpha[i].is_finite() { self.alpha[i] * s } else { gamma };
-                if gamma == 0.0 {
-                    // Non-absorbing: R = Sh/(1 + Sh). A clear resin (S = 0) stays clear at any thickness.
-                    let sh = if s == 0.0 { 0.0 } else { s * h };
-                    return if sh.is_finite() { (sh / (1.0 + sh), 1.0 / (1.0 + sh)) } else { (1.0, 0.0) };
-                }
-                let gamma_h = gamma * h;
-                let u = -(-2.0 * gamma_h).exp_m1() / (2.0 * gamma);
-                let cosh = 0.5 * (1.0 + (-2.0 * gamma_h).exp());
-                let denominator = k_plus_s * u + cosh;
-                (s * u / denominator, (-gamma_h).exp() / denominator)
-            })
-            .unzip();
-        SlabSpectrum { reflection, transmission }
+        let (gamma, s) = (self.gamma[i], self.scattering[i]);
+        if gamma == 0.0 {
+            // Non-absorbing: R = Sh/(1 + Sh). A clear resin (S = 0) stays clear at any thickness.
+            let sh = if s == 0.0 { 0.0 } else { s * h };
+            return if sh.is_finite() { (sh / (1.0 + sh), 1.0 / (1.0 + sh)) } else { (1.0, 0.0) };
+        }
+        let gamma_h = gamma * h;
+        let u = -(-2.0 * gamma_h).exp_m1() / (2.0 * gamma);
+        let cosh = 0.5 * (1.0 + (-2.0 * gamma_h).exp());
+        let denominator = self.k_plus_s(i) * u + cosh;
+        (s * u / denominator, (-gamma_h).exp() / denominator)
+    }
+
+    /// K + S = αS of coefficient `i`, per mm; finite also where S is 0.
+    pub(crate) fn k_plus_s(&self, i: usize) -> f64 {
+        if self.alpha[i].is_finite() { self.alpha[i] * self.scattering[i] } else { self.gamma[i] }
     }
 
     /// R̂ of an infinitely thick slab: α − β, as 1/(α + β), which does not cancel.

@@ -1,4 +1,34 @@
 //! The inverse problem: which stacking of resins reflects like the target (Hašan et al. 2010, section 6).
+//!
+//! **In:** Kubelka–Munk parameters of the resins, index [resin][channel]; a target reflection R̂_t per channel; limits.
+//! **Out:** a [`Match`]: the [`Stacking`] of least error in a space of whole units h₀, with the proof that it is.
+//!
+//! ```text
+//!   resins, options ──► BlockTable ──┬──► match_target / match_candidates / match_targets   (default)
+//!                                    └──► algorithm_1                                       (reference, as printed)
+//! ```
+//!
+//! # Limits
+//! A resin lies nowhere above its min-depth; every layer of it (adjacent blocks joined) is at least min-mm and at most max-mm
+//! thick. They are kept in whole units, rounded to the safe side. The half-space of the core starts below the last layer and
+//! keeps its resin's min-depth; a last layer of the core's own resin merges into it, so it is exempt from min-mm and max-mm
+//! and is not listed in the result.
+
+mod algorithm_1;
+mod branch_and_bound;
+mod envelope;
+mod forward;
+mod kernels;
+mod options;
+mod table;
+#[cfg(test)]
+mod tests;
+
+pub use algorithm_1::algorithm_1;
+pub use branch_and_bound::{match_candidates, match_target, match_targets};
+pub use forward::{objective, reflection_of};
+pub use options::{Match, SearchError, SearchOptions, SearchTarget};
+pub use table::BlockTable;
 
 /// One homogeneous layer.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -14,6 +44,26 @@ pub struct Layer {
 pub struct Stacking {
     /// Top layer first.
     pub layers: Vec<Layer>,
+}
+
+impl Stacking {
+    /// Joins neighbours of one resin and drops layers of thickness 0; (resin, mm) from the observer down.
+    pub fn from_layers(layers: impl IntoIterator<Item = (usize, f64)>) -> Self {
+        let mut joined: Vec<Layer> = Vec::new();
+        for (resin, thickness_mm) in layers {
+            match joined.last_mut() {
+                _ if thickness_mm == 0.0 => {}
+                Some(last) if last.resin == resin => last.thickness_mm += thickness_mm,
+                _ => joined.push(Layer { resin, thickness_mm }),
+            }
+        }
+        Self { layers: joined }
+    }
+
+    /// Sum of the layers, mm.
+    pub fn thickness_mm(&self) -> f64 {
+        self.layers.iter().map(|layer| layer.thickness_mm).sum()
+    }
 }
 
 /// What a resin is allowed to do in a stacking.
