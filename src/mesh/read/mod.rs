@@ -37,8 +37,7 @@ pub const MIN_EXTENT_MM: f64 = 1e-6;
 pub const MAX_TRIANGLES: usize = 100_000_000;
 
 /// The length that 1 stands for in a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
     /// Micrometre.
     Um,
@@ -53,6 +52,21 @@ pub enum Unit {
 }
 
 impl Unit {
+    /// Every unit and its name in jobs.
+    pub const ALL: [(&'static str, Self); 5] =
+        [("mm", Self::Mm), ("cm", Self::Cm), ("m", Self::M), ("inch", Self::Inch), ("um", Self::Um)];
+
+    /// Its name in jobs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Um => "um",
+            Self::Mm => "mm",
+            Self::Cm => "cm",
+            Self::M => "m",
+            Self::Inch => "inch",
+        }
+    }
+
     /// Millimetres per unit.
     pub fn mm(self) -> f64 {
         match self {
