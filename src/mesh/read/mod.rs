@@ -21,6 +21,8 @@ mod threemf;
 mod threemf_model;
 mod weld;
 
+pub(super) use weld::weld;
+
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
@@ -188,7 +190,7 @@ fn finish(mut raw: RawMesh, path: &Path, options: &LoadOptions) -> Result<Loaded
     if raw.triangles.is_empty() {
         return Err(Fault::new("the whole file", "no triangles", "a surface of triangles or polygons").in_file(path));
     }
-    weld::weld(&mut raw.positions, &mut raw.triangles);
+    weld(&mut raw.positions, &mut raw.triangles);
     let mm = options.unit.map_or(raw.mm_per_unit, Unit::mm);
     let turn = if raw.y_up {
         DMat4::from_cols(DVec3::X.extend(0.0), DVec3::Z.extend(0.0), DVec3::NEG_Y.extend(0.0), glam::DVec4::W)
