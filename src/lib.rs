@@ -49,5 +49,6 @@ pub mod optics;
 pub mod sdf;
 pub mod search;
 pub mod slice;
+mod suggest;
 pub mod target;
 pub mod voxel;

@@ -4,7 +4,15 @@
 //! z up, with UVs and textures, coherently oriented, plus the caps that close its holes for the inside test, and a
 //! [`HealthReport`] that says what was found and what was done.
 
+mod error;
+mod place;
+mod read;
+
 use std::sync::Arc;
+
+pub use error::MeshError;
+pub use place::{Placement, Size, place};
+pub use read::{LoadOptions, Loaded, MAX_EXTENT_MM, MAX_TRIANGLES, MIN_EXTENT_MM, Unit, load};
 
 use glam::{DVec3, Vec2};
 
@@ -83,4 +91,10 @@ pub struct HealthReport {
     pub volume_mm3: f64,
     /// Surface area in mm².
     pub area_mm2: f64,
+}
+
+/// Corners of the bounding box; inverted and infinite for no positions.
+fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
+    let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    positions.iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
 }

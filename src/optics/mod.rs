@@ -2,11 +2,41 @@
 //!
 //! **In:** resins as volume coefficients or measured profiles. **Out:** for every resin and channel the
 //! [`KubelkaMunk`] parameters over a [`FrequencyGrid`], from which any slab and any stacking follows.
+//!
+//! ```text
+//!   VolumeCoefficients ──► MonteCarlo ──► RadialProfile ◄── ProfileFile (CSV, measured)
+//!                                             │ hankel
+//!                                        ProfileSpectrum ──► repair_transmission
+//!                                             │
+//!                                        SlabSpectrum ──► KubelkaMunk ──► Composite ──► InverseHankel
+//! ```
 
 mod composite;
+mod error;
 mod frequency;
+mod hankel;
+mod inverse;
 mod kubelka_munk;
+mod monte_carlo;
+mod profile;
+mod profile_csv;
+mod quadrature;
+mod repair;
+mod tail;
+mod volume;
 
 pub use composite::Composite;
+pub use error::OpticsError;
 pub use frequency::FrequencyGrid;
+pub use hankel::ProfileSpectrum;
+pub use inverse::InverseHankel;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
+pub use monte_carlo::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges};
+pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERANCE, ProfileError, RadialProfile};
+pub use profile_csv::ProfileFile;
+pub use repair::{LostInNoise, TransmissionRepair, repair_transmission};
+pub use tail::Tail;
+pub use volume::{MAX_COEFFICIENT_PER_MM, VolumeCoefficients};
+
+#[cfg(test)]
+mod tests;

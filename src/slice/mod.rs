@@ -1,1 +1,18 @@
-//! room
+//! From the field to files: bricks of material ids, slab after slab, streamed into sinks.
+//!
+//! **In:** objects on a lattice. **Out:** slices, masks, meshes, previews and the manifest that lists them.
+//!
+//! | file | what it does |
+//! | --- | --- |
+//! | `fill`   | one object into one block: descent by halves, uniform tiles, bricks |
+//! | `engine` | slab after slab, blocks in parallel |
+
+mod engine;
+mod fill;
+mod output;
+mod png;
+
+pub use engine::Slicer;
+pub use fill::ObjectField;
+pub use output::{FileEntry, MANIFEST, OutputError, OutputFolder, TIMINGS};
+pub use png::{Palette, RowBuffers, encode_mask, encode_rgba};

@@ -1,0 +1,108 @@
+//! `[[object]]`: a mesh, where and how large it stands, and what it should look like.
+
+use super::paths::InputPath;
+use super::ranges::{ANGLE, HEIGHT, POSITION, SCALE};
+use super::read::{Result, Table};
+use super::target::{self, TargetSpec};
+
+/// The unit of a mesh file's numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unit {
+    /// Millimetres.
+    Mm,
+    /// Centimetres.
+    Cm,
+    /// Metres.
+    M,
+    /// Inches of 25.4 mm.
+    Inch,
+    /// Micrometres.
+    Um,
+}
+
+impl Unit {
+    /// Every unit and its name in jobs.
+    pub const ALL: [(&'static str, Self); 5] =
+        [("mm", Self::Mm), ("cm", Self::Cm), ("m", Self::M), ("inch", Self::Inch), ("um", Self::Um)];
+
+    /// Its name in jobs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mm => "mm",
+            Self::Cm => "cm",
+            Self::M => "m",
+            Self::Inch => "inch",
+            Self::Um => "um",
+        }
+    }
+
+    /// Its length in millimetres.
+    pub fn mm(self) -> f64 {
+        match self {
+            Self::Mm => 1.0,
+            Self::Cm => 10.0,
+            Self::M => 1000.0,
+            Self::Inch => crate::voxel::MM_PER_INCH,
+            Self::Um => 0.001,
+        }
+    }
+}
+
+/// How large an object is printed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Scaling {
+    /// The file's size in mm, times this; 0.000001 to 1000000, default 1.
+    Scale(f64),
+    /// The extent along z after rotation, mm; 0.01 to 2000.
+    HeightMm(f64),
+}
+
+/// One object on the tray.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectJob {
+    /// The mesh file.
+    pub mesh: InputPath,
+    /// The unit of the file's numbers; `None`: the one the file states or implies.
+    pub unit: Option<Unit>,
+    /// Its size; default `Scale(1)`.
+    pub scaling: Scaling,
+    /// Rotation about the fixed axes x, y, z in this order, degrees, −360 to 360; default 0.
+    pub rotate_deg: [f64; 3],
+    /// Where its bounding box's minimum stands, mm, −2000 to 2000; default 0.
+    pub position_mm: [f64; 3],
+    /// What it should look like: its own target, or else the job's.
+    pub target: TargetSpec,
+}
+
+pub(super) const KEYS: &[&str] = &["mesh", "unit", "scale", "height-mm", "rotate-deg", "position-mm", "target"];
+
+/// Reads every object; `common` is the job's `[target]`.
+pub(super) fn read_all(root: &Table<'_>, common: Option<&TargetSpec>) -> Result<Vec<ObjectJob>> {
+    const EXPECTED: &str = "one or several [[object]] tables";
+    let value = root.require("object", EXPECTED)?;
+    let objects = value.list(EXPECTED)?;
+    if objects.is_empty() {
+        return Err(value.refuse(EXPECTED));
+    }
+    objects.iter().map(|object| read(&object.table()?, common)).collect()
+}
+
+fn read(table: &Table<'_>, common: Option<&TargetSpec>) -> Result<ObjectJob> {
+    table.allow_only(KEYS)?;
+    table.exclusive("scale", "height-mm")?;
+    let own = table.get("target").map(|target| target::read(&target.table()?)).transpose()?;
+    let scaling = match table.get("height-mm") {
+        Some(height) => Scaling::HeightMm(height.number(HEIGHT)?),
+        None => Scaling::Scale(table.number_or("scale", 1.0, SCALE)?),
+    };
+    Ok(ObjectJob {
+        mesh: table.require("mesh", "the path of a mesh file")?.file("a mesh file")?,
+        unit: table.get("unit").map(|unit| unit.choice(&Unit::ALL)).transpose()?,
+        scaling,
+        rotate_deg: table.triple_or("rotate-deg", [0.0; 3], ANGLE)?,
+        position_mm: table.triple_or("position-mm", [0.0; 3], POSITION)?,
+        target: own
+            .or_else(|| common.cloned())
+            .ok_or_else(|| table.missing("target", "a [target] for the whole job or an [object.target] of its own"))?,
+    })
+}

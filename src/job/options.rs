@@ -1,0 +1,331 @@
+//! The tables that have defaults: clusters, stacking, field, output; and the printer and its resins, which have none.
+
+use glam::DVec3;
+
+use super::error::JobError;
+use super::paths::InputPath;
+use super::ranges as range;
+use super::read::{Result, Table, Value};
+use crate::search::ResinLimit;
+use crate::voxel::Printer;
+
+/// Where the resins come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MaterialSource {
+    /// A built-in set, by its name.
+    Set(String),
+    /// A material file.
+    File(InputPath),
+}
+
+/// How texels are grouped before the search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ClusterOptions {
+    /// Clusters at most, 1 to 65535; default 100.
+    pub k: usize,
+    /// Seed of the random start; default 1.
+    pub seed: u64,
+}
+
+/// What the search for stackings may do.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StackingOptions {
+    /// Thickness of the whole stacking, mm, 0.01 to 100; default 5.
+    pub max_thickness_mm: f64,
+    /// Units the thickness is divided into, a power of two from 2 to 4096; default 64.
+    pub units: usize,
+    /// Depth of the search tree (blocks, not layers), 1 to 12; default 6.
+    pub depth: usize,
+    /// Weight of the albedo (k = 0) in the objective, 0 to 1000000; default 1.
+    pub dc_weight: f64,
+    /// Resin that fills the inside below the stacking; `None`: nothing does, and no light returns from there.
+    pub core: Option<String>,
+    /// Limits of single resins, one each at most; support's default stands last if the job gives it none.
+    pub limits: Vec<NamedLimit>,
+}
+
+/// What one resin is allowed to do in stackings that are searched for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedLimit {
+    /// The resin.
+    pub resin: String,
+    /// No part of it above this depth, mm, 0 to 100; default 0, and 0.2 for support.
+    pub min_depth_mm: f64,
+    /// Thinnest layer, mm, 0 to 100; default 0.
+    pub min_mm: f64,
+    /// Thickest layer, mm, 0.0001 to 100; infinite (the default) when there is no such limit.
+    pub max_mm: f64,
+}
+
+/// The resin that washes off and must not lie bare: the only one with a limit by default.
+pub const SUPPORT: &str = "support";
+/// Depth in mm that support keeps from the surface unless the job says otherwise.
+pub const SUPPORT_MIN_DEPTH_MM: f64 = 0.2;
+
+impl StackingOptions {
+    /// The limits in the order of `resins`; [`ResinLimit::NONE`] for those without. Names that no resin bears are
+    /// left out ([`Job::check_resins`](super::Job::check_resins) reports them).
+    pub fn resin_limits(&self, resins: &[&str]) -> Vec<ResinLimit> {
+        let limit = |name: &&str| self.limits.iter().find(|limit| limit.resin == **name);
+        let plain = |limit: &NamedLimit| ResinLimit {
+            min_depth_mm: limit.min_depth_mm,
+            min_mm: limit.min_mm,
+            max_mm: limit.max_mm,
+        };
+        resins.iter().map(|name| limit(name).map_or(ResinLimit::NONE, plain)).collect()
+    }
+}
+
+/// Which depth layers are laid by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Distance {
+    /// The exact distance to the triangles (the default).
+    Exact,
+    /// The Euclidean distance transform of a grid, as the paper does.
+    Grid,
+    /// The Lp-averaged distance, which keeps creases sharp.
+    Lp {
+        /// The exponent p, 2.1 to 64; default 8 (above 2 as theory wants; not tuned).
+        exponent: f64,
+    },
+}
+
+/// How depth is measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FieldOptions {
+    /// The distance; default exact.
+    pub distance: Distance,
+}
+
+/// Default of [`Distance::Lp`]'s exponent.
+const DEFAULT_LP_EXPONENT: f64 = 8.0;
+
+/// A kind of output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum OutputFormat {
+    /// 32-bit RGBA PNG per slice.
+    Png,
+    /// 1-bit PNG per slice and material.
+    Masks,
+    /// STL mesh per material.
+    Stl,
+    /// 3MF assembly of the meshes.
+    ThreeMf,
+    /// Pictures and a report.
+    Preview,
+}
+
+impl OutputFormat {
+    /// Every format and its name in jobs.
+    pub const ALL: [(&'static str, Self); 5] = [
+        ("png", Self::Png),
+        ("masks", Self::Masks),
+        ("stl", Self::Stl),
+        ("3mf", Self::ThreeMf),
+        ("preview", Self::Preview),
+    ];
+
+    /// Its name in jobs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Png => "png",
+            Self::Masks => "masks",
+            Self::Stl => "stl",
+            Self::ThreeMf => "3mf",
+            Self::Preview => "preview",
+        }
+    }
+}
+
+/// Formats that are planned; asking for one is answered so, not with "unknown".
+pub(super) const PLANNED_FORMATS: &[&str] = &["bmp", "gcvf", "svx", "vdb"];
+
+/// What is written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OutputOptions {
+    /// Formats in the job's order, each once, at least one; default png and preview.
+    pub formats: Vec<OutputFormat>,
+    /// Voxel size that material meshes are made at, mm, 0.001 to 10; `None`: the mesher's choice.
+    pub mesh_pitch_mm: Option<f64>,
+    /// Resin that is printed where a stacking has the background (support) resin; `None`: nothing is, and the
+    /// printer fills the void with support.
+    pub map_background: Option<String>,
+}
+
+pub(super) const PRINTER_KEYS: &[&str] = &["preset", "name", "pitch-mm", "tray-mm", "max-colors", "min-slices"];
+
+pub(super) fn read_printer(root: &Table<'_>) -> Result<Printer> {
+    let table = root.require("printer", "a [printer] table with a preset or a pitch-mm")?.table()?;
+    table.allow_only(PRINTER_KEYS)?;
+    table.exclusive("preset", "pitch-mm")?;
+    table.exclusive("preset", "name")?;
+    let mut printer = match table.get("preset") {
+        Some(preset) => {
+            let name = preset.name("a printer")?;
+            Printer::by_name(&name).map_err(|error| preset.unknown("printer", &name, error.hint))?
+        }
+        None => {
+            let pitch = table.require("pitch-mm", "a pitch-mm, or a preset in its place")?;
+            Printer {
+                name: table.name("name", "a printer")?.unwrap_or_else(|| "custom".to_owned()),
+                pitch_mm: DVec3::from_array(pitch.triple(range::PITCH)?),
+                tray_mm: None,
+                max_colors: None,
+                min_slices: None,
+            }
+        }
+    };
+    if let Some(tray) = table.get("tray-mm") {
+        let tray_mm = DVec3::from_array(tray.triple(range::TRAY)?);
+        if tray_mm.cmplt(printer.pitch_mm).any() {
+            return Err(tray.refuse_as("a tray smaller than one voxel", "a tray at least as large as pitch-mm"));
+        }
+        printer.tray_mm = Some(tray_mm);
+    }
+    if let Some(colors) = table.get("max-colors") {
+        printer.max_colors = Some(colors.integer(range::COLORS)? as usize);
+    }
+    if let Some(slices) = table.get("min-slices") {
+        printer.min_slices = Some(slices.integer(range::SLICES)? as usize);
+    }
+    Ok(printer)
+}
+
+pub(super) const MATERIALS_KEYS: &[&str] = &["set", "file"];
+
+pub(super) fn read_materials(root: &Table<'_>) -> Result<MaterialSource> {
+    let table = root.require("materials", "a [materials] table with a set or a file")?.table()?;
+    table.allow_only(MATERIALS_KEYS)?;
+    table.exclusive("set", "file")?;
+    match table.get("file") {
+        Some(file) => Ok(MaterialSource::File(file.file("a material file")?)),
+        None => {
+            let set = table.require("set", "the name of a built-in set of resins, or a file in its place")?;
+            Ok(MaterialSource::Set(set.name("a built-in set of resins")?))
+        }
+    }
+}
+
+pub(super) const CLUSTERS_KEYS: &[&str] = &["k", "seed"];
+
+pub(super) fn read_clusters(table: &Table<'_>) -> Result<ClusterOptions> {
+    table.allow_only(CLUSTERS_KEYS)?;
+    Ok(ClusterOptions {
+        k: table.integer_or("k", 100, range::CLUSTERS)? as usize,
+        seed: table.integer_or("seed", 1, range::SEED)?,
+    })
+}
+
+pub(super) const STACKING_KEYS: &[&str] = &["max-thickness-mm", "units", "depth", "dc-weight", "core", "limit"];
+
+pub(super) fn read_stacking(table: &Table<'_>) -> Result<StackingOptions> {
+    table.allow_only(STACKING_KEYS)?;
+    Ok(StackingOptions {
+        max_thickness_mm: table.number_or("max-thickness-mm", 5.0, range::MAX_THICKNESS)?,
+        units: table.get("units").map_or(Ok(64), |units| read_units(&units))?,
+        depth: table.integer_or("depth", 6, range::DEPTH)? as usize,
+        dc_weight: table.number_or("dc-weight", 1.0, range::DC_WEIGHT)?,
+        core: table.name("core", "a resin")?,
+        limits: read_limits(table)?,
+    })
+}
+
+fn read_units(value: &Value<'_>) -> Result<usize> {
+    let units = value.integer(range::UNITS)?;
+    if units.is_power_of_two() {
+        return Ok(units as usize);
+    }
+    let above = units.next_power_of_two();
+    Err(value.refuse(format!("{}: {} or {above} is next to it", range::UNITS, above / 2)))
+}
+
+pub(super) const LIMIT_KEYS: &[&str] = &["resin", "min-depth-mm", "min-mm", "max-mm"];
+
+fn read_limits(table: &Table<'_>) -> Result<Vec<NamedLimit>> {
+    let mut limits: Vec<NamedLimit> = Vec::new();
+    let list = table.get("limit").map(|value| value.list("one or several [[stacking.limit]] tables")).transpose()?;
+    for value in list.unwrap_or_default() {
+        let table = value.table()?;
+        table.allow_only(LIMIT_KEYS)?;
+        let name = table.require("resin", "the name of a resin")?;
+        let resin = name.name("a resin")?;
+        if limits.iter().any(|limit| limit.resin == resin) {
+            return Err(name.refuse_as(format!("a second limit for {resin:?}"), "one limit for each resin"));
+        }
+        let default_depth = if resin == SUPPORT { SUPPORT_MIN_DEPTH_MM } else { 0.0 };
+        let limit = NamedLimit {
+            min_depth_mm: table.number_or("min-depth-mm", default_depth, range::LIMIT_DEPTH)?,
+            min_mm: table.number_or("min-mm", 0.0, range::LIMIT_MIN)?,
+            max_mm: table.number_or("max-mm", f64::INFINITY, range::LIMIT_MAX)?,
+            resin,
+        };
+        if let Some(max) = table.get("max-mm").filter(|_| limit.min_mm > limit.max_mm) {
+            return Err(max.refuse_as(limit.max_mm.to_string(), format!("at least min-mm, which is {}", limit.min_mm)));
+        }
+        limits.push(limit);
+    }
+    if limits.iter().all(|limit| limit.resin != SUPPORT) {
+        limits.push(NamedLimit {
+            resin: SUPPORT.to_owned(),
+            min_depth_mm: SUPPORT_MIN_DEPTH_MM,
+            min_mm: 0.0,
+            max_mm: f64::INFINITY,
+        });
+    }
+    Ok(limits)
+}
+
+pub(super) const FIELD_KEYS: &[&str] = &["distance", "lp-exponent"];
+
+pub(super) fn read_field(table: &Table<'_>) -> Result<FieldOptions> {
+    table.allow_only(FIELD_KEYS)?;
+    let lp = Distance::Lp { exponent: DEFAULT_LP_EXPONENT };
+    let choices = [("exact", Distance::Exact), ("grid", Distance::Grid), ("lp", lp)];
+    let mut distance = table.get("distance").map_or(Ok(Distance::Exact), |value| value.choice(&choices))?;
+    if let Some(value) = table.get("lp-exponent") {
+        let Distance::Lp { exponent } = &mut distance else {
+            return Err(value.refuse_as("an exponent that nothing uses", "distance = \"lp\" beside it"));
+        };
+        *exponent = value.number(range::LP_EXPONENT)?;
+    }
+    Ok(FieldOptions { distance })
+}
+
+pub(super) const OUTPUT_KEYS: &[&str] = &["formats", "mesh-pitch-mm", "background-as"];
+
+pub(super) fn read_output(table: &Table<'_>) -> Result<OutputOptions> {
+    table.allow_only(OUTPUT_KEYS)?;
+    let formats = match table.get("formats") {
+        None => vec![OutputFormat::Png, OutputFormat::Preview],
+        Some(value) => read_formats(&value)?,
+    };
+    Ok(OutputOptions {
+        formats,
+        mesh_pitch_mm: table.get("mesh-pitch-mm").map(|value| value.number(range::PITCH)).transpose()?,
+        map_background: table.name("background-as", "a resin")?,
+    })
+}
+
+fn read_formats(value: &Value<'_>) -> Result<Vec<OutputFormat>> {
+    let names: Vec<&str> = OutputFormat::ALL.iter().map(|&(name, _)| name).collect();
+    let expected = format!("an array of formats from \"{}\"", names.join("\", \""));
+    let mut formats = Vec::new();
+    for element in value.list(&expected)? {
+        if let Ok(name) = element.text("")
+            && PLANNED_FORMATS.contains(&name)
+        {
+            return Err(JobError::NotBuilt {
+                place: element.place(),
+                key: element.path().to_owned(),
+                found: name.to_owned(),
+                expected: format!("one of \"{}\"", names.join("\", \"")),
+            });
+        }
+        let format = element.choice(&OutputFormat::ALL)?;
+        if formats.contains(&format) {
+            return Err(element.refuse_as(format!("\"{}\" a second time", format.name()), "each format once"));
+        }
+        formats.push(format);
+    }
+    if formats.is_empty() { Err(value.refuse(expected)) } else { Ok(formats) }
+}

@@ -1,0 +1,84 @@
+//! What a number in a job may be. Bounds catch slips of unit (a height in µm, a pitch in metres), not bad taste.
+
+use std::fmt;
+
+/// A closed range of finite numbers, and what they are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Range {
+    pub noun: &'static str,
+    pub min: f64,
+    pub max: f64,
+}
+
+impl Range {
+    const fn new(noun: &'static str, min: f64, max: f64) -> Self {
+        Self { noun, min, max }
+    }
+
+    /// False for NaN and infinities too.
+    pub fn contains(&self, value: f64) -> bool {
+        (self.min..=self.max).contains(&value)
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} from {} to {}", self.noun, self.min, self.max)
+    }
+}
+
+/// A closed range of whole numbers, and what they are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct IntRange {
+    pub noun: &'static str,
+    pub min: u64,
+    pub max: u64,
+}
+
+impl fmt::Display for IntRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} from {} to {}", self.noun, self.min, self.max)
+    }
+}
+
+/// Longest length a job may name, mm: twice the longest tray of any PolyJet machine (Objet1000, 1000 mm).
+const MAX_EXTENT_MM: f64 = 2000.0;
+/// Thinnest layer a job may name, mm: 0.1 µm, far below the 14 µm a printer can do.
+const MIN_THICKNESS_MM: f64 = 1e-4;
+/// Deepest a stacking may reach, mm: profiles of support, the clearest resin, are cut off at 40.
+const MAX_DEPTH_MM: f64 = 100.0;
+
+/// A height below 0.01 mm is less than one layer of any printer.
+pub(super) const HEIGHT: Range = Range::new("a height in mm", 0.01, MAX_EXTENT_MM);
+/// Micrometres to metres, either way.
+pub(super) const SCALE: Range = Range::new("a factor", 1e-6, 1e6);
+pub(super) const ANGLE: Range = Range::new("an angle in degrees", -360.0, 360.0);
+pub(super) const POSITION: Range = Range::new("a position in mm", -MAX_EXTENT_MM, MAX_EXTENT_MM);
+/// A voxel of 1 µm is finer than any printer; one of 10 mm is coarser than any preview.
+pub(super) const PITCH: Range = Range::new("a voxel size in mm", 0.001, 10.0);
+pub(super) const TRAY: Range = Range::new("a tray size in mm", 1.0, MAX_EXTENT_MM);
+/// Material ids are bytes, and 0 is the background.
+pub(super) const COLORS: IntRange = IntRange { noun: "a number of colours", min: 1, max: 255 };
+pub(super) const SLICES: IntRange = IntRange { noun: "a number of slices", min: 1, max: 100_000 };
+pub(super) const LAYER: Range = Range::new("a thickness in mm", MIN_THICKNESS_MM, MAX_EXTENT_MM);
+pub(super) const ALBEDO: Range = Range::new("an albedo", 0.0, 1.0);
+/// At 0 there would be nothing to rescale to.
+pub(super) const MAX_ALBEDO: Range = Range::new("an albedo", 0.001, 1.0);
+/// From well below a voxel to well above a tray's depth.
+pub(super) const MEAN_FREE_PATH: Range = Range::new("a mean free path in mm", 1e-4, 1000.0);
+/// Stacking ids are 16-bit.
+pub(super) const CLUSTERS: IntRange = IntRange { noun: "a number of clusters", min: 1, max: 65_535 };
+/// TOML's integers are signed 64-bit.
+pub(super) const SEED: IntRange = IntRange { noun: "a whole number", min: 0, max: i64::MAX as u64 };
+pub(super) const MAX_THICKNESS: Range = Range::new("a thickness in mm", 0.01, MAX_DEPTH_MM);
+/// 4096 units of 5 mm are 1.2 µm each: beyond any printer, and the search's tables grow with them.
+pub(super) const UNITS: IntRange = IntRange { noun: "a power of two", min: 2, max: 4096 };
+/// Depth 8 is the deepest whose search was measured (16 ms with the tight bound, 16 s with the paper's); each
+/// further step multiplies it.
+pub(super) const DEPTH: IntRange = IntRange { noun: "a number of blocks", min: 1, max: 12 };
+pub(super) const DC_WEIGHT: Range = Range::new("a weight", 0.0, 1e6);
+pub(super) const LIMIT_DEPTH: Range = Range::new("a depth in mm", 0.0, MAX_DEPTH_MM);
+pub(super) const LIMIT_MIN: Range = Range::new("a thickness in mm", 0.0, MAX_DEPTH_MM);
+pub(super) const LIMIT_MAX: Range = Range::new("a thickness in mm", MIN_THICKNESS_MM, MAX_DEPTH_MM);
+/// An Lp distance to a surface vanishes on it only for p > 2: near a plane ∫ d^−p dA goes as h^(2−p).
+pub(super) const LP_EXPONENT: Range = Range::new("an exponent", 2.1, 64.0);

@@ -1,0 +1,222 @@
+//! A job with every default spelt out: what the manifest keeps of it. It is a job itself: written as TOML beside
+//! the same inputs it reads back to the same work.
+
+use serde::Serialize;
+
+use super::options::{Distance, MaterialSource};
+use super::stack::format_stack;
+use super::target::{AlbedoSource, TargetSpec};
+use super::{Job, Scaling};
+
+/// The canonical form of a [`Job`]: keys as in the job file, every default explicit, every object with its own target,
+/// a preset as its numbers. It holds no absolute paths.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct ResolvedJob {
+    object: Vec<Object>,
+    printer: Printer,
+    materials: Materials,
+    clusters: Clusters,
+    stacking: Stacking,
+    field: Field,
+    output: Output,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct Object {
+    mesh: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unit: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scale: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    height_mm: Option<f64>,
+    rotate_deg: [f64; 3],
+    position_mm: [f64; 3],
+    target: Target,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase", rename_all_fields = "kebab-case")]
+enum Target {
+    Stacking {
+        stack: String,
+    },
+    Profile {
+        profile: String,
+    },
+    Texture {
+        #[serde(skip_serializing_if = "Option::is_none")]
+        albedo: Option<String>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        albedo_value: Option<f64>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        mean_free_path: Option<String>,
+        mean_free_path_mm: f64,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        max_albedo: Option<f64>,
+    },
+    Clusters {
+        labels: String,
+        profiles: Vec<String>,
+    },
+    Bssrdf {
+        map: String,
+    },
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct Printer {
+    name: String,
+    pitch_mm: [f64; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tray_mm: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    max_colors: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    min_slices: Option<usize>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Materials {
+    Set(String),
+    File(String),
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Clusters {
+    k: usize,
+    seed: u64,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct Stacking {
+    max_thickness_mm: f64,
+    units: usize,
+    depth: usize,
+    dc_weight: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    core: Option<String>,
+    limit: Vec<Limit>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct Limit {
+    resin: String,
+    min_depth_mm: f64,
+    min_mm: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    max_mm: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct Field {
+    distance: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lp_exponent: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct Output {
+    formats: Vec<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mesh_pitch_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    background_as: Option<String>,
+}
+
+pub(super) fn resolve(job: &Job) -> ResolvedJob {
+    let (distance, lp_exponent) = match job.field.distance {
+        Distance::Exact => ("exact", None),
+        Distance::Grid => ("grid", None),
+        Distance::Lp { exponent } => ("lp", Some(exponent)),
+    };
+    let stacking = &job.stacking;
+    ResolvedJob {
+        object: job.objects.iter().map(object).collect(),
+        printer: Printer {
+            name: job.printer.name.clone(),
+            pitch_mm: job.printer.pitch_mm.to_array(),
+            tray_mm: job.printer.tray_mm.map(|tray| tray.to_array()),
+            max_colors: job.printer.max_colors,
+            min_slices: job.printer.min_slices,
+        },
+        materials: match &job.materials {
+            MaterialSource::Set(name) => Materials::Set(name.clone()),
+            MaterialSource::File(path) => Materials::File(path.shown()),
+        },
+        clusters: Clusters { k: job.clusters.k, seed: job.clusters.seed },
+        stacking: Stacking {
+            max_thickness_mm: stacking.max_thickness_mm,
+            units: stacking.units,
+            depth: stacking.depth,
+            dc_weight: stacking.dc_weight,
+            core: stacking.core.clone(),
+            limit: stacking
+                .limits
+                .iter()
+                .map(|limit| Limit {
+                    resin: limit.resin.clone(),
+                    min_depth_mm: limit.min_depth_mm,
+                    min_mm: limit.min_mm,
+                    max_mm: limit.max_mm.is_finite().then_some(limit.max_mm),
+                })
+                .collect(),
+        },
+        field: Field { distance, lp_exponent },
+        output: Output {
+            formats: job.output.formats.iter().map(|format| format.name()).collect(),
+            mesh_pitch_mm: job.output.mesh_pitch_mm,
+            background_as: job.output.map_background.clone(),
+        },
+    }
+}
+
+fn object(object: &super::ObjectJob) -> Object {
+    let (scale, height_mm) = match object.scaling {
+        Scaling::Scale(factor) => (Some(factor), None),
+        Scaling::HeightMm(height) => (None, Some(height)),
+    };
+    Object {
+        mesh: object.mesh.shown(),
+        unit: object.unit.map(super::Unit::name),
+        scale,
+        height_mm,
+        rotate_deg: object.rotate_deg,
+        position_mm: object.position_mm,
+        target: target(&object.target),
+    }
+}
+
+fn target(spec: &TargetSpec) -> Target {
+    match spec {
+        TargetSpec::Stacking { layers } => Target::Stacking { stack: format_stack(layers) },
+        TargetSpec::Profile { path } => Target::Profile { profile: path.shown() },
+        TargetSpec::Texture { albedo, mean_free_path, mean_free_path_mm, max_albedo } => {
+            let (albedo, albedo_value) = match albedo {
+                AlbedoSource::MeshBaseColor => (None, None),
+                AlbedoSource::Texture(path) => (Some(path.shown()), None),
+                AlbedoSource::Constant(value) => (None, Some(*value)),
+            };
+            Target::Texture {
+                albedo,
+                albedo_value,
+                mean_free_path: mean_free_path.as_ref().map(super::InputPath::shown),
+                mean_free_path_mm: *mean_free_path_mm,
+                max_albedo: *max_albedo,
+            }
+        }
+        TargetSpec::Clusters { labels, profiles } => Target::Clusters {
+            labels: labels.shown(),
+            profiles: profiles.iter().map(super::InputPath::shown).collect(),
+        },
+        TargetSpec::Bssrdf { map } => Target::Bssrdf { map: map.shown() },
+    }
+}

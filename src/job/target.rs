@@ -1,0 +1,144 @@
+//! `[target]`: what a surface should look like under light, or the stacking it should be printed with.
+
+use super::error::JobError;
+use super::paths::InputPath;
+use super::ranges::{ALBEDO, CLUSTERS, MAX_ALBEDO, MEAN_FREE_PATH};
+use super::read::{Result, Table};
+use super::stack::parse_stack;
+
+/// What an object should look like.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TargetSpec {
+    /// The same layers everywhere; nothing is optimised.
+    Stacking {
+        /// Resin and thickness in mm (0.0001 to 2000) of each layer, top first, at least one. Not bound by
+        /// `max-thickness-mm` nor by the limits, which are the search's.
+        layers: Vec<(String, f64)>,
+    },
+    /// The same profile everywhere.
+    Profile {
+        /// Profile CSV.
+        path: InputPath,
+    },
+    /// A profile per texel, modelled from albedo and mean free path.
+    Texture {
+        /// How much light comes back.
+        albedo: AlbedoSource,
+        /// Linear texture of mean free paths in units of `mean_free_path_mm`; `None`: 1 everywhere.
+        mean_free_path: Option<InputPath>,
+        /// Mean free path where the texture is 1, mm; 0.0001 to 1000, default 1.
+        mean_free_path_mm: f64,
+        /// The largest albedo after rescaling, 0.001 to 1; `None`: not rescaled.
+        max_albedo: Option<f64>,
+    },
+    /// A profile per texel, chosen from a list.
+    Clusters {
+        /// Image of indices into `profiles`.
+        labels: InputPath,
+        /// Profile CSVs, 1 to 65535.
+        profiles: Vec<InputPath>,
+    },
+    /// Profiles factored from a measured 4D BSSRDF. Not built yet: no job has it.
+    Bssrdf {
+        /// The folder that `lumislice factor` wrote.
+        map: InputPath,
+    },
+}
+
+/// Where a texture target takes its albedo from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum AlbedoSource {
+    /// The mesh's own base colour (the default).
+    MeshBaseColor,
+    /// An sRGB image laid over the mesh's texture coordinates.
+    Texture(InputPath),
+    /// The same albedo everywhere and in every channel, linear, 0 to 1.
+    Constant(f64),
+}
+
+/// The keys of each kind besides `kind` itself.
+pub(super) const KINDS: &[(&str, &[&str])] = &[
+    ("stacking", &["stack"]),
+    ("profile", &["profile"]),
+    ("texture", &["albedo", "albedo-value", "mean-free-path", "mean-free-path-mm", "max-albedo"]),
+    ("clusters", &["labels", "profiles"]),
+    ("bssrdf", &["map"]),
+];
+
+pub(super) fn read(table: &Table<'_>) -> Result<TargetSpec> {
+    let all: Vec<&str> = KINDS.iter().flat_map(|(_, keys)| *keys).copied().chain(["kind"]).collect();
+    table.allow_only(&all)?;
+    let kinds: Vec<_> = KINDS.iter().map(|kind| (kind.0, kind)).collect();
+    let expected = "one of \"stacking\", \"profile\", \"texture\", \"clusters\"";
+    let value = table.require("kind", expected)?;
+    let (kind, keys) = *value.choice(&kinds)?;
+    refuse_foreign_keys(table, kind, keys)?;
+    match kind {
+        "stacking" => {
+            let stack = table.require("stack", "layers like \"white:0.5,support:1.0\"")?;
+            let layers = parse_stack(stack.text("layers like \"white:0.5,support:1.0\"")?);
+            let layers = layers.map_err(|error| JobError::Stack {
+                place: stack.place(),
+                key: stack.path().to_owned(),
+                error,
+            })?;
+            Ok(TargetSpec::Stacking { layers })
+        }
+        "profile" => Ok(TargetSpec::Profile { path: table.require("profile", PROFILE_PATH)?.file(PROFILE)? }),
+        "texture" => read_texture(table),
+        "clusters" => {
+            let labels = table.require("labels", "the path of an image of labels")?.file("an image of labels")?;
+            let value = table.require("profiles", "an array of paths of profile CSVs")?;
+            let list = value.list("an array of paths of profile CSVs")?;
+            if list.is_empty() || list.len() as u64 > CLUSTERS.max {
+                return Err(value.refuse(format!("1 to {} paths of profile CSVs", CLUSTERS.max)));
+            }
+            let profiles = list.iter().map(|path| path.file(PROFILE)).collect::<Result<_>>()?;
+            Ok(TargetSpec::Clusters { labels, profiles })
+        }
+        _ => {
+            // Read in full, so that the job's own mistakes show first.
+            table
+                .require("map", "the path of a folder of factored profiles")?
+                .folder("a folder of factored profiles")?;
+            Err(JobError::NotBuilt {
+                place: value.place(),
+                key: value.path().to_owned(),
+                found: kind.to_owned(),
+                expected: expected.to_owned(),
+            })
+        }
+    }
+}
+
+const PROFILE: &str = "a profile CSV";
+const PROFILE_PATH: &str = "the path of a profile CSV";
+
+fn read_texture(table: &Table<'_>) -> Result<TargetSpec> {
+    table.exclusive("albedo", "albedo-value")?;
+    let albedo = match (table.get("albedo"), table.get("albedo-value")) {
+        (Some(path), _) => AlbedoSource::Texture(path.file("an albedo texture")?),
+        (None, Some(value)) => AlbedoSource::Constant(value.number(ALBEDO)?),
+        (None, None) => AlbedoSource::MeshBaseColor,
+    };
+    let mean_free_path = table.get("mean-free-path").map(|path| path.file("a mean-free-path texture")).transpose()?;
+    Ok(TargetSpec::Texture {
+        albedo,
+        mean_free_path,
+        mean_free_path_mm: table.number_or("mean-free-path-mm", 1.0, MEAN_FREE_PATH)?,
+        max_albedo: table.get("max-albedo").map(|value| value.number(MAX_ALBEDO)).transpose()?,
+    })
+}
+
+/// Refuses keys that belong to another kind of target.
+fn refuse_foreign_keys(table: &Table<'_>, kind: &str, keys: &[&str]) -> Result<()> {
+    let known: Vec<&str> = keys.iter().copied().chain(["kind"]).collect();
+    let Some((key, at)) = table.first_not_in(&known) else { return Ok(()) };
+    let owner = KINDS.iter().find(|(_, keys)| keys.contains(&key.as_str())).map_or("another kind", |(name, _)| name);
+    Err(table.misplaced(
+        &key,
+        at,
+        format!("a key of kind = \"{owner}\""),
+        format!("only keys of kind = \"{kind}\": {}", keys.join(", ")),
+    ))
+}

@@ -1,0 +1,213 @@
+//! Reading mesh files: one parser a format, one set of checks for all.
+//!
+//! OBJ, MTL, STL, PLY and 3MF are parsed here rather than by crates because those we tried fail where it hurts: tobj 4.0
+//! panics on `Kd 0.5` and reports no line; stl_io 0.11 takes binary files that begin with "solid" for text and drops every
+//! solid after the first; ply-rs-bw 4.0 fills memory on an element without properties and rejects `1.`; threemf2 0.4
+//! reads a malformed coordinate or index as 0 without a word. glTF's JSON goes through the gltf crate, its
+//! binary accessors through [`accessor`], which checks every range before it reads.
+//!
+//! Memory is bounded by the file: a parser compares every count with the bytes that are left before it reserves room.
+
+mod accessor;
+mod gltf;
+mod mtl;
+mod obj;
+mod ply;
+mod ply_header;
+mod raw;
+mod stl;
+mod texture;
+mod threemf;
+mod threemf_model;
+mod weld;
+
+use std::path::{Path, PathBuf};
+
+use glam::{DMat4, DVec3};
+
+use self::raw::RawMesh;
+use super::TriangleMesh;
+use super::error::{Fault, MeshError, Parsed, quote};
+
+/// Longest side of a mesh that is believed, in mm. No printer's tray is a thousandth of it.
+pub const MAX_EXTENT_MM: f64 = 1e6;
+/// Longest side below which a mesh is not believed, in mm: a ten-thousandth of the finest voxel.
+pub const MIN_EXTENT_MM: f64 = 1e-6;
+/// Most triangles of one mesh, so that a nest of instances in a small file cannot fill memory.
+pub const MAX_TRIANGLES: usize = 100_000_000;
+
+/// The length that 1 stands for in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Unit {
+    /// Micrometre.
+    Um,
+    /// Millimetre.
+    Mm,
+    /// Centimetre.
+    Cm,
+    /// Metre.
+    M,
+    /// 25.4 mm.
+    Inch,
+}
+
+impl Unit {
+    /// Millimetres per unit.
+    pub fn mm(self) -> f64 {
+        match self {
+            Self::Um => 1e-3,
+            Self::Mm => 1.0,
+            Self::Cm => 10.0,
+            Self::M => 1000.0,
+            Self::Inch => 25.4,
+        }
+    }
+}
+
+/// What a job may say about a mesh file.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct LoadOptions {
+    /// Overrides the unit of the file or of its format (mm for OBJ, STL and PLY, m for glTF).
+    pub unit: Option<Unit>,
+}
+
+/// A mesh file's contents.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// Triangles in mm, z up, bit-identical positions shared.
+    pub mesh: TriangleMesh,
+    /// Maps the file's coordinates (glTF: of the scene, 3MF: of the build) to `mesh.positions`: unit and axes.
+    pub file_to_mesh: DMat4,
+    /// What was missing, skipped or odd, a sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Reads a mesh file, with its materials and textures.
+///
+/// The format follows the extension; a file without a known one is recognised by its first bytes. Missing materials and
+/// textures are warnings.
+///
+/// # Errors
+/// The file cannot be read, is of no known format, contradicts itself, holds no triangle or a position that is not
+/// finite, or is longer than [`MAX_EXTENT_MM`] or shorter than [`MIN_EXTENT_MM`].
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, MeshError> {
+    let bytes = read_file(path)?;
+    let source = Source { path, bytes: &bytes };
+    let format = Format::of(&source)?;
+    if bytes.is_empty() {
+        return Err(Fault::new("byte 0", "an empty file", "a mesh").in_file(path));
+    }
+    let raw = format.parse(&source).map_err(|fault| fault.in_file(path))?;
+    finish(raw, path, options)
+}
+
+/// A mesh file's bytes, and its path to find companions by.
+pub(super) struct Source<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+}
+
+impl Source<'_> {
+    /// Path of a file that this one mentions, relative to it; backslashes of Windows exporters separate folders too.
+    fn companion(&self, name: &str) -> PathBuf {
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let verbatim = folder.join(name);
+        if name.contains('\\') && !verbatim.exists() { folder.join(name.replace('\\', "/")) } else { verbatim }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Format {
+    Obj,
+    Gltf,
+    Stl,
+    Ply,
+    ThreeMf,
+}
+
+impl Format {
+    fn of(source: &Source) -> Result<Self, MeshError> {
+        let extension = source.path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        Ok(match extension.as_str() {
+            "obj" => Self::Obj,
+            "glb" | "gltf" => Self::Gltf,
+            "stl" => Self::Stl,
+            "ply" => Self::Ply,
+            "3mf" => Self::ThreeMf,
+            _ => match source.bytes {
+                [b'g', b'l', b'T', b'F', ..] => Self::Gltf,
+                [b'p', b'l', b'y', b'\n' | b'\r', ..] => Self::Ply,
+                [b'P', b'K', 3, 4, ..] => Self::ThreeMf,
+                [b's', b'o', b'l', b'i', b'd', ..] => Self::Stl,
+                head => {
+                    let start = quote(&head[..head.len().min(16)]);
+                    let found = format!("extension `{}` and first bytes {start}", extension.escape_debug());
+                    return Err(MeshError::UnknownFormat { file: source.path.to_owned(), found });
+                }
+            },
+        })
+    }
+
+    fn parse(self, source: &Source) -> Parsed<RawMesh> {
+        match self {
+            Self::Obj => obj::parse(source),
+            Self::Gltf => gltf::parse(source),
+            Self::Stl => stl::parse(source),
+            Self::Ply => ply::parse(source),
+            Self::ThreeMf => threemf::parse(source),
+        }
+    }
+}
+
+fn read_file(path: &Path) -> Result<Vec<u8>, MeshError> {
+    let failed = |source| MeshError::Read { file: path.to_owned(), source };
+    // A device or a pipe has no end to read to.
+    if !std::fs::metadata(path).map_err(failed)?.is_file() {
+        return Err(failed(std::io::Error::other("it is not a regular file")));
+    }
+    std::fs::read(path).map_err(failed)
+}
+
+/// Checks what every format must fulfil, shares equal positions and converts to millimetres and z up.
+fn finish(mut raw: RawMesh, path: &Path, options: &LoadOptions) -> Result<Loaded, MeshError> {
+    if raw.triangles.is_empty() {
+        return Err(Fault::new("the whole file", "no triangles", "a surface of triangles or polygons").in_file(path));
+    }
+    weld::weld(&mut raw.positions, &mut raw.triangles);
+    let mm = options.unit.map_or(raw.mm_per_unit, Unit::mm);
+    let turn = if raw.y_up {
+        DMat4::from_cols(DVec3::X.extend(0.0), DVec3::Z.extend(0.0), DVec3::NEG_Y.extend(0.0), glam::DVec4::W)
+    } else {
+        DMat4::IDENTITY
+    };
+    for p in &mut raw.positions {
+        // Not by the matrix: its sums of products would turn −0 into +0 and cost an ulp.
+        *p = if raw.y_up { DVec3::new(p.x, -p.z, p.y) } else { *p } * mm;
+    }
+    check_extent(&raw.positions, path)?;
+    Ok(Loaded {
+        mesh: TriangleMesh {
+            positions: raw.positions,
+            triangles: raw.triangles,
+            uvs: raw.uvs,
+            material_of: raw.material_of,
+            materials: raw.materials,
+        },
+        file_to_mesh: DMat4::from_scale(DVec3::splat(mm)) * turn,
+        warnings: raw.warnings,
+    })
+}
+
+fn check_extent(positions: &[DVec3], path: &Path) -> Result<(), MeshError> {
+    let (low, high) = super::bounds(positions);
+    let extent_mm = (high - low).max_element();
+    let hint = if !(MIN_EXTENT_MM..).contains(&extent_mm) {
+        "is the file in metres? try unit = \"m\""
+    } else if extent_mm > MAX_EXTENT_MM {
+        "is the file in a smaller unit? try unit = \"um\""
+    } else {
+        return Ok(());
+    };
+    Err(MeshError::Extent { file: path.to_owned(), extent_mm, min_mm: MIN_EXTENT_MM, max_mm: MAX_EXTENT_MM, hint })
+}

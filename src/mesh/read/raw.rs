@@ -1,0 +1,78 @@
+//! What every parser fills: a mesh in the file's own coordinates.
+
+use glam::{DVec3, Vec2};
+
+use super::MAX_TRIANGLES;
+use crate::mesh::SurfaceMaterial;
+use crate::mesh::error::{Fault, Parsed};
+
+/// A mesh as it stands in the file.
+pub(super) struct RawMesh {
+    pub(super) positions: Vec<DVec3>,
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// Parallel to `triangles` or empty; v grows downwards.
+    pub(super) uvs: Vec<[Vec2; 3]>,
+    /// Parallel to `triangles` or empty.
+    pub(super) material_of: Vec<u16>,
+    pub(super) materials: Vec<SurfaceMaterial>,
+    pub(super) warnings: Vec<String>,
+    pub(super) mm_per_unit: f64,
+    pub(super) y_up: bool,
+}
+
+impl RawMesh {
+    pub(super) fn new(mm_per_unit: f64) -> Self {
+        Self {
+            positions: Vec::new(),
+            triangles: Vec::new(),
+            uvs: Vec::new(),
+            material_of: Vec::new(),
+            materials: Vec::new(),
+            warnings: Vec::new(),
+            mm_per_unit,
+            y_up: false,
+        }
+    }
+
+    /// Adds a triangle; `uv` is kept only once some triangle has one, so that a mesh without UVs carries none.
+    pub(super) fn push(&mut self, place: impl Fn() -> String, corners: [u32; 3], uv: Option<[Vec2; 3]>) -> Parsed<()> {
+        if self.triangles.len() == MAX_TRIANGLES {
+            return Err(Fault::new(place(), "another triangle", format!("at most {MAX_TRIANGLES} triangles")));
+        }
+        if let Some(uv) = uv {
+            self.uvs.resize(self.triangles.len(), [Vec2::ZERO; 3]);
+            self.uvs.push(uv);
+        } else if !self.uvs.is_empty() {
+            self.uvs.push([Vec2::ZERO; 3]);
+        }
+        self.triangles.push(corners);
+        Ok(())
+    }
+
+    /// Adds a material and returns its index.
+    pub(super) fn add_material(&mut self, place: impl Fn() -> String, material: SurfaceMaterial) -> Parsed<u16> {
+        let index = u16::try_from(self.materials.len()).map_err(|_| {
+            Fault::new(place(), "another material", format!("at most {} materials", u16::MAX as u32 + 1))
+        })?;
+        self.materials.push(material);
+        Ok(index)
+    }
+}
+
+/// A material of plain colour.
+pub(super) fn plain(name: impl Into<String>, base_color: [f32; 4]) -> SurfaceMaterial {
+    SurfaceMaterial { name: name.into(), base_color, base_color_texture: None }
+}
+
+/// Refuses NaN and infinities.
+pub(super) fn finite(p: DVec3, place: impl Fn() -> String) -> Parsed<DVec3> {
+    if p.is_finite() {
+        return Ok(p);
+    }
+    Err(Fault::new(place(), format!("position ({}, {}, {})", p.x, p.y, p.z), "finite coordinates"))
+}
+
+/// A texture coordinate that may be used: what is not finite becomes 0.
+pub(super) fn uv_or_zero(uv: Vec2) -> Vec2 {
+    if uv.is_finite() { uv } else { Vec2::ZERO }
+}

@@ -1,0 +1,338 @@
+//! The XML of one 3MF model part (3MF core specification 1.3; materials and properties extension 1.2).
+//!
+//! Elements are told by their local names: the extensions read here reuse none of the core's. Attributes that must be there and are
+//! not, or are no numbers, are errors with their line.
+
+use std::collections::BTreeMap;
+
+use glam::{DMat4, DVec3, DVec4, Vec2};
+use quick_xml::Reader;
+use quick_xml::XmlVersion;
+use quick_xml::events::{BytesStart, Event};
+
+use super::raw::{finite, plain};
+use crate::mesh::SurfaceMaterial;
+use crate::mesh::error::{Fault, Parsed, one_line, quote};
+
+/// Extensions that may be required of us: we read them, or they add nothing to the shape.
+const SUPPORTED: [&str; 4] = [
+    "http://schemas.microsoft.com/3dmanufacturing/core/2015/02",
+    "http://schemas.microsoft.com/3dmanufacturing/material/2015/02",
+    "http://schemas.microsoft.com/3dmanufacturing/production/2015/06",
+    "http://schemas.microsoft.com/3dmanufacturing/trianglesets/2021/07",
+];
+
+/// One `.model` part.
+#[derive(Default)]
+pub(super) struct Model {
+    pub(super) mm_per_unit: f64,
+    pub(super) objects: BTreeMap<u32, Object>,
+    pub(super) items: Vec<Instance>,
+    pub(super) properties: BTreeMap<u32, Properties>,
+    /// Part names of the texture images.
+    pub(super) textures: BTreeMap<u32, String>,
+    pub(super) warnings: Vec<String>,
+}
+
+#[derive(Default)]
+pub(super) struct Object {
+    pub(super) positions: Vec<DVec3>,
+    pub(super) triangles: Vec<Triangle>,
+    pub(super) components: Vec<Instance>,
+    /// Property group and index of triangles without their own.
+    pub(super) property: Option<(u32, u32)>,
+}
+
+pub(super) struct Triangle {
+    pub(super) corners: [u32; 3],
+    /// Property group and its entry at every corner.
+    pub(super) property: Option<(u32, [u32; 3])>,
+}
+
+/// An object placed: a build item or a component.
+#[derive(Clone)]
+pub(super) struct Instance {
+    pub(super) object: u32,
+    /// Another part that holds it (production extension).
+    pub(super) part: Option<String>,
+    pub(super) transform: DMat4,
+}
+
+/// A group of surface properties that triangles refer to.
+pub(super) enum Properties {
+    Materials(Vec<SurfaceMaterial>),
+    /// Coordinates with v upwards into a texture.
+    Texture {
+        texture: u32,
+        coordinates: Vec<Vec2>,
+    },
+}
+
+pub(super) fn parse(part: &str, text: &str) -> Parsed<Model> {
+    let mut reader = Reader::from_str(text);
+    let mut builder = Builder { model: Model { mm_per_unit: 1.0, ..Model::default() }, object: None, group: None };
+    let mut start = 0;
+    let mut is_model = false;
+    loop {
+        let at = |start: usize| {
+            let before = text.as_bytes().get(..start).unwrap_or_default();
+            format!("{part}, line {}", 1 + before.iter().filter(|&&b| b == b'\n').count())
+        };
+        match reader.read_event() {
+            Ok(Event::Start(tag) | Event::Empty(tag)) => {
+                is_model |= tag.local_name().as_ref() == "model";
+                builder.open(&Tag { tag: &tag, place: &|| at(start) })?;
+            }
+            Ok(Event::End(tag)) if tag.local_name().as_ref() == "object" => builder.close_object(|| at(start))?,
+            Ok(Event::Eof) => break,
+            Ok(_) => {}
+            Err(error) => return Err(Fault::new(at(start), one_line(error), "well-formed XML")),
+        }
+        start = reader.buffer_position() as usize;
+    }
+    if !is_model {
+        return Err(Fault::new(part, "no model element", "a 3MF model"));
+    }
+    if builder.object.is_some() {
+        return Err(Fault::new(part, "the end of the part", "</object>"));
+    }
+    Ok(builder.model)
+}
+
+/// A start tag that knows its place.
+struct Tag<'a> {
+    tag: &'a BytesStart<'a>,
+    place: &'a dyn Fn() -> String,
+}
+
+impl Tag<'_> {
+    fn fault<T>(&self, found: impl Into<String>, expected: &str) -> Parsed<T> {
+        Err(Fault::new((self.place)(), found, expected))
+    }
+
+    /// An attribute by local name, entities resolved.
+    fn text(&self, name: &str) -> Parsed<Option<String>> {
+        for attribute in self.tag.attributes().with_checks(false) {
+            let attribute = match attribute {
+                Ok(attribute) => attribute,
+                Err(error) => return self.fault(one_line(error), "well-formed attributes"),
+            };
+            if attribute.key.local_name().as_ref() == name {
+                return match attribute.normalized_value(XmlVersion::default()) {
+                    Ok(value) => Ok(Some(value.into_owned())),
+                    Err(error) => self.fault(one_line(error), "a well-formed attribute"),
+                };
+            }
+        }
+        Ok(None)
+    }
+
+    fn optional<T: std::str::FromStr>(&self, name: &str) -> Parsed<Option<T>> {
+        let Some(text) = self.text(name)? else { return Ok(None) };
+        match text.trim().parse() {
+            Ok(value) => Ok(Some(value)),
+            Err(_) => self.fault(format!("{name} = {}", quote(text.as_bytes())), "a number"),
+        }
+    }
+
+    fn number<T: std::str::FromStr>(&self, name: &str) -> Parsed<T> {
+        match self.optional(name)? {
+            Some(value) => Ok(value),
+            None => self.fault(format!("no {name}"), "that attribute"),
+        }
+    }
+
+    /// A 3MF matrix: 12 numbers, rows of a 4×3 matrix that row vectors are multiplied with.
+    fn transform(&self) -> Parsed<DMat4> {
+        let Some(text) = self.text("transform")? else { return Ok(DMat4::IDENTITY) };
+        let values: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
+        match values.as_deref() {
+            Some(&[a, b, c, d, e, f, g, h, i, x, y, z]) => Ok(DMat4::from_cols(
+                DVec4::new(a, b, c, 0.0),
+                DVec4::new(d, e, f, 0.0),
+                DVec4::new(g, h, i, 0.0),
+                DVec4::new(x, y, z, 1.0),
+            )),
+            _ => self.fault(format!("transform {}", quote(text.as_bytes())), "12 numbers"),
+        }
+    }
+
+    fn instance(&self) -> Parsed<Instance> {
+        Ok(Instance { object: self.number("objectid")?, part: self.text("path")?, transform: self.transform()? })
+    }
+
+    /// `#RRGGBB` or `#RRGGBBAA` in sRGB, as linear RGBA.
+    fn color(&self, name: &str) -> Parsed<[f32; 4]> {
+        let Some(text) = self.text(name)? else { return Ok([1.0; 4]) };
+        let digits = text.trim().strip_prefix('#').unwrap_or("");
+        let value = u32::from_str_radix(digits, 16).ok();
+        let rgba = match (value, digits.len()) {
+            (Some(rgb), 6) => rgb << 8 | 0xff,
+            (Some(rgba), 8) => rgba,
+            _ => return self.fault(format!("{name} = {}", quote(text.as_bytes())), "#RRGGBB or #RRGGBBAA"),
+        };
+        let [r, g, b, a] = rgba.to_be_bytes().map(|byte| f32::from(byte) / 255.0);
+        // IEC 61966-2-1.
+        let linear = |c: f32| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
+        Ok([linear(r), linear(g), linear(b), a])
+    }
+}
+
+struct Builder {
+    model: Model,
+    object: Option<(u32, Object)>,
+    /// The property group being filled.
+    group: Option<u32>,
+}
+
+impl Builder {
+    fn open(&mut self, tag: &Tag) -> Parsed<()> {
+        match tag.tag.local_name().as_ref() {
+            "model" => self.model_tag(tag)?,
+            "object" => self.open_object(tag)?,
+            "vertex" => {
+                let p = DVec3::new(tag.number("x")?, tag.number("y")?, tag.number("z")?);
+                let p = finite(p, tag.place)?;
+                self.object(tag)?.positions.push(p);
+            }
+            "triangle" => {
+                let triangle = self.triangle(tag)?;
+                self.object(tag)?.triangles.push(triangle);
+            }
+            "component" => {
+                let instance = tag.instance()?;
+                self.object(tag)?.components.push(instance);
+            }
+            "item" => self.model.items.push(tag.instance()?),
+            "basematerials" | "colorgroup" => self.open_group(tag, Properties::Materials(Vec::new()))?,
+            "texture2dgroup" => {
+                let texture = tag.number("texid")?;
+                self.open_group(tag, Properties::Texture { texture, coordinates: Vec::new() })?;
+            }
+            "base" => {
+                let material = plain(tag.text("name")?.unwrap_or_default(), tag.color("displaycolor")?);
+                self.add_material(material);
+            }
+            "color" => {
+                let material = plain(tag.text("color")?.unwrap_or_default(), tag.color("color")?);
+                self.add_material(material);
+            }
+            "tex2coord" => {
+                let uv = Vec2::new(tag.number("u")?, tag.number("v")?);
+                if let Some(Properties::Texture { coordinates, .. }) = self.group_mut() {
+                    coordinates.push(uv);
+                }
+            }
+            "texture2d" => {
+                let path = tag.text("path")?.unwrap_or_default();
+                self.model.textures.insert(tag.number("id")?, path);
+            }
+            "compositematerials" | "multiproperties" => self.warn("composite and multi-property colours are not read"),
+            "beamlattice" => self.warn("beam lattices are not read, only the mesh beside them"),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn warn(&mut self, what: &str) {
+        if !self.model.warnings.iter().any(|said| said == what) {
+            self.model.warnings.push(what.to_owned());
+        }
+    }
+
+    fn model_tag(&mut self, tag: &Tag) -> Parsed<()> {
+        let unit = tag.text("unit")?;
+        self.model.mm_per_unit = match unit.as_deref() {
+            Some("micron") => 1e-3,
+            None | Some("millimeter") => 1.0,
+            Some("centimeter") => 10.0,
+            Some("inch") => 25.4,
+            Some("foot") => 304.8,
+            Some("meter") => 1000.0,
+            Some(other) => {
+                let found = format!("unit {}", quote(other.as_bytes()));
+                return tag.fault(found, "micron, millimeter, centimeter, inch, foot or meter");
+            }
+        };
+        for prefix in tag.text("requiredextensions")?.unwrap_or_default().split_whitespace() {
+            let namespace = tag.text_of_namespace(prefix)?.unwrap_or_default();
+            if !SUPPORTED.contains(&namespace.as_str()) {
+                let found =
+                    format!("required extension {} ({})", quote(prefix.as_bytes()), quote(namespace.as_bytes()));
+                return tag.fault(found, "only the materials, production and triangle set extensions");
+            }
+        }
+        Ok(())
+    }
+
+    fn open_object(&mut self, tag: &Tag) -> Parsed<()> {
+        if self.object.is_some() {
+            return tag.fault("an object inside an object", "</object> before it");
+        }
+        let group: Option<u32> = tag.optional("pid")?;
+        let property = group.zip(tag.optional("pindex")?);
+        self.object = Some((tag.number("id")?, Object { property, ..Object::default() }));
+        Ok(())
+    }
+
+    fn object(&mut self, tag: &Tag) -> Parsed<&mut Object> {
+        match &mut self.object {
+            Some((_, object)) => Ok(object),
+            None => tag.fault("it outside of an object", "an object around it"),
+        }
+    }
+
+    fn close_object(&mut self, place: impl Fn() -> String) -> Parsed<()> {
+        let Some((id, object)) = self.object.take() else { return Ok(()) };
+        let vertices = object.positions.len();
+        for (t, triangle) in object.triangles.iter().enumerate() {
+            if let Some(i) = triangle.corners.iter().find(|&&i| i as usize >= vertices) {
+                let found = format!("vertex index {i} in triangle {t} of object {id}");
+                return Err(Fault::new(place(), found, format!("an index below {vertices}")));
+            }
+        }
+        if self.model.objects.insert(id, object).is_some() {
+            return Err(Fault::new(place(), format!("a second object {id}"), "ids used once"));
+        }
+        Ok(())
+    }
+
+    fn triangle(&self, tag: &Tag) -> Parsed<Triangle> {
+        let corners = [tag.number("v1")?, tag.number("v2")?, tag.number("v3")?];
+        let default = self.object.as_ref().and_then(|(_, object)| object.property);
+        let property = match tag.optional("p1")? {
+            Some(p1) => {
+                let group = tag.optional("pid")?.or(default.map(|(group, _)| group));
+                let p = [p1, tag.optional("p2")?.unwrap_or(p1), tag.optional("p3")?.unwrap_or(p1)];
+                group.map(|group| (group, p))
+            }
+            None => default.map(|(group, index)| (group, [index; 3])),
+        };
+        Ok(Triangle { corners, property })
+    }
+
+    fn open_group(&mut self, tag: &Tag, properties: Properties) -> Parsed<()> {
+        let id = tag.number("id")?;
+        self.group = Some(id);
+        self.model.properties.insert(id, properties);
+        Ok(())
+    }
+
+    fn group_mut(&mut self) -> Option<&mut Properties> {
+        self.model.properties.get_mut(&self.group?)
+    }
+
+    fn add_material(&mut self, material: SurfaceMaterial) {
+        if let Some(Properties::Materials(materials)) = self.group_mut() {
+            materials.push(material);
+        }
+    }
+}
+
+impl Tag<'_> {
+    /// The namespace that `xmlns:prefix` declares on this element.
+    fn text_of_namespace(&self, prefix: &str) -> Parsed<Option<String>> {
+        // Its qualified name is `xmlns:prefix`, so its local name is the prefix.
+        self.text(prefix)
+    }
+}

@@ -1,0 +1,89 @@
+//! What can go wrong in this room, by who is to blame: the disk, the file's contents, or a parameter.
+
+use std::path::PathBuf;
+
+use super::KubelkaMunkError;
+
+/// Errors of the optics room; every message is one line.
+#[derive(Debug, thiserror::Error)]
+pub enum OpticsError {
+    /// A file could not be read or written.
+    #[error("{}: {source}", file.display())]
+    File {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file says something it may not say.
+    #[error("{}{}: {element}: found {found}, expected {expected}", file.display(), at(*line))]
+    Entry {
+        /// The file.
+        file: PathBuf,
+        /// Line, counted from 1, where one is known.
+        line: Option<usize>,
+        /// Column, key or table.
+        element: String,
+        /// What stands there.
+        found: String,
+        /// What should.
+        expected: String,
+    },
+    /// A parameter is out of range.
+    #[error("{name}: found {found}, expected {expected}")]
+    Parameter {
+        /// Its name.
+        name: String,
+        /// What was given.
+        found: String,
+        /// What is accepted.
+        expected: String,
+    },
+    /// A slab whose spectra no Kubelka–Munk parameters can explain.
+    #[error("resin {resin}, channel {channel}: {source}")]
+    KubelkaMunk {
+        /// Name of the resin.
+        resin: String,
+        /// Name of the channel.
+        channel: String,
+        /// The coefficient at fault.
+        source: KubelkaMunkError,
+    },
+    /// No built-in set of this name.
+    #[error("unknown material set `{name}`{}; built in are: {known}", did_you_mean(suggestion.as_deref()))]
+    UnknownSet {
+        /// The name asked for.
+        name: String,
+        /// The nearest built-in name, if one is near.
+        suggestion: Option<String>,
+        /// All built-in names.
+        known: String,
+    },
+    /// The caller stopped a simulation.
+    #[error("simulation cancelled")]
+    Cancelled,
+}
+
+impl OpticsError {
+    pub(crate) fn parameter(name: &str, found: impl std::fmt::Display, expected: String) -> Self {
+        Self::Parameter { name: name.into(), found: found.to_string(), expected }
+    }
+}
+
+fn at(line: Option<usize>) -> String {
+    line.map(|line| format!(":{line}")).unwrap_or_default()
+}
+
+fn did_you_mean(suggestion: Option<&str>) -> String {
+    suggestion.map(|name| format!(", did you mean `{name}`?")).unwrap_or_default()
+}
+
+/// The candidate nearest to `word`, if near enough to be a slip of the pen (Jaro–Winkler over 0.8, as cargo and clap do).
+pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    candidates
+        .into_iter()
+        .map(|candidate| (strsim::jaro_winkler(word, candidate), candidate))
+        .filter(|(score, _)| *score > 0.8)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, candidate)| candidate)
+}

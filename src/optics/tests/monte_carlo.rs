@@ -1,0 +1,103 @@
+//! Laws of the random walk; the referee's own proof is in `reference.rs`.
+
+use std::ops::ControlFlow;
+
+use crate::optics::{Layer, Light, MonteCarlo, OpticsError, RingEdges, VolumeCoefficients};
+
+const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5 };
+const SUPPORT: VolumeCoefficients = VolumeCoefficients { sigma_s: 1.6, sigma_a: 0.025, g: 0.75 };
+
+fn slab(coefficients: VolumeCoefficients, thickness_mm: f64) -> MonteCarlo {
+    MonteCarlo {
+        layers: vec![Layer { coefficients, thickness_mm }],
+        base: None,
+        light: Light::Diffuse,
+        photons: 50_000,
+        seed: 7,
+        rings: RingEdges::growing(),
+    }
+}
+
+#[test]
+fn the_same_bytes_for_any_number_of_threads() {
+    let job = slab(WHITE, 0.5);
+    let on =
+        |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| job.run().unwrap());
+    assert_eq!(on(1), on(3));
+    assert_ne!(on(1), MonteCarlo { seed: 8, ..job }.run().unwrap());
+}
+
+#[test]
+fn without_absorption_nothing_is_lost() {
+    let result = slab(VolumeCoefficients { sigma_a: 0.0, ..WHITE }, 1.0).run().unwrap();
+    assert!((result.reflection.mean + result.transmission.mean - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn profiles_sum_to_the_totals() {
+    let result = slab(SUPPORT, 2.0).run().unwrap();
+    assert!((result.reflection_profile.energy() - result.reflection.mean).abs() < 1e-12);
+    assert!((result.transmission_profile.energy() - result.transmission.mean).abs() < 1e-12);
+    assert!((result.unscattered_profile.energy() - result.unscattered_transmission.mean).abs() < 1e-12);
+}
+
+#[test]
+fn unscattered_light_of_a_diffuse_source_follows_its_closed_form() {
+    let h = 0.3_f64;
+    let job = MonteCarlo { photons: 400_000, ..slab(SUPPORT, h) };
+    let profile = job.run().unwrap().unscattered_profile;
+    let errors = profile.standard_error().unwrap();
+    let mut chi2 = 0.0;
+    let mut rings = 0;
+    for ((r, value), error) in profile.r_mm().iter().zip(profile.value_per_mm2()).zip(errors) {
+        if *error > 0.0 && *value > 3.0 * error && *r < 2.0 {
+            let d2 = r * r + h * h;
+            let exact = (-SUPPORT.sigma_t() * d2.sqrt()).exp() * h * h / (std::f64::consts::PI * d2 * d2);
+            chi2 += ((value - exact) / error).powi(2);
+            rings += 1;
+        }
+    }
+    let chi2 = chi2 / f64::from(rings);
+    assert!(rings > 50 && (0.6..1.5).contains(&chi2), "{rings} rings, chi2 {chi2}");
+}
+
+#[test]
+fn splitting_a_layer_or_adding_an_empty_one_changes_nothing() {
+    let whole = slab(WHITE, 1.0);
+    let layer = |thickness_mm| Layer { coefficients: WHITE, thickness_mm };
+    let empty = Layer { coefficients: SUPPORT, thickness_mm: 0.0 };
+    let split = MonteCarlo { layers: vec![layer(0.25), empty, layer(0.75)], ..whole.clone() };
+    // The same random numbers, so equal to rounding, save for the rare photon whose ring or fate flips.
+    let (a, b) = (whole.run().unwrap(), split.run().unwrap());
+    assert!((a.reflection.mean - b.reflection.mean).abs() < 0.2 * a.reflection.standard_error);
+    assert!((a.transmission.mean - b.transmission.mean).abs() < 0.2 * a.transmission.standard_error);
+}
+
+#[test]
+fn a_stack_of_nothing_lets_everything_through() {
+    let result = slab(WHITE, 0.0).run().unwrap();
+    assert_eq!((result.reflection.mean, result.transmission.mean), (0.0, 1.0));
+    let void = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.0, g: 0.0 };
+    let result = slab(void, 3.0).run().unwrap();
+    assert_eq!((result.reflection.mean, result.unscattered_transmission.mean), (0.0, 1.0));
+}
+
+#[test]
+fn a_half_space_is_the_limit_of_thick_slabs() {
+    let thick = slab(WHITE, 12.0).run().unwrap();
+    let endless = MonteCarlo { layers: vec![], base: Some(WHITE), seed: 99, ..slab(WHITE, 1.0) }.run().unwrap();
+    let sigma = thick.reflection.standard_error.hypot(endless.reflection.standard_error);
+    assert!((thick.reflection.mean - endless.reflection.mean).abs() < 4.0 * sigma);
+    assert_eq!(endless.transmission.mean, 0.0);
+}
+
+#[test]
+fn out_of_range_input_is_named() {
+    let message = |job: MonteCarlo| job.run().unwrap_err().to_string();
+    assert_eq!(message(slab(WHITE, f64::NAN)), "thickness: found NaN, expected finite millimetres, 0 or more");
+    assert!(message(slab(VolumeCoefficients { g: 1.0, ..WHITE }, 1.0)).starts_with("g: found 1,"));
+    let endless = MonteCarlo { base: Some(VolumeCoefficients { sigma_a: 0.0, ..WHITE }), ..slab(WHITE, 1.0) };
+    assert!(message(endless).contains("half-space"));
+    let cancelled = slab(WHITE, 1.0).run_with(|_| ControlFlow::Break(()));
+    assert!(matches!(cancelled, Err(OpticsError::Cancelled)));
+}

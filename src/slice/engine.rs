@@ -1,0 +1,59 @@
+//! Slab after slab: the memory of a job is one slab and the objects, whatever the height.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::fill::{FillScratch, ObjectField};
+use crate::{
+    sdf::SliceRuns,
+    voxel::{BlockShape, Lattice, Slab},
+};
+
+/// Computes a lattice of material ids from objects, slab by slab.
+#[derive(Debug)]
+pub struct Slicer {
+    lattice: Lattice,
+    objects: Vec<ObjectField>,
+}
+
+impl Slicer {
+    /// A slicer of `objects`, all prepared for `lattice`. Where objects overlap, the earlier one owns the voxel.
+    pub fn new(lattice: Lattice, objects: Vec<ObjectField>) -> Self {
+        Self { lattice, objects }
+    }
+
+    /// The lattice.
+    pub fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// The objects.
+    pub fn objects(&self) -> &[ObjectField] {
+        &self.objects
+    }
+
+    /// Hands every slab that holds one of `slices` to `sink`, bottom up. The first error of the sink ends the walk.
+    pub fn for_each_slab<E>(&self, slices: Range<u32>, mut sink: impl FnMut(&Slab) -> Result<(), E>) -> Result<(), E> {
+        let height = BlockShape::for_lattice(&self.lattice).voxels()[2];
+        let slices = slices.start..slices.end.min(self.lattice.dims[2]);
+        if slices.is_empty() {
+            return Ok(());
+        }
+        let mut slab = Slab::new(self.lattice);
+        let mut runs = vec![SliceRuns::default(); height as usize];
+        for index in slices.start / height..slices.end.div_ceil(height) {
+            slab.reset(index);
+            let range = slab.slices();
+            for object in &self.objects {
+                let runs = &mut runs[..range.len()];
+                object.fill_inside(range.start, runs);
+                slab.blocks_mut().for_each_init(FillScratch::default, |scratch, (first, block)| {
+                    object.fill_block(first, runs, block, scratch);
+                });
+            }
+            sink(&slab)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,244 @@
+//! One object into one block of voxels.
+//!
+//! A block is halved along its longest edge until it is one brick. On the way down the list of triangles that can be nearest
+//! shrinks ([`cull`]), and a box whose depths and triangles leave one answer is filled without visiting its voxels.
+
+use glam::{DVec3, Vec2};
+
+use crate::{
+    mesh::Solid,
+    sdf::{
+        BlockBox, BrickOffsets, BrickSurface, CullScratch, DepthRange, InsideRows, SliceRuns, Surface, closest_point,
+        cull, nearest_in_brick,
+    },
+    target::{BrickQuery, LayerField},
+    voxel::{BRICK, BRICK_VOXELS, Block, BlockShape, Lattice, MaterialId},
+};
+
+/// Rounding margin when a depth range decides for a whole box, mm.
+const DEPTH_MARGIN: f64 = 1e-7;
+
+/// An object on the lattice: where it is, how deep, and what its layers are.
+#[derive(Debug)]
+pub struct ObjectField {
+    surface: Surface,
+    inside: InsideRows,
+    uvs: Vec<[Vec2; 3]>,
+    layers: LayerField,
+    lattice: Lattice,
+    shape: BlockShape,
+    offsets: BrickOffsets,
+}
+
+/// Buffers of one worker.
+#[derive(Default)]
+pub struct FillScratch {
+    candidates: Vec<u32>,
+    cull: CullScratch,
+    masks: Vec<[u8; BRICK_VOXELS / 8]>,
+    surface: BrickSurface,
+}
+
+/// A box of bricks within a block: first brick and number of bricks per axis.
+#[derive(Clone, Copy)]
+struct Bricks {
+    first: [usize; 3],
+    count: [usize; 3],
+}
+
+impl ObjectField {
+    /// Prepares an object; `None` for a mesh without triangles.
+    pub fn new(solid: &Solid, lattice: Lattice, layers: LayerField) -> Option<Self> {
+        let shape = BlockShape::for_lattice(&lattice);
+        Some(Self {
+            surface: Surface::new(&solid.mesh)?,
+            inside: InsideRows::new(solid, lattice, shape.voxels()[2]),
+            uvs: if layers.needs_uv() { solid.mesh.uvs.clone() } else { Vec::new() },
+            layers,
+            lattice,
+            shape,
+            offsets: BrickOffsets::new(&lattice),
+        })
+    }
+
+    /// The closest-point structure.
+    pub fn surface(&self) -> &Surface {
+        &self.surface
+    }
+
+    /// The layers.
+    pub fn layers(&self) -> &LayerField {
+        &self.layers
+    }
+
+    /// Which voxels of the slices from `first` on are inside.
+    pub fn fill_inside(&self, first: u32, slices: &mut [SliceRuns]) {
+        self.inside.fill(first, slices);
+    }
+
+    /// Writes this object's voxels into the block whose first voxel is `first`; `slices` are the inside runs of the slab.
+    /// Voxels that another object has taken stay.
+    pub fn fill_block(&self, first: [u32; 3], slices: &[SliceRuns], block: &mut Block, scratch: &mut FillScratch) {
+        if !self.fill_masks(first, slices, &mut scratch.masks) {
+            return;
+        }
+        let all = Bricks { first: [0; 3], count: self.shape.0 };
+        let bounds = self.bounds(first, all);
+        let nearest = self.surface.closest(bounds.centre).distance;
+        let radius = bounds.radius();
+        if nearest - radius > self.layers.thickness() + DEPTH_MARGIN {
+            return self.fill_uniform(all, self.layers.core(), block, scratch);
+        }
+        let mut candidates = std::mem::take(&mut scratch.candidates);
+        self.surface.within(bounds.centre, nearest + 2.0 * radius + DEPTH_MARGIN, &mut candidates);
+        let whole = 0..candidates.len();
+        self.descend(first, all, whole, &mut candidates, block, scratch);
+        scratch.candidates = candidates;
+    }
+
+    /// Spreads the inside runs over the bricks of a block; false if the block is all outside.
+    fn fill_masks(&self, first: [u32; 3], slices: &[SliceRuns], masks: &mut Vec<[u8; BRICK_VOXELS / 8]>) -> bool {
+        masks.clear();
+        masks.resize(self.shape.bricks(), [0; BRICK_VOXELS / 8]);
+        let [width, rows, _] = self.shape.voxels();
+        let (low, high) = (first[0], first[0] + width);
+        let mut any = false;
+        for (z, slice) in slices.iter().enumerate() {
+            for y in 0..rows as usize {
+                for &[start, end] in slice.row(first[1] + y as u32) {
+                    let (start, end) = (start.max(low), end.min(high));
+                    if start >= end {
+                        continue;
+                    }
+                    any = true;
+                    let (mut x, end) = ((start - low) as usize, (end - low) as usize);
+                    while x < end {
+                        let (brick, bit) = (x / BRICK, x % BRICK);
+                        let take = (BRICK - bit).min(end - x);
+                        let index = self.shape.brick_index([brick, y / BRICK, z / BRICK]);
+                        masks[index][y % BRICK + BRICK * (z % BRICK)] |= ((((1_u32 << take) - 1) << bit) & 0xff) as u8;
+                        x += take;
+                    }
+                }
+            }
+        }
+        any
+    }
+
+    /// The box around the voxel centres of some bricks.
+    fn bounds(&self, first: [u32; 3], bricks: Bricks) -> BlockBox {
+        let ends = [0, 1].map(|end| {
+            DVec3::from(std::array::from_fn(|axis| {
+                let voxel = (bricks.first[axis] + end * bricks.count[axis]) * BRICK - end;
+                self.lattice.coordinate(axis, first[axis] + voxel as u32)
+            }))
+        });
+        BlockBox { centre: (ends[0] + ends[1]) / 2.0, half: (ends[1] - ends[0]) / 2.0 }
+    }
+
+    fn descend(
+        &self,
+        first: [u32; 3],
+        bricks: Bricks,
+        candidates: std::ops::Range<usize>,
+        list: &mut Vec<u32>,
+        block: &mut Block,
+        scratch: &mut FillScratch,
+    ) {
+        if self.all_outside(bricks, &scratch.masks) {
+            return;
+        }
+        let bounds = self.bounds(first, bricks);
+        let start = list.len();
+        let range = cull(self.surface.triangles(), &bounds, candidates, list, &mut scratch.cull);
+        let range = DepthRange { min: range.min - DEPTH_MARGIN, max: range.max + DEPTH_MARGIN };
+        let kept = start..list.len();
+        if let Some(id) = self.layers.uniform_over(&list[kept.clone()], range) {
+            self.fill_uniform(bricks, id, block, scratch);
+        } else if bricks.count == [1; 3] {
+            self.fill_brick(first, bounds.centre, bricks.first, &list[kept], block, scratch);
+        } else {
+            let longest = (0..3)
+                .filter(|&axis| bricks.count[axis] > 1)
+                .max_by(|&a, &b| bounds.half[a].total_cmp(&bounds.half[b]))
+                .unwrap_or(0);
+            let mut halves = [bricks; 2];
+            halves[0].count[longest] /= 2;
+            halves[1].first[longest] += halves[0].count[longest];
+            halves[1].count[longest] -= halves[0].count[longest];
+            for half in halves {
+                self.descend(first, half, kept.clone(), list, block, scratch);
+            }
+        }
+        list.truncate(start);
+    }
+
+    fn all_outside(&self, bricks: Bricks, masks: &[[u8; BRICK_VOXELS / 8]]) -> bool {
+        self.indices(bricks).all(|brick| masks[brick] == [0; BRICK_VOXELS / 8])
+    }
+
+    fn indices(&self, bricks: Bricks) -> impl Iterator<Item = usize> {
+        let Bricks { first, count } = bricks;
+        let shape = self.shape;
+        (first[2]..first[2] + count[2]).flat_map(move |z| {
+            (first[1]..first[1] + count[1])
+                .flat_map(move |y| (first[0]..first[0] + count[0]).map(move |x| shape.brick_index([x, y, z])))
+        })
+    }
+
+    /// Gives the inside voxels of some bricks one material.
+    fn fill_uniform(&self, bricks: Bricks, id: MaterialId, block: &mut Block, scratch: &FillScratch) {
+        for brick in self.indices(bricks) {
+            let mask = &scratch.masks[brick];
+            if *mask == [0; BRICK_VOXELS / 8] {
+                continue;
+            }
+            let free = block.tile(brick) == crate::voxel::Tile::Uniform(MaterialId::BACKGROUND);
+            if free && *mask == [0xff; BRICK_VOXELS / 8] {
+                block.set_uniform(brick, id);
+            } else {
+                merge(block.dense_mut(brick), mask, |_| id.0);
+            }
+        }
+    }
+
+    /// Gives the inside voxels of one brick their materials one by one.
+    fn fill_brick(
+        &self,
+        first: [u32; 3],
+        centre: DVec3,
+        at: [usize; 3],
+        candidates: &[u32],
+        block: &mut Block,
+        scratch: &mut FillScratch,
+    ) {
+        let triangles = self.surface.triangles();
+        let uvs = self.layers.needs_uv().then_some(&self.uvs[..]);
+        nearest_in_brick(triangles, uvs, candidates, centre, &self.offsets, &mut scratch.surface);
+        let brick = self.shape.brick_index(at);
+        let mask = &scratch.masks[brick];
+        let exact = |voxel: usize| {
+            let p = self.lattice.centre(std::array::from_fn(|axis| {
+                first[axis] + (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32
+            }));
+            let squared = candidates
+                .iter()
+                .map(|&t| closest_point(p, &triangles[t as usize]).distance_squared)
+                .fold(f64::INFINITY, f64::min);
+            squared.sqrt()
+        };
+        let mut ids = [0; BRICK_VOXELS];
+        let query = BrickQuery { surface: &scratch.surface, candidates, mask };
+        self.layers.fill_brick(query, exact, &mut ids);
+        merge(block.dense_mut(brick), mask, |voxel| ids[voxel]);
+    }
+}
+
+/// Writes the masked voxels that are still background.
+fn merge(voxels: &mut [u8; BRICK_VOXELS], mask: &[u8; BRICK_VOXELS / 8], id: impl Fn(usize) -> u8) {
+    for (voxel, value) in voxels.iter_mut().enumerate() {
+        if mask[voxel / 8] >> (voxel % 8) & 1 != 0 && *value == 0 {
+            *value = id(voxel);
+        }
+    }
+}

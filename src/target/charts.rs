@@ -1,0 +1,159 @@
+//! UV charts: which texels belong together on the surface.
+//!
+//! A chart is a set of triangles joined by edges with the same texture coordinates on both sides. Texels of different charts may lie
+//! side by side in the image and far apart on the object, so nothing may be interpolated between them.
+
+use std::collections::HashMap;
+
+use glam::Vec2;
+
+use crate::mesh::TriangleMesh;
+
+/// Most charts told apart; the rest share the last number. An atlas of 65,535 charts has a texel or two for each.
+const MAX_CHARTS: u32 = u16::MAX as u32;
+
+/// The chart of every triangle, numbered by first triangle.
+pub fn charts(mesh: &TriangleMesh) -> Vec<u16> {
+    let mut sets = DisjointSets::new(mesh.triangles.len());
+    let mut edges: HashMap<[(u32, [u32; 2]); 2], u32> = HashMap::with_capacity(mesh.triangles.len() * 2);
+    for (index, (corners, uvs)) in (0..).zip(mesh.triangles.iter().zip(&mesh.uvs)) {
+        // Position and texture coordinate together name one end of an edge.
+        let ends: [_; 3] = std::array::from_fn(|i| (corners[i], [uvs[i].x.to_bits(), uvs[i].y.to_bits()]));
+        for side in 0..3 {
+            let (a, b) = (ends[side], ends[(side + 1) % 3]);
+            let other = *edges.entry([a.min(b), a.max(b)]).or_insert(index);
+            sets.join(index, other);
+        }
+    }
+    let mut numbers = HashMap::new();
+    (0..mesh.triangles.len() as u32)
+        .map(|triangle| {
+            let next = (numbers.len() as u32).min(MAX_CHARTS - 1) as u16;
+            *numbers.entry(sets.root(triangle)).or_insert(next)
+        })
+        .collect()
+}
+
+struct DisjointSets(Vec<u32>);
+
+impl DisjointSets {
+    fn new(len: usize) -> Self {
+        Self((0..len as u32).collect())
+    }
+
+    fn root(&mut self, mut item: u32) -> u32 {
+        while self.0[item as usize] != item {
+            let parent = self.0[item as usize];
+            self.0[item as usize] = self.0[parent as usize];
+            item = self.0[item as usize];
+        }
+        item
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+/// Who owns a texel: the chart that covers its centre, or failing that the nearest one that covers a texel.
+#[derive(Debug, Clone)]
+pub struct ChartMap {
+    /// Texels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Chart of every texel, row 0 on top.
+    pub chart: Vec<u16>,
+    /// For every texel the texel whose content stands in for it: itself where a chart covers it.
+    pub source: Vec<u32>,
+}
+
+/// Unowned so far.
+const NOBODY: u32 = u32::MAX;
+
+impl ChartMap {
+    /// Draws the triangles of `mesh`, whose charts are `charts`, into an image of `width` × `height` texels.
+    ///
+    /// Texture coordinates outside [0, 1] wrap around. Where charts overlap, the triangle drawn first keeps the texel.
+    pub fn new(mesh: &TriangleMesh, charts: &[u16], width: u32, height: u32) -> Self {
+        let texels = width as usize * height as usize;
+        let mut map = Self { width, height, chart: vec![0; texels], source: vec![NOBODY; texels] };
+        for (uvs, &chart) in mesh.uvs.iter().zip(charts) {
+            map.draw(uvs, chart);
+        }
+        map.spread();
+        map
+    }
+
+    fn draw(&mut self, uvs: &[Vec2; 3], chart: u16) {
+        let size = Vec2::new(self.width as f32, self.height as f32);
+        let [a, b, c] = uvs.map(|uv| uv * size - Vec2::splat(0.5));
+        for_covered_texels([a, b, c], 0.0, size, |x, y| {
+            let texel = wrap(x, self.width) + self.width * wrap(y, self.height);
+            if self.source[texel as usize] == NOBODY {
+                self.source[texel as usize] = texel;
+                self.chart[texel as usize] = chart;
+            }
+        });
+    }
+
+    /// Gives unowned texels to the nearest owned one (in steps over edges, ties by order of visit).
+    fn spread(&mut self) {
+        let mut front: Vec<u32> = (0..).zip(&self.source).filter(|(t, s)| *t == **s).map(|(t, _)| t).collect();
+        if front.is_empty() {
+            // No triangle covers a texel centre: every texel speaks for itself.
+            self.source = (0..self.source.len() as u32).collect();
+            return;
+        }
+        let mut next = Vec::new();
+        while !front.is_empty() {
+            for &texel in &front {
+                let (x, y) = (texel % self.width, texel / self.width);
+                let (left, right) = ((x + self.width - 1) % self.width, (x + 1) % self.width);
+                let (up, down) = ((y + self.height - 1) % self.height, (y + 1) % self.height);
+                for neighbour in
+                    [left + self.width * y, right + self.width * y, x + self.width * up, x + self.width * down]
+                {
+                    if self.source[neighbour as usize] == NOBODY {
+                        self.source[neighbour as usize] = self.source[texel as usize];
+                        self.chart[neighbour as usize] = self.chart[texel as usize];
+                        next.push(neighbour);
+                    }
+                }
+            }
+            front.clear();
+            std::mem::swap(&mut front, &mut next);
+        }
+    }
+}
+
+/// Index of a texel after wrapping around.
+#[inline]
+pub fn wrap(index: i32, size: u32) -> u32 {
+    index.rem_euclid(size as i32) as u32
+}
+
+/// Calls `visit` for the texels (x, y), not yet wrapped, whose centres lie in the triangle grown by about `margin` texels. `corners` are in
+/// texels, with centres at whole numbers. A triangle more than one image wide visits each texel of the image once.
+pub fn for_covered_texels(corners: [Vec2; 3], margin: f32, size: Vec2, mut visit: impl FnMut(i32, i32)) {
+    let low = corners[0].min(corners[1]).min(corners[2]) - margin;
+    let high = corners[0].max(corners[1]).max(corners[2]) + margin;
+    if !(low.is_finite() && high.is_finite()) {
+        return;
+    }
+    let high = high.min(low + size - 1.0);
+    let edges: [(Vec2, Vec2); 3] = std::array::from_fn(|i| {
+        let edge = corners[(i + 1) % 3] - corners[i];
+        (corners[i], Vec2::new(-edge.y, edge.x).normalize_or_zero())
+    });
+    let turn = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]).signum();
+    for y in low.y.ceil() as i32..=high.y.floor() as i32 {
+        for x in low.x.ceil() as i32..=high.x.floor() as i32 {
+            let p = Vec2::new(x as f32, y as f32);
+            if edges.iter().all(|(corner, inward)| inward.dot(p - *corner) * turn >= -margin) {
+                visit(x, y);
+            }
+        }
+    }
+}

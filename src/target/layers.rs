@@ -1,0 +1,122 @@
+//! The material at a surface point and a depth.
+//!
+//! A layer owns depth in [top, bottom); below the last one lies the core.
+
+use super::textured::TexturedLayers;
+use crate::{
+    sdf::{BrickSurface, DepthRange},
+    voxel::{BRICK_VOXELS, MaterialId},
+};
+
+/// The layers of one object: what lies at every surface point and depth.
+#[derive(Debug, Clone)]
+pub enum LayerField {
+    /// The same layers everywhere.
+    Uniform(LayerStack),
+    /// Layers that vary from texel to texel.
+    Textured(Box<TexturedLayers>),
+}
+
+/// What a brick asks its layer field about.
+#[derive(Debug, Clone, Copy)]
+pub struct BrickQuery<'a> {
+    /// The nearest surface point of every voxel.
+    pub surface: &'a BrickSurface,
+    /// The triangles `surface.candidate` counts.
+    pub candidates: &'a [u32],
+    /// The voxels that want an answer: bit x of byte y + 8z.
+    pub mask: &'a [u8; BRICK_VOXELS / 8],
+}
+
+impl LayerField {
+    /// Depth from which on there is only core, mm.
+    pub fn thickness(&self) -> f64 {
+        match self {
+            Self::Uniform(stack) => stack.thickness(),
+            Self::Textured(layers) => layers.thickness(),
+        }
+    }
+
+    /// What fills the inside below all layers.
+    pub fn core(&self) -> MaterialId {
+        match self {
+            Self::Uniform(stack) => stack.core,
+            Self::Textured(layers) => layers.core(),
+        }
+    }
+
+    /// Whether materials depend on texture coordinates.
+    pub fn needs_uv(&self) -> bool {
+        matches!(self, Self::Textured(_))
+    }
+
+    /// The one material of all depths in `range` under all of `triangles`, if there is one for certain.
+    pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<MaterialId> {
+        match self {
+            Self::Uniform(stack) => stack.uniform_over(range),
+            Self::Textured(layers) => layers.uniform_over(triangles, range),
+        }
+    }
+
+    /// Writes the materials of the masked voxels of a brick; `exact` gives a voxel's depth in double precision.
+    pub fn fill_brick(&self, query: BrickQuery<'_>, exact: impl Fn(usize) -> f64, out: &mut [u8; BRICK_VOXELS]) {
+        match self {
+            Self::Uniform(stack) => stack.fill_brick(query, exact, out),
+            Self::Textured(layers) => layers.fill_brick(query, out),
+        }
+    }
+}
+
+/// Layers from the surface inwards, the same everywhere.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LayerStack {
+    /// Depth at which each layer ends, mm, ascending, with its material.
+    layers: Vec<(f64, MaterialId)>,
+    core: MaterialId,
+}
+
+impl LayerStack {
+    /// Layers given by material and thickness (mm) over `core`.
+    pub fn new(layers: impl IntoIterator<Item = (MaterialId, f64)>, core: MaterialId) -> Self {
+        let mut bottom = 0.0;
+        let layers = layers.into_iter().map(|(id, thickness)| {
+            bottom += thickness;
+            (bottom, id)
+        });
+        Self { layers: layers.collect(), core }
+    }
+
+    /// The material at `depth` mm ≥ 0.
+    pub fn material(&self, depth: f64) -> MaterialId {
+        self.layers.iter().find(|(bottom, _)| depth < *bottom).map_or(self.core, |(_, id)| *id)
+    }
+
+    /// Depth from which on there is only core, mm.
+    pub fn thickness(&self) -> f64 {
+        self.layers.last().map_or(0.0, |(bottom, _)| *bottom)
+    }
+
+    fn uniform_over(&self, range: DepthRange) -> Option<MaterialId> {
+        let split = self.layers.iter().any(|(bottom, _)| range.min < *bottom && *bottom <= range.max);
+        (!split).then(|| self.material(range.min))
+    }
+
+    fn fill_brick(&self, query: BrickQuery<'_>, exact: impl Fn(usize) -> f64, out: &mut [u8; BRICK_VOXELS]) {
+        let error = f64::from(query.surface.error);
+        let mut ids = [self.core.0; BRICK_VOXELS];
+        let mut unsure = [false; BRICK_VOXELS];
+        for &(bottom, id) in self.layers.iter().rev() {
+            let (sure, maybe) = ((bottom - error) as f32, (bottom + error) as f32);
+            for voxel in 0..BRICK_VOXELS {
+                let depth = query.surface.distance[voxel];
+                ids[voxel] = if depth < sure { id.0 } else { ids[voxel] };
+                unsure[voxel] |= depth >= sure && depth <= maybe;
+            }
+        }
+        for voxel in 0..BRICK_VOXELS {
+            if query.mask[voxel / 8] >> (voxel % 8) & 1 != 0 {
+                out[voxel] = if unsure[voxel] { self.material(exact(voxel)).0 } else { ids[voxel] };
+            }
+        }
+    }
+}

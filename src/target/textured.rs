@@ -1,0 +1,231 @@
+//! Layers that vary over the surface: thicknesses interpolated between texels.
+//!
+//! Every texel names one of a table of stackings that are aligned to one sequence of slots (Hašan et al. 2010, section 7.1), so that
+//! interpolating depths of the slots' bottoms interpolates thicknesses, never materials. A position takes the four texels
+//! around its nearest surface point, bilinearly, leaving out texels of other charts; limits are imposed again afterwards.
+//!
+//! For every triangle the range of each bottom under it is kept. A box of voxels whose depths fall between the ranges of all
+//! its candidates has one material, whatever the texels in detail.
+
+use glam::Vec2;
+use multiversion::multiversion;
+use rayon::prelude::*;
+
+use super::{
+    charts::{ChartMap, charts, for_covered_texels, wrap},
+    layers::BrickQuery,
+    slots::SlotTable,
+};
+use crate::{
+    mesh::TriangleMesh,
+    sdf::DepthRange,
+    voxel::{BRICK_VOXELS, MaterialId},
+};
+
+/// Which stacking every texel has.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LabelMap {
+    /// Texels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Index of the stacking per texel, row 0 on top.
+    pub labels: Vec<u16>,
+}
+
+/// A texel: whose stacking, and whose chart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Texel {
+    label: u16,
+    chart: u16,
+}
+
+/// The layers of a textured object.
+#[derive(Debug, Clone)]
+pub struct TexturedLayers {
+    slots: SlotTable,
+    width: u32,
+    height: u32,
+    texels: Vec<Texel>,
+    /// Chart of every triangle.
+    chart_of: Vec<u16>,
+    /// Per triangle the least and then the greatest bottom of every slot, mm.
+    ranges: Vec<f32>,
+}
+
+/// How far outside its triangle, in texels, a point may take a texel from: the diagonal of the bilinear footprint and rounding.
+const FOOTPRINT: f32 = 1.5;
+
+impl TexturedLayers {
+    /// Lays `labels` over the texture coordinates of `mesh`, which must have them; every label is a row of `slots`.
+    pub fn new(mesh: &TriangleMesh, labels: &LabelMap, slots: SlotTable) -> Self {
+        let chart_of = charts(mesh);
+        let map = ChartMap::new(mesh, &chart_of, labels.width, labels.height);
+        let texels = map.source.iter().zip(&map.chart);
+        let texels = texels.map(|(&source, &chart)| Texel { label: labels.labels[source as usize], chart }).collect();
+        let mut layers =
+            Self { slots, width: labels.width, height: labels.height, texels, chart_of, ranges: Vec::new() };
+        layers.ranges = layers.triangle_ranges(mesh);
+        layers
+    }
+
+    /// Depth below which every stacking has ended, mm.
+    pub fn thickness(&self) -> f64 {
+        self.slots.thickness()
+    }
+
+    /// What fills the inside below all layers.
+    pub fn core(&self) -> MaterialId {
+        self.slots.core()
+    }
+
+    fn triangle_ranges(&self, mesh: &TriangleMesh) -> Vec<f32> {
+        let stride = self.slots.stride();
+        let mut ranges = vec![0.0; mesh.triangles.len() * 2 * stride];
+        let scale = Vec2::new(self.width as f32, self.height as f32);
+        ranges.par_chunks_mut(2 * stride).zip(&mesh.uvs).zip(&self.chart_of).for_each_init(
+            Vec::new,
+            |labels, ((range, uvs), &chart)| {
+                labels.clear();
+                let texel = |x: i32, y: i32| self.texels[self.index(x, y)];
+                let corners = uvs.map(|uv| uv * scale - Vec2::splat(0.5));
+                for_covered_texels(corners, FOOTPRINT, scale, |x, y| {
+                    let here = texel(x, y);
+                    if here.chart == chart {
+                        labels.push(here.label);
+                        return;
+                    }
+                    // Where no texel of the chart is in reach, all four count (see `Footprint`).
+                    let quad = [here, texel(x + 1, y), texel(x, y + 1), texel(x + 1, y + 1)];
+                    if quad.iter().all(|t| t.chart != chart) {
+                        labels.extend(quad.map(|t| t.label));
+                    }
+                });
+                labels.sort_unstable();
+                labels.dedup();
+                let (low, high) = range.split_at_mut(stride);
+                low.fill(f32::INFINITY);
+                high.fill(f32::NEG_INFINITY);
+                for &label in labels.iter() {
+                    for (slot, &bottom) in self.slots.bottoms(label).iter().enumerate() {
+                        low[slot] = low[slot].min(bottom);
+                        high[slot] = high[slot].max(bottom);
+                    }
+                }
+                if labels.is_empty() {
+                    // Texture coordinates that are not numbers: nothing can be said.
+                    low.fill(f32::NEG_INFINITY);
+                    high.fill(f32::INFINITY);
+                }
+            },
+        );
+        ranges
+    }
+
+    #[inline(always)]
+    fn index(&self, x: i32, y: i32) -> usize {
+        wrap(x, self.width) as usize + self.width as usize * wrap(y, self.height) as usize
+    }
+
+    /// See [`super::LayerField::uniform_over`].
+    pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<MaterialId> {
+        let stride = self.slots.stride();
+        let mut low = [f32::INFINITY; SlotTable::MAX_STRIDE];
+        let mut high = [f32::NEG_INFINITY; SlotTable::MAX_STRIDE];
+        for &triangle in triangles {
+            let start = triangle as usize * 2 * stride;
+            let (lows, highs) = self.ranges[start..start + 2 * stride].split_at(stride);
+            for slot in 0..stride {
+                low[slot] = low[slot].min(lows[slot]);
+                high[slot] = high[slot].max(highs[slot]);
+            }
+        }
+        self.slots.certain(&low[..stride], &high[..stride], range)
+    }
+
+    /// The material at texture coordinates `uv` of triangle `triangle`, `depth` mm below the surface.
+    pub fn material(&self, triangle: u32, uv: Vec2, depth: f32) -> MaterialId {
+        let chart = self.chart_of[triangle as usize];
+        self.slots.material(&mut [0.0; SlotTable::MAX_STRIDE], &self.footprint(chart, uv.x, uv.y), depth)
+    }
+
+    /// See [`super::LayerField::fill_brick`].
+    pub fn fill_brick(&self, query: BrickQuery<'_>, out: &mut [u8; BRICK_VOXELS]) {
+        fill_brick(self, query, out);
+    }
+
+    /// The four texels around a point and their weights; texels of other charts weigh nothing, unless all four are.
+    #[inline(always)]
+    fn footprint(&self, chart: u16, u: f32, v: f32) -> Footprint {
+        let (x, y) = (u * self.width as f32 - 0.5, v * self.height as f32 - 0.5);
+        let (x0, y0) = (x.floor(), y.floor());
+        let (fx, fy) = (x - x0, y - y0);
+        let (x0, y0) = (x0 as i32, y0 as i32);
+        let (left, right) = (wrap_near(x0, self.width), wrap_near(x0 + 1, self.width));
+        let (top, bottom) = (wrap_near(y0, self.height), wrap_near(y0 + 1, self.height));
+        let row = |y: u32| y as usize * self.width as usize;
+        let texel = |x: u32, row: usize| self.texels[x as usize + row];
+        let texels =
+            [texel(left, row(top)), texel(right, row(top)), texel(left, row(bottom)), texel(right, row(bottom))];
+        let mut weights = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
+        let own = texels.map(|t| t.chart == chart);
+        if own != [true; 4] && own.contains(&true) {
+            let owned: f32 = weights.iter().zip(own).filter(|(_, own)| *own).map(|(w, _)| w).sum();
+            let count = own.iter().filter(|own| **own).count() as f32;
+            for (weight, own) in weights.iter_mut().zip(own) {
+                let share = if owned > 0.0 { *weight / owned } else { 1.0 / count };
+                *weight = if own { share } else { 0.0 };
+            }
+        }
+        Footprint { labels: texels.map(|t| t.label), weights }
+    }
+}
+
+/// Texels that share in a point's layers; the weights sum to 1.
+#[derive(Debug, Clone, Copy)]
+pub struct Footprint {
+    /// Stackings of the texels.
+    pub labels: [u16; 4],
+    /// Their shares.
+    pub weights: [f32; 4],
+}
+
+impl Footprint {
+    /// The one stacking of all texels that count, if there is only one.
+    #[inline(always)]
+    pub fn single(&self) -> Option<u16> {
+        let mut label = None;
+        for (&candidate, &weight) in self.labels.iter().zip(&self.weights) {
+            if weight > 0.0 {
+                match label {
+                    None => label = Some(candidate),
+                    Some(label) if label != candidate => return None,
+                    Some(_) => {}
+                }
+            }
+        }
+        label
+    }
+}
+
+/// [`wrap`] for indices that mostly need none.
+#[inline(always)]
+fn wrap_near(index: i32, size: u32) -> u32 {
+    if (index as u32) < size { index as u32 } else { wrap(index, size) }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
+fn fill_brick(layers: &TexturedLayers, query: BrickQuery<'_>, out: &mut [u8; BRICK_VOXELS]) {
+    let mut bottoms = [0.0; SlotTable::MAX_STRIDE];
+    for (row, &mask) in query.mask.iter().enumerate() {
+        let mut rest = mask;
+        while rest != 0 {
+            let voxel = row * 8 + rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let triangle = query.candidates[query.surface.candidate[voxel] as usize];
+            let chart = layers.chart_of[triangle as usize];
+            let footprint = layers.footprint(chart, query.surface.u[voxel], query.surface.v[voxel]);
+            out[voxel] = layers.slots.material(&mut bottoms, &footprint, query.surface.distance[voxel]).0;
+        }
+    }
+}

@@ -1,0 +1,268 @@
+//! A slab of slices as a sparse grid: blocks of bricks of voxels.
+//!
+//! ```text
+//!   slab   all x and y, a fixed number of slices      filled and written at once, then reused for the next
+//!   block  up to 256 bricks, roughly cubic in mm      the unit of parallel work
+//!   brick  8 × 8 × 8 voxels                           one id for all, or one id each
+//! ```
+//!
+//! Blocks are aligned to the lattice's origin, never to the slices asked for, so what a voxel gets does not depend on
+//! which part of the job it is computed in.
+
+use super::Lattice;
+
+/// Voxels along an edge of a brick.
+pub const BRICK: usize = 8;
+/// Voxels in a brick.
+pub const BRICK_VOXELS: usize = BRICK * BRICK * BRICK;
+
+/// What a voxel is made of: 0 is the background, n > 0 the n-th resin of the material set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, serde::Serialize, serde::Deserialize)]
+pub struct MaterialId(pub u8);
+
+impl MaterialId {
+    /// Outside of every object.
+    pub const BACKGROUND: Self = Self(0);
+
+    /// The id of the resin at `index` in its material set (at most 254).
+    pub fn from_resin(index: usize) -> Self {
+        debug_assert!(index < 255);
+        Self(index as u8 + 1)
+    }
+
+    /// The resin's index in its material set; `None` for the background.
+    pub fn resin(self) -> Option<usize> {
+        usize::from(self.0).checked_sub(1)
+    }
+}
+
+/// Bricks per block along each axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BlockShape(pub [usize; 3]);
+
+impl BlockShape {
+    /// Bricks in a block. Fewer make the descent from the root dearer, more make a slab (hence its memory) thicker: at
+    /// J750 pitch 256 bricks are 2.7 × 2.7 × 1.7 mm, 64 slices.
+    const BRICKS: usize = 256;
+
+    /// The shape whose edges are most alike in mm for this pitch.
+    pub fn for_lattice(lattice: &Lattice) -> Self {
+        let mut bricks = [1_usize; 3];
+        while bricks.iter().product::<usize>() < Self::BRICKS {
+            let edge = |axis: usize| bricks[axis] as f64 * lattice.pitch[axis];
+            let mut shortest = 2;
+            for axis in [1, 0] {
+                if edge(axis) < edge(shortest) {
+                    shortest = axis;
+                }
+            }
+            bricks[shortest] *= 2;
+        }
+        Self(bricks)
+    }
+
+    /// Voxels along each axis.
+    pub fn voxels(self) -> [u32; 3] {
+        self.0.map(|n| (n * BRICK) as u32)
+    }
+
+    /// Bricks in a block.
+    pub fn bricks(self) -> usize {
+        self.0.iter().product()
+    }
+
+    /// Index of the brick at (x, y, z) within its block; x runs fastest.
+    #[inline]
+    pub fn brick_index(self, [x, y, z]: [usize; 3]) -> usize {
+        x + self.0[0] * (y + self.0[1] * z)
+    }
+}
+
+/// The content of one brick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Tile<'a> {
+    /// Every voxel is the same.
+    Uniform(MaterialId),
+    /// One id per voxel; x runs fastest, then y, then z.
+    Dense(&'a [u8; BRICK_VOXELS]),
+}
+
+/// The bricks of one block.
+#[derive(Debug, Default, Clone)]
+pub struct Block {
+    tiles: Vec<u32>,
+    pool: Vec<[u8; BRICK_VOXELS]>,
+}
+
+/// Marks a tile that holds an id rather than an index into the pool.
+const UNIFORM: u32 = 1 << 31;
+
+impl Block {
+    fn clear(&mut self, bricks: usize) {
+        self.tiles.clear();
+        self.tiles.resize(bricks, UNIFORM);
+        self.pool.clear();
+    }
+
+    /// The content of a brick.
+    #[inline]
+    pub fn tile(&self, brick: usize) -> Tile<'_> {
+        let tile = self.tiles[brick];
+        if tile & UNIFORM != 0 {
+            Tile::Uniform(MaterialId((tile & 0xff) as u8))
+        } else {
+            Tile::Dense(&self.pool[tile as usize])
+        }
+    }
+
+    /// Makes every voxel of a brick the same.
+    pub fn set_uniform(&mut self, brick: usize, id: MaterialId) {
+        self.tiles[brick] = UNIFORM | u32::from(id.0);
+    }
+
+    /// The voxels of a brick for writing; a uniform brick is unfolded first.
+    pub fn dense_mut(&mut self, brick: usize) -> &mut [u8; BRICK_VOXELS] {
+        let tile = self.tiles[brick];
+        let index = if tile & UNIFORM != 0 {
+            self.pool.push([(tile & 0xff) as u8; BRICK_VOXELS]);
+            self.tiles[brick] = (self.pool.len() - 1) as u32;
+            self.pool.len() - 1
+        } else {
+            tile as usize
+        };
+        &mut self.pool[index]
+    }
+}
+
+/// All voxels between two heights.
+#[derive(Debug)]
+pub struct Slab {
+    lattice: Lattice,
+    shape: BlockShape,
+    blocks_per_row: usize,
+    index: u32,
+    blocks: Vec<Block>,
+}
+
+impl Slab {
+    /// An empty slab at the bottom of the lattice.
+    pub fn new(lattice: Lattice) -> Self {
+        let shape = BlockShape::for_lattice(&lattice);
+        let voxels = shape.voxels();
+        let columns = |axis: usize| lattice.dims[axis].div_ceil(voxels[axis]) as usize;
+        let (blocks_per_row, rows) = (columns(0), columns(1));
+        let mut slab =
+            Self { lattice, shape, blocks_per_row, index: 0, blocks: vec![Block::default(); blocks_per_row * rows] };
+        slab.reset(0);
+        slab
+    }
+
+    /// Number of slabs that cover a lattice.
+    pub fn count(lattice: &Lattice) -> u32 {
+        lattice.dims[2].div_ceil(BlockShape::for_lattice(lattice).voxels()[2])
+    }
+
+    /// Empties the slab and moves it to position `index` in build direction; buffers are kept.
+    pub fn reset(&mut self, index: u32) {
+        self.index = index;
+        for block in &mut self.blocks {
+            block.clear(self.shape.bricks());
+        }
+    }
+
+    /// The lattice the slab is part of.
+    pub fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// Bricks per block.
+    pub fn shape(&self) -> BlockShape {
+        self.shape
+    }
+
+    /// The slices of the lattice that this slab holds.
+    pub fn slices(&self) -> std::ops::Range<u32> {
+        let height = self.shape.voxels()[2];
+        self.index * height..((self.index + 1) * height).min(self.lattice.dims[2])
+    }
+
+    /// The blocks with the index of their first voxel, for filling in parallel.
+    pub fn blocks_mut(&mut self) -> impl rayon::iter::IndexedParallelIterator<Item = ([u32; 3], &mut Block)> {
+        use rayon::prelude::*;
+        let (shape, per_row, k) = (self.shape.voxels(), self.blocks_per_row, self.index * self.shape.voxels()[2]);
+        self.blocks
+            .par_iter_mut()
+            .enumerate()
+            .map(move |(n, block)| ([(n % per_row) as u32 * shape[0], (n / per_row) as u32 * shape[1], k], block))
+    }
+
+    /// Copies row (j, k) of material ids into `row`, which is `dims[0]` long.
+    pub fn read_row(&self, j: u32, k: u32, row: &mut [u8]) {
+        let shape = self.shape.voxels();
+        let local = [j % shape[1], k - self.index * shape[2]].map(|v| v as usize);
+        let (brick_y, brick_z) = (local[0] / BRICK, local[1] / BRICK);
+        let in_brick = BRICK * (local[0] % BRICK) + BRICK * BRICK * (local[1] % BRICK);
+        let first_block = (j / shape[1]) as usize * self.blocks_per_row;
+        for (part, block) in row.chunks_mut(shape[0] as usize).zip(&self.blocks[first_block..]) {
+            let first = self.shape.brick_index([0, brick_y, brick_z]);
+            for (voxels, brick) in part.chunks_mut(BRICK).zip(first..) {
+                match block.tile(brick) {
+                    Tile::Uniform(id) => voxels.fill(id.0),
+                    Tile::Dense(ids) => voxels.copy_from_slice(&ids[in_brick..in_brick + voxels.len()]),
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use rayon::iter::ParallelIterator;
+
+    fn lattice(pitch: DVec3, dims: [u32; 3]) -> Lattice {
+        Lattice { origin: DVec3::ZERO, pitch, dims }
+    }
+
+    #[test]
+    fn blocks_are_roughly_cubic_in_millimetres() {
+        let j750 = lattice(DVec3::new(25.4 / 600.0, 25.4 / 300.0, 0.027), [1; 3]);
+        assert_eq!(BlockShape::for_lattice(&j750), BlockShape([8, 4, 8]));
+        let cubic = BlockShape::for_lattice(&lattice(DVec3::splat(0.1), [1; 3]));
+        assert_eq!(cubic.bricks(), 256);
+        assert_eq!(cubic.0.iter().max().unwrap() / cubic.0.iter().min().unwrap(), 2);
+    }
+
+    #[test]
+    fn rows_read_back_what_blocks_were_given() {
+        let lattice = lattice(DVec3::splat(0.1), [203, 77, 130]);
+        let id = |[i, j, k]: [u32; 3]| ((i * 7 + j * 3 + k * 5) % 251) as u8;
+        let mut slab = Slab::new(lattice);
+        slab.reset(1);
+        let shape = slab.shape();
+        slab.blocks_mut().for_each(|(first, block)| {
+            for z in 0..shape.0[2] {
+                for y in 0..shape.0[1] {
+                    for x in 0..shape.0[0] {
+                        let voxels = block.dense_mut(shape.brick_index([x, y, z]));
+                        for (n, voxel) in voxels.iter_mut().enumerate() {
+                            *voxel = id([
+                                first[0] + (x * BRICK + n % 8) as u32,
+                                first[1] + (y * BRICK + n / 8 % 8) as u32,
+                                first[2] + (z * BRICK + n / 64) as u32,
+                            ]);
+                        }
+                    }
+                }
+            }
+        });
+        let mut row = vec![0; 203];
+        for k in slab.slices() {
+            for j in 0..77 {
+                slab.read_row(j, k, &mut row);
+                assert!(row.iter().enumerate().all(|(i, &v)| v == id([i as u32, j, k])));
+            }
+        }
+    }
+}
