@@ -12,9 +12,8 @@ use crate::mesh::TriangleMesh;
 /// Most charts told apart; the rest share the last number. An atlas of 65,535 charts has a texel or two for each.
 const MAX_CHARTS: u32 = u16::MAX as u32;
 
-/// The chart of every triangle, numbered by first triangle; charts end where the page (see
-/// [`super::TexturedLayers::new`]) changes.
-pub fn charts(mesh: &TriangleMesh, page_of: &[u16]) -> Vec<u16> {
+/// The chart of every triangle, numbered by first triangle; charts end where the page changes.
+fn charts(mesh: &TriangleMesh, page_of: &[u16]) -> Vec<u16> {
     let mut sets = DisjointSets::new(mesh.triangles.len());
     let mut edges: HashMap<([(u32, [u32; 2]); 2], u16), u32> = HashMap::with_capacity(mesh.triangles.len() * 2);
     for (index, (corners, uvs)) in (0..).zip(mesh.triangles.iter().zip(&mesh.uvs)) {
@@ -58,6 +57,45 @@ impl DisjointSets {
     }
 }
 
+/// Where a triangle finds its texels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// Index of the page.
+    pub page: u16,
+    /// Number of the chart.
+    pub chart: u16,
+}
+
+/// How the triangles of a mesh lie on the textures (pages) they use.
+#[derive(Debug, Clone)]
+pub struct Atlas {
+    places: Vec<Place>,
+    pages: Vec<ChartMap>,
+}
+
+impl Atlas {
+    /// Lays the triangles of `mesh`, which must have texture coordinates, onto pages of the given (width, height).
+    /// Triangle t uses page `page_of[t]`; an empty `page_of` means page 0 for all.
+    pub fn new(mesh: &TriangleMesh, page_sizes: &[(u32, u32)], page_of: &[u16]) -> Self {
+        let charts = charts(mesh, page_of);
+        let page_of = |triangle: usize| page_of.get(triangle).copied().unwrap_or(0);
+        let place = |(triangle, &chart)| Place { page: page_of(triangle), chart };
+        let places = charts.iter().enumerate().map(place).collect();
+        let draw = |(page, &(width, height))| ChartMap::new(mesh, &charts, |t| page_of(t) == page, width, height);
+        Self { places, pages: (0..).zip(page_sizes).map(draw).collect() }
+    }
+
+    /// Page and chart of every triangle.
+    pub fn places(&self) -> &[Place] {
+        &self.places
+    }
+
+    /// Owners of the texels of every page.
+    pub fn pages(&self) -> &[ChartMap] {
+        &self.pages
+    }
+}
+
 /// Who owns a texel: the chart that covers its centre, or failing that the nearest one that covers a texel.
 #[derive(Debug, Clone)]
 pub struct ChartMap {
@@ -88,6 +126,11 @@ impl ChartMap {
         }
         map.spread();
         map
+    }
+
+    /// Texels that triangles cover, in order; without any, all.
+    pub fn covered(&self) -> impl Iterator<Item = usize> {
+        (0..).zip(&self.source).filter(|(texel, source)| *texel == **source).map(|(texel, _)| texel as usize)
     }
 
     fn draw(&mut self, uvs: &[Vec2; 3], chart: u16) {

@@ -12,7 +12,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::{
-    charts::{ChartMap, charts, for_covered_texels, wrap},
+    charts::{Atlas, Place, for_covered_texels, wrap},
     layers::BrickQuery,
     slots::SlotTable,
 };
@@ -22,16 +22,9 @@ use crate::{
     voxel::{BRICK_VOXELS, MaterialId},
 };
 
-/// Which stacking every texel of one texture has.
+/// Which stacking every texel of a page has, row 0 on top. Texels that no triangle covers do not matter.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LabelMap {
-    /// Texels per row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Index of the stacking per texel, row 0 on top.
-    pub labels: Vec<u16>,
-}
+pub struct LabelMap(pub Vec<u16>);
 
 /// A texel: whose stacking, and whose chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,13 +39,6 @@ struct Page {
     width: u32,
     height: u32,
     start: usize,
-}
-
-/// Where a triangle finds its texels.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    page: u16,
-    chart: u16,
 }
 
 /// The layers of a textured object.
@@ -71,19 +57,14 @@ pub struct TexturedLayers {
 const FOOTPRINT: f32 = 1.5;
 
 impl TexturedLayers {
-    /// Lays label maps over the texture coordinates of `mesh`, which must have them. Triangle t uses
-    /// `pages[page_of[t]]`; an empty `page_of` means page 0 for all. Every label is a row of `slots`.
-    pub fn new(mesh: &TriangleMesh, pages: &[LabelMap], page_of: &[u16], slots: SlotTable) -> Self {
-        let charts = charts(mesh, page_of);
-        let place = |(triangle, &chart)| Place { page: page_of.get(triangle).copied().unwrap_or(0), chart };
-        let places: Vec<_> = charts.iter().enumerate().map(place).collect();
-        let mut layers = Self { slots, pages: Vec::new(), texels: Vec::new(), places, ranges: Vec::new() };
-        for (number, page) in (0..).zip(pages) {
-            let on_page = |triangle: usize| layers.places[triangle].page == number;
-            let map = ChartMap::new(mesh, &charts, on_page, page.width, page.height);
+    /// Lays one label map per page over an atlas of `mesh`; every label is a row of `slots`.
+    pub fn new(mesh: &TriangleMesh, atlas: &Atlas, labels: &[LabelMap], slots: SlotTable) -> Self {
+        let mut layers =
+            Self { slots, pages: Vec::new(), texels: Vec::new(), places: atlas.places().to_vec(), ranges: Vec::new() };
+        for (page, labels) in atlas.pages().iter().zip(labels) {
             layers.pages.push(Page { width: page.width, height: page.height, start: layers.texels.len() });
-            let texels = map.source.iter().zip(&map.chart);
-            layers.texels.extend(texels.map(|(&source, &chart)| Texel { label: page.labels[source as usize], chart }));
+            let texels = page.source.iter().zip(&page.chart);
+            layers.texels.extend(texels.map(|(&source, &chart)| Texel { label: labels.0[source as usize], chart }));
         }
         layers.ranges = layers.triangle_ranges(mesh);
         layers
