@@ -6,14 +6,21 @@
 //! later ([`Job::check_resins`]), when the materials are known. `docs/job.md` lists every key.
 
 mod error;
+mod images;
+mod manifest;
 mod object;
 mod options;
 mod paths;
+mod prepare;
+mod progress;
 mod ranges;
 mod read;
 mod resolved;
+mod run;
+mod run_error;
 mod source;
 mod stack;
+mod stackings;
 mod target;
 #[cfg(test)]
 mod tests;
@@ -25,13 +32,19 @@ use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
 pub use error::{JobError, Place};
+pub use manifest::{LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord};
 pub use object::{ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
     SUPPORT_MIN_DEPTH_MM, StackingOptions,
 };
 pub use paths::InputPath;
+pub use prepare::{InputFile, Prepared, PreparedObject};
+pub use progress::{Interrupt, Progress, Silent};
 pub use resolved::ResolvedJob;
+pub use run::{RunOptions, STACKINGS, run};
+pub use run_error::{Blame, RunError};
+pub use stackings::{LayerEntry, SearchEntry, StackingEntry, StackingReport};
 pub use stack::{StackError, format_stack, parse_stack};
 pub use target::{AlbedoSource, TargetSpec};
 

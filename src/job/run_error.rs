@@ -42,6 +42,14 @@ pub enum RunError {
     /// The lattice.
     #[error("printer: {0}")]
     Lattice(#[from] LatticeError),
+    /// A range of slices that the job does not have.
+    #[error("--slices: found {}..{}, expected a range within 0..{slices} that is not empty", found.start, found.end)]
+    Slices {
+        /// What was asked for.
+        found: std::ops::Range<u32>,
+        /// Slices of the job.
+        slices: u32,
+    },
     /// The output folder.
     #[error(transparent)]
     Output(#[from] OutputError),

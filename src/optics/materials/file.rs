@@ -95,6 +95,11 @@ impl MaterialSet {
 }
 
 impl MaterialFile {
+    /// Names of the resins, in the order of the file.
+    pub fn resin_names(&self) -> impl Iterator<Item = &str> {
+        self.resins.iter().map(|draft| draft.name.as_str())
+    }
+
     /// Reads and checks a file and the profiles it names; quick.
     ///
     /// # Errors
