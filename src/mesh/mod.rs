@@ -8,6 +8,7 @@ mod error;
 mod heal;
 mod place;
 mod read;
+mod words;
 
 use std::sync::Arc;
 

@@ -7,13 +7,15 @@
 use std::sync::Arc;
 
 use glam::{DMat4, DVec3, Vec2};
+use gltf::json::validation::Checked;
 use gltf::mesh::{Mode, Primitive};
-use gltf::{Document, Node};
+use gltf::{Document, Node, Semantic};
 
 use super::accessor;
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::{Source, texture};
 use crate::mesh::error::{Fault, Parsed, one_line, quote};
+use crate::mesh::words::counted;
 use crate::mesh::{SurfaceMaterial, Texture};
 
 /// Required extensions that do not change a shape we could not read: the accessors here read quantised
@@ -28,6 +30,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let mut root = gltf::json::deserialize::from_slice::<gltf::json::Root>(json)
         .map_err(|error| Fault::new("the JSON part", one_line(error), "a glTF 2.0 document"))?;
     root.extensions_required.retain(|name| !HARMLESS.contains(&name.as_str()) && !name.starts_with("KHR_materials_"));
+    check_position_accessors(&root)?;
     let document = Document::from_json(root).map_err(|error| {
         Fault::new("the JSON part", one_line(error), "a valid glTF 2.0 document without other extensions")
     })?;
@@ -64,6 +67,20 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         }
     }
     Ok(walk.finish())
+}
+
+/// gltf-json 1.4.1 validates everything but looks positions up before it has checked their index, and panics.
+fn check_position_accessors(root: &gltf::json::Root) -> Parsed<()> {
+    let count = root.accessors.len();
+    for (m, mesh) in root.meshes.iter().enumerate() {
+        for attributes in mesh.primitives.iter().map(|primitive| &primitive.attributes) {
+            if let Some(index) = attributes.get(&Checked::Valid(Semantic::Positions)).filter(|i| i.value() >= count) {
+                let found = format!("POSITION accessor {}", index.value());
+                return Err(Fault::new(format!("mesh {m}"), found, format!("an index below {count}")));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// JSON and binary chunk of a .glb; a .gltf is all JSON.
@@ -164,7 +181,7 @@ struct Walk<'a> {
     /// Index into `raw.materials` of the file's materials, and of its default one.
     default_material: Option<u16>,
     visited: Vec<bool>,
-    skipped: [usize; 4],
+    skipped: [usize; 3],
     source: &'a Source<'a>,
 }
 
@@ -172,14 +189,13 @@ struct Walk<'a> {
 const POINTS_OR_LINES: usize = 0;
 const SKINS: usize = 1;
 const MORPHS: usize = 2;
-const NO_POSITIONS: usize = 3;
 
 impl<'a> Walk<'a> {
     fn new(source: &'a Source<'a>, document: &Document, buffers: Vec<Vec<u8>>) -> Parsed<Self> {
         let mut raw = RawMesh::new(1000.0);
         raw.y_up = true;
         let visited = vec![false; document.nodes().len()];
-        let mut walk = Self { buffers, raw, default_material: None, visited, skipped: [0; 4], source };
+        let mut walk = Self { buffers, raw, default_material: None, visited, skipped: [0; 3], source };
         let textures: Vec<Option<Arc<Texture>>> = document
             .images()
             .map(|image| match walk.image(&image) {
@@ -245,9 +261,8 @@ impl<'a> Walk<'a> {
             self.skipped[POINTS_OR_LINES] += 1;
             return Ok(());
         }
-        let Some(positions) = primitive.get(&gltf::Semantic::Positions) else {
-            self.skipped[NO_POSITIONS] += 1;
-            return Ok(());
+        let Some(positions) = primitive.get(&Semantic::Positions) else {
+            return Err(Fault::new(place(), "no POSITION", "that attribute"));
         };
         self.skipped[MORPHS] += usize::from(primitive.morph_targets().next().is_some());
         let base = self.raw.positions.len();
@@ -286,7 +301,7 @@ impl<'a> Walk<'a> {
         let transform = info.as_ref().and_then(|info| info.texture_transform());
         let set = info.as_ref().map_or(0, |info| info.tex_coord());
         let set = transform.as_ref().and_then(|transform| transform.tex_coord()).unwrap_or(set);
-        let Some(accessor) = primitive.get(&gltf::Semantic::TexCoords(set)) else { return Ok(None) };
+        let Some(accessor) = primitive.get(&Semantic::TexCoords(set)) else { return Ok(None) };
         let values = accessor::vectors::<2>(&accessor, &self.buffers)?;
         if values.len() < vertices {
             let found = format!("{} texture coordinates", values.len());
@@ -323,13 +338,12 @@ impl<'a> Walk<'a> {
 
     fn finish(mut self) -> RawMesh {
         let what = [
-            "primitives of points or lines are skipped",
-            "skinned nodes stay in their rest pose",
-            "primitives with morph targets stay in their rest shape",
-            "primitives without positions are skipped",
+            ("primitive", "of points or lines skipped"),
+            ("skinned node", "left in rest pose"),
+            ("primitive", "with morph targets left in rest shape"),
         ];
-        for (count, what) in self.skipped.into_iter().zip(what).filter(|(count, _)| *count > 0) {
-            self.raw.warnings.push(format!("{count} {what}"));
+        for (count, (noun, what)) in self.skipped.into_iter().zip(what).filter(|(count, _)| *count > 0) {
+            self.raw.warnings.push(format!("{} {what}", counted(count, noun)));
         }
         self.raw
     }
