@@ -231,3 +231,14 @@ fn a_file_without_extension_is_known_by_its_bytes() {
     let unknown = load(&put(folder.path(), "mesh.xyz", "0 1 2"), &LoadOptions::default());
     assert!(matches!(unknown, Err(MeshError::UnknownFormat { .. })));
 }
+
+#[test]
+fn an_image_inside_a_glb_needs_no_stated_type() {
+    let (folder, sample) = (tempfile::tempdir().unwrap(), sample());
+    let good = writers::glb(&sample);
+    let length = u32::from_le_bytes(good[12..16].try_into().unwrap()) as usize;
+    let mut json: serde_json::Value = serde_json::from_slice(&good[20..20 + length]).unwrap();
+    json["images"][0].as_object_mut().unwrap().remove("mimeType");
+    let loaded = read(&put(folder.path(), "box.glb", writers::glb_of(&json, &good[28 + length..])));
+    assert_same(loaded, &sample, true, 1e-4);
+}
