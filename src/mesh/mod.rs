@@ -3,11 +3,22 @@
 //! **In:** a path to an OBJ, GLB/glTF, STL, PLY or 3MF file and its unit. **Out:** a [`Solid`]: triangles in millimetres,
 //! z up, with UVs and textures, coherently oriented, plus the caps that close its holes for the inside test, and a
 //! [`HealthReport`] that says what was found and what was done.
+//!
+//! ```no_run
+//! use lumislice::mesh::{LoadOptions, Placement, Size, close, load, place};
+//!
+//! let loaded = load("rabbit.glb".as_ref(), &LoadOptions::default())?;
+//! let (mesh, mesh_to_lattice) = place(loaded.mesh, &Placement { size: Size::HeightMm(30.0), ..Placement::default() })?;
+//! let file_to_lattice = mesh_to_lattice * loaded.file_to_mesh;
+//! let solid = close(mesh)?;
+//! # Ok::<(), lumislice::mesh::MeshError>(())
+//! ```
 
 mod error;
 mod heal;
 mod place;
 mod read;
+mod words;
 
 use std::sync::Arc;
 

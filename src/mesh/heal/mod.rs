@@ -17,9 +17,6 @@ mod nesting;
 mod orient;
 mod report;
 
-#[cfg(test)]
-mod tests;
-
 use glam::DVec3;
 
 use self::edges::Edges;
@@ -67,7 +64,7 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     health.area_mm2 = shells.all.iter().map(|shell| shell.area).sum();
     health.cap_area_mm2 = shells.all.iter().map(|shell| shell.cap_area).sum();
     health.open_shells = shells.all.iter().filter(|shell| shell.cap_area > MAX_CAP_FRACTION * shell.area).count();
-    if !(health.cap_area_mm2 <= MAX_CAP_FRACTION * health.area_mm2) {
+    if health.cap_area_mm2 > MAX_CAP_FRACTION * health.area_mm2 {
         return Err(MeshError::OpenSheet {
             holes: health.holes,
             open_edges: health.open_edges,
@@ -77,7 +74,7 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     }
     let mut caps = shells.turn_outwards(&mut mesh, caps, &mut health);
     health.volume_mm3 = shells.all.iter().map(|shell| shell.volume).sum();
-    if !(health.volume_mm3 >= MIN_COMPACTNESS * health.area_mm2.powf(1.5)) {
+    if health.volume_mm3 <= MIN_COMPACTNESS * health.area_mm2.powf(1.5) {
         return Err(MeshError::NoVolume { volume_mm3: health.volume_mm3, area_mm2: health.area_mm2 });
     }
     health.caps = caps.len();
@@ -99,7 +96,7 @@ fn set_needles_aside(mesh: &mut TriangleMesh, caps: &mut Vec<[DVec3; 3]>, health
 
 fn is_needle([a, b, c]: [DVec3; 3]) -> bool {
     let longest_squared = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-    !((b - a).cross(c - a).length() > NEEDLE_ASPECT * longest_squared)
+    (b - a).cross(c - a).length() <= NEEDLE_ASPECT * longest_squared
 }
 
 impl TriangleMesh {

@@ -1,6 +1,7 @@
 //! The health report in sentences.
 
 use super::HealthReport;
+use crate::mesh::words::{counted, is_are, was_were};
 
 impl HealthReport {
     /// What a user should know, one sentence with counts for each finding; empty for a sound mesh.
@@ -75,16 +76,4 @@ impl HealthReport {
         );
         said
     }
-}
-
-fn counted(count: usize, noun: &str) -> String {
-    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
-}
-
-fn is_are(count: usize, noun: &str) -> String {
-    format!("{} {}", counted(count, noun), if count == 1 { "is" } else { "are" })
-}
-
-fn was_were(count: usize, noun: &str) -> String {
-    format!("{} {}", counted(count, noun), if count == 1 { "was" } else { "were" })
 }

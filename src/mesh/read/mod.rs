@@ -10,6 +10,7 @@
 
 mod accessor;
 mod gltf;
+mod gltf_container;
 mod mtl;
 mod obj;
 mod ply;
