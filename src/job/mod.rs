@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
 pub use error::{JobError, Place};
-pub use object::{ObjectJob, Scaling, Unit};
+pub use object::{ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
     SUPPORT_MIN_DEPTH_MM, StackingOptions,
@@ -34,6 +34,8 @@ pub use paths::InputPath;
 pub use resolved::ResolvedJob;
 pub use stack::{StackError, format_stack, parse_stack};
 pub use target::{AlbedoSource, TargetSpec};
+
+pub use crate::mesh::Unit;
 
 use crate::suggest::hint;
 use crate::voxel::Printer;

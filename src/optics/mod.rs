@@ -17,6 +17,7 @@ mod frequency;
 mod hankel;
 mod inverse;
 mod kubelka_munk;
+mod materials;
 mod monte_carlo;
 mod profile;
 mod profile_csv;
@@ -31,6 +32,10 @@ pub use frequency::FrequencyGrid;
 pub use hankel::ProfileSpectrum;
 pub use inverse::InverseHankel;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
+pub use materials::{
+    BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinSpectrum,
+    SimulatedProfile, SpectrumError, regenerate_builtin, simulate_profile,
+};
 pub use monte_carlo::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges};
 pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERANCE, ProfileError, RadialProfile};
 pub use profile_csv::ProfileFile;

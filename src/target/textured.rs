@@ -12,7 +12,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::{
-    charts::{ChartMap, charts, for_covered_texels, wrap},
+    charts::{Atlas, Place, for_covered_texels, wrap},
     layers::BrickQuery,
     slots::SlotTable,
 };
@@ -22,16 +22,9 @@ use crate::{
     voxel::{BRICK_VOXELS, MaterialId},
 };
 
-/// Which stacking every texel has.
+/// Which stacking every texel of a page has, row 0 on top. Texels that no triangle covers do not matter.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LabelMap {
-    /// Texels per row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Index of the stacking per texel, row 0 on top.
-    pub labels: Vec<u16>,
-}
+pub struct LabelMap(pub Vec<u16>);
 
 /// A texel: whose stacking, and whose chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,15 +33,22 @@ struct Texel {
     chart: u16,
 }
 
+/// One texture among the texels of all.
+#[derive(Debug, Clone, Copy)]
+struct Page {
+    width: u32,
+    height: u32,
+    start: usize,
+}
+
 /// The layers of a textured object.
 #[derive(Debug, Clone)]
 pub struct TexturedLayers {
     slots: SlotTable,
-    width: u32,
-    height: u32,
+    pages: Vec<Page>,
     texels: Vec<Texel>,
-    /// Chart of every triangle.
-    chart_of: Vec<u16>,
+    /// Page and chart of every triangle.
+    places: Vec<Place>,
     /// Per triangle the least and then the greatest bottom of every slot, mm.
     ranges: Vec<f32>,
 }
@@ -57,14 +57,15 @@ pub struct TexturedLayers {
 const FOOTPRINT: f32 = 1.5;
 
 impl TexturedLayers {
-    /// Lays `labels` over the texture coordinates of `mesh`, which must have them; every label is a row of `slots`.
-    pub fn new(mesh: &TriangleMesh, labels: &LabelMap, slots: SlotTable) -> Self {
-        let chart_of = charts(mesh);
-        let map = ChartMap::new(mesh, &chart_of, labels.width, labels.height);
-        let texels = map.source.iter().zip(&map.chart);
-        let texels = texels.map(|(&source, &chart)| Texel { label: labels.labels[source as usize], chart }).collect();
+    /// Lays one label map per page over an atlas of `mesh`; every label is a row of `slots`.
+    pub fn new(mesh: &TriangleMesh, atlas: &Atlas, labels: &[LabelMap], slots: SlotTable) -> Self {
         let mut layers =
-            Self { slots, width: labels.width, height: labels.height, texels, chart_of, ranges: Vec::new() };
+            Self { slots, pages: Vec::new(), texels: Vec::new(), places: atlas.places().to_vec(), ranges: Vec::new() };
+        for (page, labels) in atlas.pages().iter().zip(labels) {
+            layers.pages.push(Page { width: page.width, height: page.height, start: layers.texels.len() });
+            let texels = page.source.iter().zip(&page.chart);
+            layers.texels.extend(texels.map(|(&source, &chart)| Texel { label: labels.0[source as usize], chart }));
+        }
         layers.ranges = layers.triangle_ranges(mesh);
         layers
     }
@@ -82,12 +83,16 @@ impl TexturedLayers {
     fn triangle_ranges(&self, mesh: &TriangleMesh) -> Vec<f32> {
         let stride = self.slots.stride();
         let mut ranges = vec![0.0; mesh.triangles.len() * 2 * stride];
-        let scale = Vec2::new(self.width as f32, self.height as f32);
-        ranges.par_chunks_mut(2 * stride).zip(&mesh.uvs).zip(&self.chart_of).for_each_init(
+        ranges.par_chunks_mut(2 * stride).zip(&mesh.uvs).zip(&self.places).for_each_init(
             Vec::new,
-            |labels, ((range, uvs), &chart)| {
+            |labels, ((range, uvs), &Place { page, chart })| {
                 labels.clear();
-                let texel = |x: i32, y: i32| self.texels[self.index(x, y)];
+                let page = self.pages[usize::from(page)];
+                let scale = Vec2::new(page.width as f32, page.height as f32);
+                let texel = |x: i32, y: i32| {
+                    let (x, y) = (wrap(x, page.width) as usize, wrap(y, page.height) as usize);
+                    self.texels[page.start + x + page.width as usize * y]
+                };
                 let corners = uvs.map(|uv| uv * scale - Vec2::splat(0.5));
                 for_covered_texels(corners, FOOTPRINT, scale, |x, y| {
                     let here = texel(x, y);
@@ -122,11 +127,6 @@ impl TexturedLayers {
         ranges
     }
 
-    #[inline(always)]
-    fn index(&self, x: i32, y: i32) -> usize {
-        wrap(x, self.width) as usize + self.width as usize * wrap(y, self.height) as usize
-    }
-
     /// See [`super::LayerField::uniform_over`].
     pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<MaterialId> {
         let stride = self.slots.stride();
@@ -145,8 +145,7 @@ impl TexturedLayers {
 
     /// The material at texture coordinates `uv` of triangle `triangle`, `depth` mm below the surface.
     pub fn material(&self, triangle: u32, uv: Vec2, depth: f32) -> MaterialId {
-        let chart = self.chart_of[triangle as usize];
-        self.slots.material(&mut [0.0; SlotTable::MAX_STRIDE], &self.footprint(chart, uv.x, uv.y), depth)
+        self.slots.material(&mut [0.0; SlotTable::MAX_STRIDE], &self.footprint(triangle, uv.x, uv.y), depth)
     }
 
     /// See [`super::LayerField::fill_brick`].
@@ -156,14 +155,16 @@ impl TexturedLayers {
 
     /// The four texels around a point and their weights; texels of other charts weigh nothing, unless all four are.
     #[inline(always)]
-    fn footprint(&self, chart: u16, u: f32, v: f32) -> Footprint {
-        let (x, y) = (u * self.width as f32 - 0.5, v * self.height as f32 - 0.5);
+    fn footprint(&self, triangle: u32, u: f32, v: f32) -> Footprint {
+        let Place { page, chart } = self.places[triangle as usize];
+        let Page { width, height, start } = self.pages[usize::from(page)];
+        let (x, y) = (u * width as f32 - 0.5, v * height as f32 - 0.5);
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
         let (x0, y0) = (x0 as i32, y0 as i32);
-        let (left, right) = (wrap_near(x0, self.width), wrap_near(x0 + 1, self.width));
-        let (top, bottom) = (wrap_near(y0, self.height), wrap_near(y0 + 1, self.height));
-        let row = |y: u32| y as usize * self.width as usize;
+        let (left, right) = (wrap_near(x0, width), wrap_near(x0.wrapping_add(1), width));
+        let (top, bottom) = (wrap_near(y0, height), wrap_near(y0.wrapping_add(1), height));
+        let row = |y: u32| start + y as usize * width as usize;
         let texel = |x: u32, row: usize| self.texels[x as usize + row];
         let texels =
             [texel(left, row(top)), texel(right, row(top)), texel(left, row(bottom)), texel(right, row(bottom))];
@@ -223,8 +224,7 @@ fn fill_brick(layers: &TexturedLayers, query: BrickQuery<'_>, out: &mut [u8; BRI
             let voxel = row * 8 + rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let triangle = query.candidates[query.surface.candidate[voxel] as usize];
-            let chart = layers.chart_of[triangle as usize];
-            let footprint = layers.footprint(chart, query.surface.u[voxel], query.surface.v[voxel]);
+            let footprint = layers.footprint(triangle, query.surface.u[voxel], query.surface.v[voxel]);
             out[voxel] = layers.slots.material(&mut bottoms, &footprint, query.surface.distance[voxel]).0;
         }
     }
