@@ -7,7 +7,9 @@
 use std::time::{Duration, Instant};
 
 use lumislice::optics::{FrequencyGrid, KubelkaMunk};
-use lumislice::search::{BlockTable, ResinLimit, SearchOptions, SearchTarget, algorithm_1, match_target, match_targets};
+use lumislice::search::{
+    BlockTable, ResinLimit, SearchOptions, SearchTarget, algorithm_1, match_target, match_targets,
+};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
@@ -91,7 +93,11 @@ fn main() {
         assert!((a.objective - b.objective).abs() < 1e-12);
         (printed, here, nodes) = (printed + ms(slow), here + ms(fast), (nodes.0 + a.nodes, nodes.1 + b.nodes));
     }
-    println!("Algorithm 1 as printed, n 64, depth 6, 5 targets: {:.1} ms, {} nodes a target", printed / 5.0, nodes.0 / 5);
+    println!(
+        "Algorithm 1 as printed, n 64, depth 6, 5 targets: {:.1} ms, {} nodes a target",
+        printed / 5.0,
+        nodes.0 / 5
+    );
     println!("  ratio: {:.0} in time, {:.0} in nodes", printed / here, nodes.0 as f64 / nodes.1 as f64);
 
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
