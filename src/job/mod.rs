@@ -6,6 +6,7 @@
 //! later ([`Job::check_resins`]), when the materials are known. `docs/job.md` lists every key.
 
 mod error;
+mod estimate;
 mod images;
 mod manifest;
 mod object;
@@ -32,7 +33,10 @@ use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
 pub use error::{JobError, Place};
-pub use manifest::{LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord};
+pub use estimate::Estimate;
+pub use manifest::{
+    LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
+};
 pub use object::{ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
@@ -44,8 +48,8 @@ pub use progress::{Interrupt, Progress, Silent};
 pub use resolved::ResolvedJob;
 pub use run::{RunOptions, STACKINGS, run};
 pub use run_error::{Blame, RunError};
-pub use stackings::{LayerEntry, SearchEntry, StackingEntry, StackingReport};
 pub use stack::{StackError, format_stack, parse_stack};
+pub use stackings::{LayerEntry, SearchEntry, StackingEntry, StackingReport};
 pub use target::{AlbedoSource, TargetSpec};
 
 pub use crate::mesh::Unit;
