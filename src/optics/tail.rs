@@ -14,13 +14,19 @@ const FIT_MIN_SAMPLES: usize = 6;
 const FIT_MAX_RESIDUAL: f64 = 0.3;
 /// A tail holding more than this share of all energy is a guess, not an extrapolation.
 const MAX_SHARE: f64 = 0.5;
-/// Energy in the fit's window, as a share of all, under which nothing is missing.
+/// Samples beyond this share of the reach…
+const OUTERMOST: f64 = 0.8;
+/// …holding less than this share of the energy: what lies beyond is several times less, and nothing is missing.
 const NEGLIGIBLE: f64 = 1e-5;
+/// The same holds if that energy is within so many of its standard errors of 0…
+const SIGNIFICANT: f64 = 3.0;
+/// …and these are no more than this share of all: a profile that is noise all over says nothing about its end.
+const NOISE: f64 = 1e-3;
 
 /// What was done about the light beyond the last sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tail {
-    /// The samples reach far enough: their outer 40% hold less than 1e-5 of the energy.
+    /// The samples reach far enough: their outer fifth holds less than 1e-5 of the energy, or nothing that stands out of its noise.
     Negligible,
     /// Continued as an exponential.
     Exponential {
@@ -46,10 +52,13 @@ impl Tail {
         let reach = profile.reach_mm();
         let energy = profile.energy();
         let cut = Self::Cut { from_mm: reach };
-        let first = profile.r_mm().partition_point(|r| *r < FIT_FROM * reach);
+        let beyond = |share: f64| profile.r_mm().partition_point(|r| *r < share * reach);
+        let first = beyond(FIT_FROM);
         let values = &profile.value_per_mm2()[first..];
         let radii = &profile.r_mm()[first..];
-        if energy <= 0.0 || outer_energy(profile, first).abs() < NEGLIGIBLE * energy {
+        let outermost = beyond(OUTERMOST);
+        let certain = (NEGLIGIBLE * energy).max(SIGNIFICANT * outer_error(profile, outermost).min(NOISE * energy));
+        if energy <= 0.0 || outer_energy(profile, outermost).abs() < certain {
             return Self::Negligible;
         }
         if values.len() < FIT_MIN_SAMPLES || values.iter().any(|value| *value <= 0.0) {
@@ -68,6 +77,13 @@ impl Tail {
         }
         Self::Exponential { from_mm: reach, value_per_mm2: value, decay_per_mm: decay, share }
     }
+}
+
+/// Standard error of [`outer_energy`]; 0 if the profile knows none.
+fn outer_error(profile: &RadialProfile, first: usize) -> f64 {
+    let Some(errors) = profile.standard_error() else { return 0.0 };
+    let terms = profile.sample_areas().into_iter().zip(errors).skip(first);
+    terms.map(|(area, error)| (area * error).powi(2)).sum::<f64>().sqrt()
 }
 
 /// Energy of the samples from `first` on.
