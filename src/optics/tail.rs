@@ -14,19 +14,15 @@ const FIT_MIN_SAMPLES: usize = 6;
 const FIT_MAX_RESIDUAL: f64 = 0.3;
 /// A tail holding more than this share of all energy is a guess, not an extrapolation.
 const MAX_SHARE: f64 = 0.5;
-/// Samples beyond this share of the reach…
+/// The outer samples are halved here to see how fast their energy falls.
 const OUTERMOST: f64 = 0.8;
-/// …holding less than this share of the energy: what lies beyond is several times less, and nothing is missing.
+/// Share of the energy that may be missing without a word.
 const NEGLIGIBLE: f64 = 1e-5;
-/// The same holds if that energy is within so many of its standard errors of 0…
-const SIGNIFICANT: f64 = 3.0;
-/// …and these are no more than this share of all: a profile that is noise all over says nothing about its end.
-const NOISE: f64 = 1e-3;
 
 /// What was done about the light beyond the last sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tail {
-    /// The samples reach far enough: their outer fifth holds less than 1e-5 of the energy, or nothing that stands out of its noise.
+    /// The samples reach far enough: less than 1e-5 of the energy is beyond them, or even in their outer fifth.
     Negligible,
     /// Continued as an exponential.
     Exponential {
@@ -56,9 +52,7 @@ impl Tail {
         let first = beyond(FIT_FROM);
         let values = &profile.value_per_mm2()[first..];
         let radii = &profile.r_mm()[first..];
-        let outermost = beyond(OUTERMOST);
-        let certain = (NEGLIGIBLE * energy).max(SIGNIFICANT * outer_error(profile, outermost).min(NOISE * energy));
-        if energy <= 0.0 || outer_energy(profile, outermost).abs() < certain {
+        if energy <= 0.0 || beyond_reach(profile, first, beyond(OUTERMOST)) < NEGLIGIBLE * energy {
             return Self::Negligible;
         }
         if values.len() < FIT_MIN_SAMPLES || values.iter().any(|value| *value <= 0.0) {
@@ -79,11 +73,13 @@ impl Tail {
     }
 }
 
-/// Standard error of [`outer_energy`]; 0 if the profile knows none.
-fn outer_error(profile: &RadialProfile, first: usize) -> f64 {
-    let Some(errors) = profile.standard_error() else { return 0.0 };
-    let terms = profile.sample_areas().into_iter().zip(errors).skip(first);
-    terms.map(|(area, error)| (area * error).powi(2)).sum::<f64>().sqrt()
+/// Energy to be expected beyond the reach, if it goes on falling as from the samples [first, last) to those from `last` on; no
+/// more than the latter hold if that is next to nothing.
+fn beyond_reach(profile: &RadialProfile, first: usize, last: usize) -> f64 {
+    let outermost = outer_energy(profile, last);
+    let before = outer_energy(profile, first) - outermost;
+    let falling = if before > outermost { outermost * outermost / (before - outermost) } else { f64::INFINITY };
+    falling.min(outermost.abs())
 }
 
 /// Energy of the samples from `first` on.

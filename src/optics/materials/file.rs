@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 
 use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
 use super::spectra::ResinSpectrum;
-use super::toml_source::{At, Folder, Keys, Source, kind};
+use super::toml_source::{At, Folder, Keys, Source, Strings, kind};
 use super::{MaterialSet, Resin};
 use crate::optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile, VolumeCoefficients};
 
@@ -311,7 +311,7 @@ impl MaterialFile {
 }
 
 fn channels(top: &Keys<'_, '_>) -> Result<Vec<String>, OpticsError> {
-    let Some((names, _)) = top.strings("channels")? else { return Ok(vec!["Y".into()]) };
+    let Some(Strings { items: names, .. }) = top.strings("channels")? else { return Ok(vec!["Y".into()]) };
     let at = top.get("channels").map_or(0, |value| value.span().start);
     if names.is_empty() || names.len() > MAX_CHANNELS {
         return Err(top.error(at, "channels", format!("{} channels", names.len()), format!("1 to {MAX_CHANNELS}")));
@@ -390,7 +390,7 @@ fn profiles(
     channels: &[String],
 ) -> Result<Option<Vec<(RadialProfile, RadialProfile)>>, OpticsError> {
     let per_channel = |key: &str| -> Result<Option<Vec<At<String>>>, OpticsError> {
-        let Some((names, is_array)) = keys.strings(key)? else { return Ok(None) };
+        let Some(Strings { items: names, is_array }) = keys.strings(key)? else { return Ok(None) };
         let wanted = if is_array { channels.len() } else { 1 };
         if names.len() != wanted || (!is_array && channels.len() != 1) {
             let at = names.first().map_or(keys.start, |name| name.at);
