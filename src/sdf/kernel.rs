@@ -46,11 +46,7 @@ pub struct BrickSurface {
 
 impl Default for BrickSurface {
     fn default() -> Self {
-        Self {
-            distance: [0.0; BRICK_VOXELS],
-            candidate: [0; BRICK_VOXELS],
-            error: 0.0,
-        }
+        Self { distance: [0.0; BRICK_VOXELS], candidate: [0; BRICK_VOXELS], error: 0.0 }
     }
 }
 

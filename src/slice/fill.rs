@@ -241,10 +241,11 @@ impl ObjectField {
             let squared = |&t: &u32| closest_point(p, &triangles[t as usize]).distance_squared;
             candidates.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
         };
-        let uv = |triangle: u32, voxel: usize| {
-            let weights = closest_point(position(voxel), &triangles[triangle as usize]).barycentric;
-            let corners = &self.uvs[triangle as usize];
-            corners.iter().zip(weights).map(|(&uv, weight)| uv * weight as f32).sum::<Vec2>()
+        let uv = |candidate: u32, voxel: usize| {
+            let triangle = candidates[candidate as usize] as usize;
+            let weights = closest_point(position(voxel), &triangles[triangle]).barycentric;
+            let [a, b, c] = self.uvs[triangle];
+            a + (b - a) * weights[1] as f32 + (c - a) * weights[2] as f32
         };
         let mut ids = [0; BRICK_VOXELS];
         let query = BrickQuery { surface: &scratch.surface, candidates, mask };
