@@ -25,9 +25,10 @@ pub fn read_picture(path: &Path) -> Result<Picture, RunError> {
     let image = open(path)?;
     let (width, height) = (image.width(), image.height());
     let rgb = match image {
-        DynamicImage::ImageLuma8(_) | DynamicImage::ImageLumaA8(_) | DynamicImage::ImageRgb8(_) | DynamicImage::ImageRgba8(_) => {
-            image.to_rgb8().pixels().map(|p| p.0.map(|v| f32::from(v) / 255.0)).collect()
-        }
+        DynamicImage::ImageLuma8(_)
+        | DynamicImage::ImageLumaA8(_)
+        | DynamicImage::ImageRgb8(_)
+        | DynamicImage::ImageRgba8(_) => image.to_rgb8().pixels().map(|p| p.0.map(|v| f32::from(v) / 255.0)).collect(),
         _ => image.to_rgb16().pixels().map(|p| p.0.map(|v| f32::from(v) / 65535.0)).collect(),
     };
     Ok(Picture { width, height, rgb })

@@ -32,7 +32,9 @@ use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
 pub use error::{JobError, Place};
-pub use manifest::{LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord};
+pub use manifest::{
+    LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
+};
 pub use object::{ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
@@ -44,8 +46,8 @@ pub use progress::{Interrupt, Progress, Silent};
 pub use resolved::ResolvedJob;
 pub use run::{RunOptions, STACKINGS, run};
 pub use run_error::{Blame, RunError};
-pub use stackings::{LayerEntry, SearchEntry, StackingEntry, StackingReport};
 pub use stack::{StackError, format_stack, parse_stack};
+pub use stackings::{LayerEntry, SearchEntry, StackingEntry, StackingReport};
 pub use target::{AlbedoSource, TargetSpec};
 
 pub use crate::mesh::Unit;

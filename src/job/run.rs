@@ -56,13 +56,8 @@ pub fn run(
     if let Some(least) = prepared.job.printer.min_slices.filter(|&least| (dims[2] as usize) < least) {
         warnings.push(format!("{} slices, fewer than the {least} that {} takes", dims[2], prepared.job.printer.name));
     }
-    let outcome = Outcome {
-        slices: [slices.start, slices.end],
-        counts,
-        meshes: Vec::new(),
-        files: output.files(),
-        warnings,
-    };
+    let outcome =
+        Outcome { slices: [slices.start, slices.end], counts, meshes: Vec::new(), files: output.files(), warnings };
     let manifest = Manifest::new(prepared, outcome);
     let timings = json!({ "slicing_s": sliced.as_secs_f64(), "total_s": started.elapsed().as_secs_f64() });
     output.write_unlisted(TIMINGS, &pretty(&timings))?;

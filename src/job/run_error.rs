@@ -5,9 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::JobError;
-use crate::{
-    mesh::MeshError, optics::OpticsError, search::SearchError, slice::OutputError, voxel::LatticeError,
-};
+use crate::{mesh::MeshError, optics::OpticsError, search::SearchError, slice::OutputError, voxel::LatticeError};
 
 /// Why a job was not done.
 #[derive(Debug, Error)]

@@ -170,7 +170,8 @@ fn texture_layers(
     context.progress.stage("clusters", 0);
     let sizes: Vec<_> = appearance.pages.iter().map(|page| (page.width, page.height)).collect();
     let atlas = Atlas::new(&context.solid.mesh, &sizes, &appearance.page_of);
-    let scale = max_albedo.map_or(1.0, |most| most / brightest(&atlas, &appearance.pages, channels).max(f64::MIN_POSITIVE));
+    let scale =
+        max_albedo.map_or(1.0, |most| most / brightest(&atlas, &appearance.pages, channels).max(f64::MIN_POSITIVE));
     let appearances = distinct_appearances(&atlas, &appearance.pages, channels, scale);
     let coefficients = context.materials.grid.len();
     let mut spectra = Vec::with_capacity(appearances.distinct.len() * channels * coefficients);
@@ -201,7 +202,8 @@ fn texture_layers(
             clusters.requested,
         ));
     }
-    let target = |centroid: &Vec<f64>| SearchTarget { channels: centroid.chunks(coefficients).map(<[f64]>::to_vec).collect() };
+    let target =
+        |centroid: &Vec<f64>| SearchTarget { channels: centroid.chunks(coefficients).map(<[f64]>::to_vec).collect() };
     let targets: Vec<_> = clusters.centroids.iter().map(target).collect();
     let matches = context.search(core, &targets)?;
     let total: f64 = weights.iter().sum();
@@ -340,7 +342,8 @@ impl TargetContext<'_> {
                             Box::new(move |u, v| {
                                 let texel = |at: f32, size: u32| ((at * size as f32) as u32).min(size - 1) as usize;
                                 let index = texel(u, texture.width) + texture.width as usize * texel(v, texture.height);
-                                let [tr, tg, tb, _] = texture.texels[index].map(|c| srgb_to_linear(f32::from(c) / 255.0));
+                                let [tr, tg, tb, _] =
+                                    texture.texels[index].map(|c| srgb_to_linear(f32::from(c) / 255.0));
                                 [tr * r, tg * g, tb * b]
                             }),
                         )),

@@ -13,6 +13,8 @@
 //! Where a vertex lies exactly in the plane or a crossing exactly on the row, both readings of "above" are taken and the
 //! union kept, so that the surface itself (depth 0) is inside.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -21,7 +23,7 @@ use crate::{mesh::Solid, voxel::Lattice};
 /// The closed surface of a solid, sorted into the slabs of a lattice.
 #[derive(Debug)]
 pub struct InsideRows {
-    triangles: Vec<[DVec3; 3]>,
+    triangles: Arc<[[DVec3; 3]]>,
     /// Triangles that reach into slab s: `members[starts[s]..starts[s + 1]]`.
     starts: Vec<usize>,
     members: Vec<u32>,
@@ -81,6 +83,20 @@ impl InsideRows {
         let corners = |t: &[u32; 3]| t.map(|v| solid.mesh.positions[v as usize]);
         let mut triangles: Vec<_> = solid.mesh.triangles.iter().map(corners).collect();
         triangles.extend_from_slice(&solid.caps);
+        Self::sorted(triangles.into(), lattice, slab_height)
+    }
+
+    /// The same surface for another lattice.
+    pub fn for_lattice(&self, lattice: Lattice, slab_height: u32) -> Self {
+        Self::sorted(Arc::clone(&self.triangles), lattice, slab_height)
+    }
+
+    /// The surface and the caps.
+    pub fn triangles(&self) -> &[[DVec3; 3]] {
+        &self.triangles
+    }
+
+    fn sorted(triangles: Arc<[[DVec3; 3]]>, lattice: Lattice, slab_height: u32) -> Self {
         let slabs = lattice.dims[2].div_ceil(slab_height) as usize;
         let height = f64::from(slab_height) * lattice.pitch.z;
         // One slab more than the plain quotient on both sides: rounding can then not lose a triangle.
@@ -91,7 +107,7 @@ impl InsideRows {
             low..if high < 0.0 { 0 } else { (high as usize + 1).min(slabs) }
         };
         let mut starts = vec![0; slabs + 1];
-        for triangle in &triangles {
+        for triangle in &triangles[..] {
             for slab in reach(triangle) {
                 starts[slab + 1] += 1;
             }
@@ -100,7 +116,7 @@ impl InsideRows {
             starts[slab + 1] += starts[slab];
         }
         let (mut next, mut members) = (starts.clone(), vec![0; starts[slabs]]);
-        for (index, triangle) in (0..).zip(&triangles) {
+        for (index, triangle) in (0..).zip(&triangles[..]) {
             for slab in reach(triangle) {
                 members[next[slab]] = index;
                 next[slab] += 1;

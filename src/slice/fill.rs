@@ -71,6 +71,16 @@ impl ObjectField {
         &self.layers
     }
 
+    /// Texture coordinates per triangle; empty where the layers need none.
+    pub(super) fn uvs(&self) -> &[[Vec2; 3]] {
+        &self.uvs
+    }
+
+    /// The closed surface that tells inside from outside.
+    pub(super) fn inside(&self) -> &InsideRows {
+        &self.inside
+    }
+
     /// Which voxels of the slices from `first` on are inside.
     pub fn fill_inside(&self, first: u32, slices: &mut [SliceRuns]) {
         self.inside.fill(first, slices);

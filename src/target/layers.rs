@@ -2,6 +2,8 @@
 //!
 //! A layer owns depth in [top, bottom); below the last one lies the core.
 
+use glam::Vec2;
+
 use super::textured::TexturedLayers;
 use crate::{
     sdf::{BrickSurface, DepthRange},
@@ -55,6 +57,26 @@ impl LayerField {
         match self {
             Self::Uniform(stack) => stack.uniform_over(range),
             Self::Textured(layers) => layers.uniform_over(triangles, range),
+        }
+    }
+
+    /// The material of every slot that [`Self::bottoms`] bounds, from the surface inwards, then the core's.
+    pub fn slot_ids(&self) -> Vec<MaterialId> {
+        match self {
+            Self::Uniform(stack) => stack.layers.iter().map(|layer| layer.1).chain([stack.core]).collect(),
+            Self::Textured(layers) => layers.slot_ids().to_vec(),
+        }
+    }
+
+    /// Replaces `row` by the depths (mm, ascending) at which the slots end below the surface point with texture coordinates
+    /// `uv` on triangle `triangle`. A slot that ends where the one above it does is not there.
+    pub fn bottoms(&self, triangle: u32, uv: Vec2, row: &mut Vec<f32>) {
+        match self {
+            Self::Uniform(stack) => {
+                row.clear();
+                row.extend(stack.layers.iter().map(|layer| layer.0 as f32));
+            }
+            Self::Textured(layers) => layers.bottoms(triangle, uv, row),
         }
     }
 

@@ -76,8 +76,14 @@ impl SlotTable {
     /// The material at `depth` mm where the texels of `footprint` meet; `scratch` holds a row.
     #[inline(always)]
     pub fn material(&self, scratch: &mut [f32; Self::MAX_STRIDE], footprint: &Footprint, depth: f32) -> MaterialId {
+        self.ids[passed(self.row(scratch, footprint), depth)]
+    }
+
+    /// The bottoms where the texels of `footprint` meet, within the limits; `scratch` may hold them.
+    #[inline(always)]
+    pub fn row<'a>(&'a self, scratch: &'a mut [f32; Self::MAX_STRIDE], footprint: &Footprint) -> &'a [f32] {
         if let Some(label) = footprint.single() {
-            return self.ids[passed(self.bottoms(label), depth)];
+            return self.bottoms(label);
         }
         let rows = footprint.labels.map(|label| self.bottoms(label));
         let blended = &mut scratch[..self.stride];
@@ -88,7 +94,12 @@ impl SlotTable {
         let slots = self.slots();
         blended[slots..].fill(f32::INFINITY); // 0 · ∞ is not a number
         self.limits.enforce(&mut blended[..slots]);
-        self.ids[passed(blended, depth)]
+        blended
+    }
+
+    /// The material of every slot, then the core's.
+    pub fn ids(&self) -> &[MaterialId] {
+        &self.ids
     }
 
     /// The material of all depths in `range`, given that the bottom of slot s lies in `low[s]..=high[s]`, if it is certain.
