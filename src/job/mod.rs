@@ -6,6 +6,7 @@
 //! later ([`Job::check_resins`]), when the materials are known. `docs/job.md` lists every key.
 
 mod error;
+mod estimate;
 mod images;
 mod manifest;
 mod object;
@@ -32,6 +33,7 @@ use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
 pub use error::{JobError, Place};
+pub use estimate::Estimate;
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
 };

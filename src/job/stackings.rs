@@ -293,8 +293,11 @@ impl TargetContext<'_> {
     }
 
     fn profile_target(&self, path: &std::path::Path) -> Result<SearchTarget, RunError> {
-        let profile = ProfileFile::read(path)?;
-        let spectrum = profile.reflection.hankel(&self.materials.grid);
+        let Some(reflection) = ProfileFile::read(path)?.reflection else {
+            let found = format!("{} without reflection_per_mm2", path.display());
+            return Err(self.refuse("target", found, "a profile with a column of reflection"));
+        };
+        let spectrum = reflection.hankel(&self.materials.grid);
         Ok(SearchTarget { channels: vec![spectrum.values; self.materials.channels.len()] })
     }
 

@@ -86,8 +86,8 @@ impl InsideRows {
         Self::sorted(triangles.into(), lattice, slab_height)
     }
 
-    /// The same surface for another lattice.
-    pub fn for_lattice(&self, lattice: Lattice, slab_height: u32) -> Self {
+    /// The same surface sorted into the slabs of another lattice.
+    pub fn resampled(&self, lattice: Lattice, slab_height: u32) -> Self {
         Self::sorted(Arc::clone(&self.triangles), lattice, slab_height)
     }
 
@@ -107,7 +107,7 @@ impl InsideRows {
             low..if high < 0.0 { 0 } else { (high as usize + 1).min(slabs) }
         };
         let mut starts = vec![0; slabs + 1];
-        for triangle in &triangles[..] {
+        for triangle in triangles.iter() {
             for slab in reach(triangle) {
                 starts[slab + 1] += 1;
             }
@@ -116,7 +116,7 @@ impl InsideRows {
             starts[slab + 1] += starts[slab];
         }
         let (mut next, mut members) = (starts.clone(), vec![0; starts[slabs]]);
-        for (index, triangle) in (0..).zip(&triangles[..]) {
+        for (index, triangle) in (0..).zip(triangles.iter()) {
             for slab in reach(triangle) {
                 members[next[slab]] = index;
                 next[slab] += 1;

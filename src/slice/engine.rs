@@ -33,6 +33,11 @@ impl Slicer {
         &self.objects
     }
 
+    /// The same objects on another lattice of the same frame.
+    pub fn resampled(&self, lattice: Lattice) -> Self {
+        Self { lattice, objects: self.objects.iter().map(|object| object.resampled(lattice)).collect() }
+    }
+
     /// Hands every slab that holds one of `slices` to `sink`, bottom up. The first error of the sink ends the walk.
     pub fn for_each_slab<E>(&self, slices: Range<u32>, mut sink: impl FnMut(&Slab) -> Result<(), E>) -> Result<(), E> {
         let height = BlockShape::for_lattice(&self.lattice).voxels()[2];

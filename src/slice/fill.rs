@@ -3,6 +3,8 @@
 //! A block is halved along its longest edge until it is one brick. On the way down the list of triangles that can be nearest
 //! shrinks ([`cull`]), and a box whose depths and triangles leave one answer is filled without visiting its voxels.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec2};
 
 use crate::{
@@ -21,10 +23,10 @@ const DEPTH_MARGIN: f64 = 1e-7;
 /// An object on the lattice: where it is, how deep, and what its layers are.
 #[derive(Debug)]
 pub struct ObjectField {
-    surface: Surface,
+    surface: Arc<Surface>,
     inside: InsideRows,
-    uvs: Vec<[Vec2; 3]>,
-    layers: LayerField,
+    uvs: Arc<[[Vec2; 3]]>,
+    layers: Arc<LayerField>,
     lattice: Lattice,
     shape: BlockShape,
     offsets: BrickOffsets,
@@ -51,14 +53,28 @@ impl ObjectField {
     pub fn new(solid: &Solid, lattice: Lattice, layers: LayerField) -> Option<Self> {
         let shape = BlockShape::for_lattice(&lattice);
         Some(Self {
-            surface: Surface::new(&solid.mesh)?,
+            surface: Arc::new(Surface::new(&solid.mesh)?),
             inside: InsideRows::new(solid, lattice, shape.voxels()[2]),
-            uvs: if layers.needs_uv() { solid.mesh.uvs.clone() } else { Vec::new() },
-            layers,
+            uvs: if layers.needs_uv() { solid.mesh.uvs.clone().into() } else { Arc::default() },
+            layers: Arc::new(layers),
             lattice,
             shape,
             offsets: BrickOffsets::new(&lattice),
         })
+    }
+
+    /// The same object on another lattice of the same frame.
+    pub fn resampled(&self, lattice: Lattice) -> Self {
+        let shape = BlockShape::for_lattice(&lattice);
+        Self {
+            surface: Arc::clone(&self.surface),
+            inside: self.inside.resampled(lattice, shape.voxels()[2]),
+            uvs: Arc::clone(&self.uvs),
+            layers: Arc::clone(&self.layers),
+            lattice,
+            shape,
+            offsets: BrickOffsets::new(&lattice),
+        }
     }
 
     /// The closest-point structure.

@@ -49,31 +49,24 @@ const MAX_BITS: u32 = 12;
 const MIN_BITS: u32 = 4;
 
 /// Groups the covered texels of `pages` by appearance. The albedo is multiplied by `albedo_scale` first.
-pub fn distinct_appearances(atlas: &Atlas, pages: &[AppearancePage], channels: usize, albedo_scale: f64) -> Appearances {
-    for bits in (MIN_BITS..=MAX_BITS).rev() {
-        if let Some(found) = with_bits(atlas, pages, channels, albedo_scale, bits) {
-            return found;
-        }
-    }
-    // Even four bits leave more (many channels of noise): the cap alone is given up.
-    with_bits_capped(atlas, pages, channels, albedo_scale, MIN_BITS, usize::MAX).unwrap_or(Appearances {
-        distinct: Vec::new(),
-        index: Vec::new(),
-        bits: MIN_BITS,
-    })
-}
-
-fn with_bits(
+pub fn distinct_appearances(
     atlas: &Atlas,
     pages: &[AppearancePage],
     channels: usize,
     albedo_scale: f64,
-    bits: u32,
-) -> Option<Appearances> {
-    with_bits_capped(atlas, pages, channels, albedo_scale, bits, MAX_DISTINCT)
+) -> Appearances {
+    for bits in (MIN_BITS..=MAX_BITS).rev() {
+        // Where even the fewest bits leave more (channels full of noise), the cap is given up.
+        let cap = if bits == MIN_BITS { usize::MAX } else { MAX_DISTINCT };
+        if let Some(found) = with_bits(atlas, pages, channels, albedo_scale, bits, cap) {
+            return found;
+        }
+    }
+    unreachable!("the last round has no cap")
 }
 
-fn with_bits_capped(
+/// `None` when there are more than `cap`.
+fn with_bits(
     atlas: &Atlas,
     pages: &[AppearancePage],
     channels: usize,
@@ -99,8 +92,8 @@ fn with_bits_capped(
             let next = codes.len() as u32;
             let entry = match codes.get_mut(&code) {
                 Some(entry) => entry,
-                None if codes.len() < cap => codes.entry(code.clone()).or_insert((next, 0)),
-                None => return None,
+                None if next as usize == cap => return None,
+                None => codes.entry(code.clone()).or_insert((next, 0)),
             };
             entry.1 += 1;
             of_texel[texel] = entry.0;

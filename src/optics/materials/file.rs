@@ -28,35 +28,17 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use super::resin_table::{Draft, is_name};
 use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
 use super::spectra::ResinSpectrum;
-use super::toml_source::{At, Folder, Keys, Source, kind};
+use super::toml_source::{Folder, Keys, Source, Strings, kind};
 use super::{MaterialSet, Resin};
-use crate::optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile, VolumeCoefficients};
+use crate::optics::{FrequencyGrid, OpticsError, VolumeCoefficients};
 
 const TOP_KEYS: [&str; 4] = ["name", "channels", "provenance", "resin"];
-const RESIN_KEYS: [&str; 12] = [
-    "name",
-    "rgba",
-    "density-g-per-cm3",
-    "scattering-per-mm",
-    "absorption-per-mm",
-    "g",
-    "refractive-index",
-    "reflection",
-    "transmission",
-    "thickness-mm",
-    "print-as",
-    "notes",
-];
 /// Slices name materials by one byte, of which 0 is the background.
 const MAX_RESINS: usize = 255;
 const MAX_CHANNELS: usize = 16;
-/// Thickest slab accepted, mm.
-const MAX_THICKNESS_MM: f64 = 100.0;
-/// Densities from foam to tungsten-filled; a value outside is in other units.
-const DENSITY: std::ops::RangeInclusive<f64> = 0.1..=25.0;
-
 /// A material file, read and checked, its slow simulations still to be done.
 #[derive(Debug, Clone)]
 pub struct MaterialFile {
@@ -65,23 +47,6 @@ pub struct MaterialFile {
     channels: Vec<String>,
     provenance: String,
     resins: Vec<Draft>,
-    warnings: Vec<String>,
-}
-
-/// A resin as the file has it.
-#[derive(Debug, Clone)]
-struct Draft {
-    name: String,
-    rgba: [u8; 4],
-    density: f64,
-    background: bool,
-    volume: Option<Vec<VolumeCoefficients>>,
-    /// R and T per channel.
-    profiles: Option<Vec<(RadialProfile, RadialProfile)>>,
-    thickness_mm: Vec<f64>,
-    refractive_index: f64,
-    notes: String,
-    line: usize,
 }
 
 impl MaterialSet {
@@ -123,7 +88,6 @@ impl MaterialFile {
             channels: channels(&top)?,
             provenance: top.string("provenance")?.map_or("not stated".into(), |text| text.value),
             resins: Vec::new(),
-            warnings: Vec::new(),
         };
         let tables = top.get("resin").ok_or_else(|| top.missing("resin", "at least one [[resin]] table"))?;
         let (at, not_tables) = (tables.span().start, "[[resin]] tables".to_string());
@@ -135,7 +99,8 @@ impl MaterialFile {
                 return Err(top.error(item.span().start, "resin", kind(item.get_ref()), not_tables));
             };
             let keys = Keys { source, table, start: item.span().start, prefix: format!("resin {}: ", index + 1) };
-            file.read_resin(keys, folder)?;
+            let draft = Draft::read(keys, folder, &file.channels, &file.resins)?;
+            file.resins.push(draft);
         }
         if file.resins.is_empty() || file.resins.len() > MAX_RESINS {
             let found = format!("{} resins", file.resins.len());
@@ -151,7 +116,7 @@ impl MaterialFile {
     /// [`OpticsError::Spectrum`] for profiles that are no slab's; [`OpticsError::Cancelled`].
     pub fn into_set(self, mut progress: impl FnMut(&str, f64) -> ControlFlow<()>) -> Result<MaterialSet, OpticsError> {
         let grid = FrequencyGrid::default();
-        let mut warnings = self.warnings;
+        let mut warnings: Vec<String> = self.resins.iter().filter_map(Draft::warning).collect();
         let simulated = self.resins.iter().filter(|draft| draft.profiles.is_none()).count() * self.channels.len();
         let mut done = 0;
         let mut order: Vec<(usize, Draft)> = self.resins.into_iter().enumerate().collect();
@@ -228,95 +193,10 @@ impl MaterialFile {
     pub(super) fn channels(&self) -> &[String] {
         &self.channels
     }
-
-    fn read_resin(&mut self, mut keys: Keys<'_, '_>, folder: &Folder<'_>) -> Result<(), OpticsError> {
-        if let Ok(Some(name)) = keys.string("name") {
-            keys.prefix = format!("resin {}: ", name.value);
-        }
-        keys.reject_unknown(&RESIN_KEYS)?;
-        let name = keys.string("name")?.ok_or_else(|| keys.missing("name", "a name"))?;
-        if !is_name(&name.value) {
-            return Err(keys.wrong(
-                "name",
-                &name,
-                "letters, digits, spaces, `-`, `_`, `+` or `.`, a letter or digit first",
-            ));
-        }
-        if self.resins.iter().any(|other| other.name.to_lowercase() == name.value.to_lowercase()) {
-            return Err(keys.wrong("name", &name, "a name no other resin has"));
-        }
-        let rgba = rgba(&keys)?;
-        if let Some(other) = self.resins.iter().find(|other| other.rgba == rgba.value) {
-            let expected = format!("a colour other than that of {}", other.name);
-            return Err(keys.error(rgba.at, "rgba", format!("{:?}", rgba.value), expected));
-        }
-        let density = keys.number("density-g-per-cm3")?;
-        let density = density.ok_or_else(|| keys.missing("density-g-per-cm3", "a number"))?;
-        if !DENSITY.contains(&density.value) {
-            return Err(keys.wrong("density-g-per-cm3", &density, "0.1 to 25"));
-        }
-        let background = match keys.string("print-as")? {
-            None => false,
-            Some(text) if text.value == "resin" => false,
-            Some(text) if text.value == "background" => {
-                if let Some(other) = self.resins.iter().find(|other| other.background) {
-                    let expected = format!("one background resin at most, which {} is", other.name);
-                    return Err(keys.error(text.at, "print-as", "background".into(), expected));
-                }
-                true
-            }
-            Some(text) => return Err(keys.wrong("print-as", &text, "\"background\" or \"resin\"")),
-        };
-        let refractive_index = match keys.number("refractive-index")? {
-            None => 1.0,
-            Some(index) if (1.0..=3.0).contains(&index.value) => index.value,
-            Some(index) => return Err(keys.wrong("refractive-index", &index, "1 to 3")),
-        };
-        if refractive_index != 1.0 {
-            self.warnings.push(format!(
-                "resin {}: refractive index {refractive_index} is noted, but light is reckoned index-matched, without Fresnel \
-                 reflection",
-                name.value
-            ));
-        }
-        let volume = volume(&keys, self.channels.len())?;
-        let profiles = profiles(&keys, folder, &self.channels)?;
-        if volume.is_none() && profiles.is_none() {
-            return Err(keys.missing("scattering-per-mm", "coefficients, or measured profiles under `reflection`"));
-        }
-        let thickness_mm = match (keys.per_channel("thickness-mm", self.channels.len())?, &volume) {
-            (Some(given), _) => {
-                if let Some(wrong) = given.iter().find(|t| !(t.value > 0.0 && t.value <= MAX_THICKNESS_MM)) {
-                    return Err(keys.wrong("thickness-mm", wrong, "more than 0, at most 100"));
-                }
-                given.iter().map(|thickness| thickness.value).collect()
-            }
-            (None, Some(volume)) if profiles.is_none() => {
-                volume.iter().map(VolumeCoefficients::representative_thickness_mm).collect()
-            }
-            (None, _) => return Err(keys.missing("thickness-mm", "the thickness of the slab whose profiles these are")),
-        };
-        let notes = keys.string("notes")?.map(|notes| notes.value).unwrap_or_default();
-        let line = 1 + keys.source.text[..keys.start].matches('\n').count();
-        let (name, rgba, density) = (name.value, rgba.value, density.value);
-        self.resins.push(Draft {
-            name,
-            rgba,
-            density,
-            background,
-            volume,
-            profiles,
-            thickness_mm,
-            refractive_index,
-            notes,
-            line,
-        });
-        Ok(())
-    }
 }
 
 fn channels(top: &Keys<'_, '_>) -> Result<Vec<String>, OpticsError> {
-    let Some((names, _)) = top.strings("channels")? else { return Ok(vec!["Y".into()]) };
+    let Some(Strings { items: names, .. }) = top.strings("channels")? else { return Ok(vec!["Y".into()]) };
     let at = top.get("channels").map_or(0, |value| value.span().start);
     if names.is_empty() || names.len() > MAX_CHANNELS {
         return Err(top.error(at, "channels", format!("{} channels", names.len()), format!("1 to {MAX_CHANNELS}")));
@@ -327,113 +207,4 @@ fn channels(top: &Keys<'_, '_>) -> Result<Vec<String>, OpticsError> {
         }
     }
     Ok(names.into_iter().map(|name| name.value).collect())
-}
-
-/// Names go into stackings (`white:2.0,…`) and file names.
-fn is_name(name: &str) -> bool {
-    name.starts_with(char::is_alphanumeric)
-        && name.ends_with(|c: char| c.is_alphanumeric() || "-_+".contains(c))
-        && name.chars().all(|c| c.is_alphanumeric() || " -_+.".contains(c))
-}
-
-fn rgba(keys: &Keys<'_, '_>) -> Result<At<[u8; 4]>, OpticsError> {
-    let expected = "[red, green, blue] or [red, green, blue, alpha], integers of 0 to 255";
-    let numbers = keys.numbers("rgba")?.ok_or_else(|| keys.missing("rgba", expected))?;
-    let byte = |number: &At<f64>| {
-        (number.value.fract() == 0.0 && (0.0..=255.0).contains(&number.value)).then_some(number.value as u8)
-    };
-    let bytes: Option<Vec<u8>> = numbers.value.iter().map(byte).collect();
-    let value = match bytes.as_deref() {
-        Some(&[r, g, b]) => [r, g, b, 255],
-        Some(&[r, g, b, a]) => [r, g, b, a],
-        _ => {
-            let found: Vec<String> = numbers.value.iter().map(|number| number.value.to_string()).collect();
-            return Err(keys.error(numbers.at, "rgba", format!("[{}]", found.join(", ")), expected.into()));
-        }
-    };
-    if value == [0; 4] {
-        let expected = "any other colour: slices use this one for background";
-        return Err(keys.error(numbers.at, "rgba", "[0, 0, 0, 0]".into(), expected.into()));
-    }
-    Ok(At { value, at: numbers.at })
-}
-
-fn volume(keys: &Keys<'_, '_>, channels: usize) -> Result<Option<Vec<VolumeCoefficients>>, OpticsError> {
-    let [scattering, absorption, g] =
-        ["scattering-per-mm", "absorption-per-mm", "g"].map(|key| keys.per_channel(key, channels));
-    let (scattering, absorption) = match (scattering?, absorption?) {
-        (Some(scattering), Some(absorption)) => (scattering, absorption),
-        (None, None) => return Ok(None),
-        (Some(_), None) => return Err(keys.missing("absorption-per-mm", "a number beside scattering-per-mm")),
-        (None, Some(_)) => return Err(keys.missing("scattering-per-mm", "a number beside absorption-per-mm")),
-    };
-    let g = g?.unwrap_or_else(|| (0..channels).map(|_| At { value: 0.0, at: keys.start }).collect());
-    let coefficients = scattering.iter().zip(&absorption).zip(&g).map(|((sigma_s, sigma_a), g)| {
-        VolumeCoefficients::new(sigma_s.value, sigma_a.value, g.value).map_err(|error| match error {
-            OpticsError::Parameter { name, found, expected } => {
-                let at = match name.as_str() {
-                    "g" => g.at,
-                    "absorption-per-mm" => absorption.first().map_or(keys.start, |_| sigma_a.at),
-                    _ => sigma_s.at,
-                };
-                keys.error(at, &name, found, expected)
-            }
-            other => other,
-        })
-    });
-    let coefficients: Vec<_> = coefficients.collect::<Result<_, _>>()?;
-    if let Some(i) = coefficients.iter().position(|c| c.sigma_t() == 0.0) {
-        let expected = "a resin that scatters or absorbs".into();
-        return Err(keys.error(scattering[i].at, "scattering-per-mm", "0, and no absorption".into(), expected));
-    }
-    Ok(Some(coefficients))
-}
-
-fn profiles(
-    keys: &Keys<'_, '_>,
-    folder: &Folder<'_>,
-    channels: &[String],
-) -> Result<Option<Vec<(RadialProfile, RadialProfile)>>, OpticsError> {
-    let per_channel = |key: &str| -> Result<Option<Vec<At<String>>>, OpticsError> {
-        let Some((names, is_array)) = keys.strings(key)? else { return Ok(None) };
-        let wanted = if is_array { channels.len() } else { 1 };
-        if names.len() != wanted || (!is_array && channels.len() != 1) {
-            let at = names.first().map_or(keys.start, |name| name.at);
-            let expected = format!("{}: one per channel", channels.len());
-            return Err(keys.error(at, key, format!("{} files", names.len()), expected));
-        }
-        Ok(Some(names))
-    };
-    let reflection = per_channel("reflection")?;
-    let transmission = per_channel("transmission")?;
-    let Some(reflection) = reflection else {
-        return match transmission {
-            None => Ok(None),
-            Some(_) => Err(keys.missing("reflection", "a file beside transmission")),
-        };
-    };
-    let lacks = |file: PathBuf, column: &str| OpticsError::Entry {
-        file,
-        line: None,
-        element: "header".into(),
-        found: format!("no {column} column"),
-        expected: format!("one, since {} names the file", keys.prefix.trim_end_matches([':', ' '])),
-    };
-    let mut pairs = Vec::with_capacity(channels.len());
-    for channel in 0..channels.len() {
-        let (r_path, text) = folder.read(&reflection[channel].value)?;
-        let r_file = ProfileFile::parse(&text, &r_path)?;
-        let (t_path, t_file) = match &transmission {
-            Some(names) => {
-                let (path, text) = folder.read(&names[channel].value)?;
-                let file = ProfileFile::parse(&text, &path)?;
-                (path, file)
-            }
-            None => (r_path.clone(), r_file.clone()),
-        };
-        let r = r_file.reflection.ok_or_else(|| lacks(r_path, "reflection_per_mm2"))?;
-        let t = t_file.transmission.ok_or_else(|| lacks(t_path, "transmission_per_mm2"))?;
-        pairs.push((r, t));
-    }
-    Ok(Some(pairs))
 }

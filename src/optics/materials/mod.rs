@@ -6,6 +6,7 @@
 
 mod builtin;
 mod file;
+mod resin_table;
 mod simulate;
 mod spectra;
 mod toml_source;

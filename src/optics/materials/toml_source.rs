@@ -47,6 +47,12 @@ pub(super) struct At<T> {
     pub(super) at: usize,
 }
 
+/// Strings, and whether they stood in an array.
+pub(super) struct Strings {
+    pub(super) items: Vec<At<String>>,
+    pub(super) is_array: bool,
+}
+
 impl<'a, 't> Keys<'a, 't> {
     /// Complains about keys that are not known, naming the nearest that is.
     pub(super) fn reject_unknown(&self, known: &[&str]) -> Result<(), OpticsError> {
@@ -96,16 +102,16 @@ impl<'a, 't> Keys<'a, 't> {
         }
     }
 
-    /// One string or an array of them; true if it was an array.
-    pub(super) fn strings(&self, key: &str) -> Result<Option<(Vec<At<String>>, bool)>, OpticsError> {
+    /// One string or an array of them.
+    pub(super) fn strings(&self, key: &str) -> Result<Option<Strings>, OpticsError> {
         let Some(value) = self.get(key) else { return Ok(None) };
         let expected = "a string or an array of strings";
         match value.get_ref().as_array() {
             Some(array) => {
                 let items = array.iter().map(|item| self.as_string(key, item, expected));
-                Ok(Some((items.collect::<Result<_, _>>()?, true)))
+                Ok(Some(Strings { items: items.collect::<Result<_, _>>()?, is_array: true }))
             }
-            None => Ok(Some((vec![self.as_string(key, value, expected)?], false))),
+            None => Ok(Some(Strings { items: vec![self.as_string(key, value, expected)?], is_array: false })),
         }
     }
 

@@ -87,7 +87,7 @@ impl<'a> NodeObject<'a> {
         Self {
             field,
             number,
-            inside: field.inside().for_lattice(grid.lattice, BLOCK_NODES as u32),
+            inside: field.inside().resampled(grid.lattice, BLOCK_NODES as u32),
             offsets: BrickOffsets::new(&grid.lattice),
             labels: field.layers().slot_ids().into_iter().map(|id| label(part_of, id)).collect(),
             part_of,
