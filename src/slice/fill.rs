@@ -87,6 +87,18 @@ impl ObjectField {
         &self.layers
     }
 
+    /// Texture coordinates of the point of a triangle nearest to `p`; 0 where the layers need none.
+    pub(super) fn uv(&self, triangle: u32, p: DVec3) -> Vec2 {
+        let Some(&[a, b, c]) = self.uvs.get(triangle as usize) else { return Vec2::ZERO };
+        let weights = closest_point(p, &self.surface.triangles()[triangle as usize]).barycentric;
+        a + (b - a) * weights[1] as f32 + (c - a) * weights[2] as f32
+    }
+
+    /// The closed surface that tells inside from outside.
+    pub(super) fn inside(&self) -> &InsideRows {
+        &self.inside
+    }
+
     /// Which voxels of the slices from `first` on are inside.
     pub fn fill_inside(&self, first: u32, slices: &mut [SliceRuns]) {
         self.inside.fill(first, slices);
@@ -241,12 +253,7 @@ impl ObjectField {
             let squared = |&t: &u32| closest_point(p, &triangles[t as usize]).distance_squared;
             candidates.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
         };
-        let uv = |candidate: u32, voxel: usize| {
-            let triangle = candidates[candidate as usize] as usize;
-            let weights = closest_point(position(voxel), &triangles[triangle]).barycentric;
-            let [a, b, c] = self.uvs[triangle];
-            a + (b - a) * weights[1] as f32 + (c - a) * weights[2] as f32
-        };
+        let uv = |candidate: u32, voxel: usize| self.uv(candidates[candidate as usize], position(voxel));
         let mut ids = [0; BRICK_VOXELS];
         let query = BrickQuery { surface: &scratch.surface, candidates, mask };
         self.layers.fill_brick(query, exact, uv, &mut ids);

@@ -89,8 +89,15 @@ impl SlotTable {
     /// The material at `depth` mm where the texels of `footprint` meet; `scratch` holds a row.
     #[inline(always)]
     pub fn material(&self, scratch: &mut [f32; Self::MAX_STRIDE], footprint: &Footprint, depth: f32) -> MaterialId {
+        self.ids[passed(self.row(scratch, footprint, depth), depth)]
+    }
+
+    /// The bottoms where the texels of `footprint` meet, within the limits as far as they matter from `depth` mm on;
+    /// `scratch` may hold them.
+    #[inline(always)]
+    pub fn row<'a>(&'a self, scratch: &'a mut [f32; Self::MAX_STRIDE], footprint: &Footprint, depth: f32) -> &'a [f32] {
         if let Some(label) = footprint.single() {
-            return self.ids[passed(self.bottoms(label), depth)];
+            return self.bottoms(label);
         }
         let rows = footprint.labels.map(|label| self.bottoms(label));
         let blended = &mut scratch[..self.stride];
@@ -104,7 +111,12 @@ impl SlotTable {
         if depth <= self.reach {
             self.limits.enforce(&mut blended[..slots]);
         }
-        self.ids[passed(blended, depth)]
+        blended
+    }
+
+    /// The material of every slot, then the core's.
+    pub fn ids(&self) -> &[MaterialId] {
+        &self.ids
     }
 
     /// The material of all depths in `range`, if it is certain.

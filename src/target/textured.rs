@@ -202,6 +202,19 @@ impl TexturedLayers {
         self.slots.material(&mut [0.0; SlotTable::MAX_STRIDE], &self.footprint(triangle, uv.x, uv.y), depth)
     }
 
+    /// See [`super::LayerField::slot_ids`].
+    pub fn slot_ids(&self) -> &[MaterialId] {
+        self.slots.ids()
+    }
+
+    /// See [`super::LayerField::bottoms`].
+    pub fn bottoms(&self, triangle: u32, uv: Vec2, row: &mut Vec<f32>) {
+        let mut scratch = [0.0; SlotTable::MAX_STRIDE];
+        let slots = self.slots.ids().len() - 1;
+        row.clear();
+        row.extend_from_slice(&self.slots.row(&mut scratch, &self.footprint(triangle, uv.x, uv.y), 0.0)[..slots]);
+    }
+
     /// See [`super::LayerField::fill_brick`].
     ///
     /// Most voxels lie in a stretch of depth that is one material under all candidates; only the others look up texels.
