@@ -6,11 +6,13 @@
 //! | --- | --- |
 //! | `fill`   | one object into one block: descent by halves, uniform tiles, bricks |
 //! | `engine` | slab after slab, blocks in parallel |
+//! | `preview` | pictures of the result, and a page to read |
 
 mod engine;
 mod fill;
 mod output;
 mod png;
+pub mod preview;
 
 pub use engine::Slicer;
 pub use fill::ObjectField;
