@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::prepare::Prepared;
+use super::{prepare::Prepared, stackings::StackingReport};
 use crate::slice::FileEntry;
 
 /// Version of the manifest's form; raised when readers must change.
@@ -33,7 +33,7 @@ pub struct Manifest {
     /// Resins in the order of the set.
     pub materials: Vec<MaterialRecord>,
     /// Stackings of each object.
-    pub stackings: Vec<Value>,
+    pub stackings: Vec<StackingReport>,
     /// Material meshes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshRecord>,
@@ -148,7 +148,7 @@ impl Manifest {
                 channels: prepared.materials.channels.clone(),
             },
             materials: prepared.material_records(&outcome.counts, lattice.voxel_volume()),
-            stackings: prepared.objects.iter().map(|object| json(&object.stackings)).collect(),
+            stackings: prepared.objects.iter().map(|object| object.stackings.clone()).collect(),
             meshes: outcome.meshes,
             files: outcome.files,
             warnings: outcome.warnings,

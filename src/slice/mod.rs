@@ -7,12 +7,14 @@
 //! | `fill`   | one object into one block: descent by halves, uniform tiles, bricks |
 //! | `engine` | slab after slab, blocks in parallel |
 //! | `meshes` | material meshes from the same field |
+//! | `preview` | pictures of the result, and a page to read |
 
 mod engine;
 mod fill;
 pub mod meshes;
 mod output;
 mod png;
+pub mod preview;
 
 pub use engine::Slicer;
 pub use fill::ObjectField;
