@@ -4,14 +4,17 @@
 //!
 //! | file | what it does |
 //! | --- | --- |
+//! | `depth`  | the distances that layers can be laid by |
 //! | `fill`   | one object into one block: descent by halves, uniform tiles, bricks |
 //! | `engine` | slab after slab, blocks in parallel |
 
+mod depth;
 mod engine;
 mod fill;
 mod output;
 mod png;
 
+pub use depth::{DistanceKind, SlabField};
 pub use engine::Slicer;
 pub use fill::ObjectField;
 pub(crate) use output::hex;
