@@ -104,6 +104,8 @@ pub struct MeshRecord {
     pub triangles: u64,
     /// Enclosed volume, mm³.
     pub volume_mm3: f64,
+    /// Distance of the nodes it was made from, mm.
+    pub pitch_mm: f64,
 }
 
 /// What slicing adds to what was prepared.
@@ -111,7 +113,6 @@ pub(super) struct Outcome {
     pub slices: [u32; 2],
     pub counts: [u64; 256],
     pub meshes: Vec<MeshRecord>,
-    pub files: Vec<FileEntry>,
     pub warnings: Vec<String>,
 }
 
@@ -121,6 +122,7 @@ fn json(value: &impl Serialize) -> Value {
 }
 
 impl Manifest {
+    /// The manifest of a job, its list of files still empty.
     pub(super) fn new(prepared: &Prepared, outcome: Outcome) -> Self {
         let lattice = &prepared.lattice;
         let objects = prepared.objects.iter().map(|object| ObjectRecord {
@@ -150,7 +152,7 @@ impl Manifest {
             materials: prepared.material_records(&outcome.counts, lattice.voxel_volume()),
             stackings: prepared.objects.iter().map(|object| object.stackings.clone()).collect(),
             meshes: outcome.meshes,
-            files: outcome.files,
+            files: Vec::new(),
             warnings: outcome.warnings,
         }
     }

@@ -111,9 +111,10 @@ pub fn report_data<'a>(manifest: &Manifest, pictures: impl Iterator<Item = &'a s
 }
 
 fn health(object: &super::ObjectRecord) -> ReportHealth {
-    let findings = object.health.as_object().map(|findings| {
-        findings.iter().map(|(name, value)| (name.replace('_', " "), value.to_string())).collect()
-    });
+    let findings = object
+        .health
+        .as_object()
+        .map(|findings| findings.iter().map(|(name, value)| (name.replace('_', " "), value.to_string())).collect());
     ReportHealth { object: object.mesh.clone(), findings: findings.unwrap_or_default() }
 }
 

@@ -5,7 +5,13 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::JobError;
-use crate::{mesh::MeshError, optics::OpticsError, search::SearchError, slice::{OutputError, meshes::MeshingError, preview::PreviewError}, voxel::LatticeError};
+use crate::{
+    mesh::MeshError,
+    optics::OpticsError,
+    search::SearchError,
+    slice::{OutputError, meshes::MeshingError, preview::PreviewError},
+    voxel::LatticeError,
+};
 
 /// Why a job was not done.
 #[derive(Debug, Error)]

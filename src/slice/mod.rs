@@ -4,11 +4,13 @@
 //!
 //! | file | what it does |
 //! | --- | --- |
+//! | `depth`  | the distances that layers can be laid by |
 //! | `fill`   | one object into one block: descent by halves, uniform tiles, bricks |
 //! | `engine` | slab after slab, blocks in parallel |
 //! | `meshes` | material meshes from the same field |
 //! | `preview` | pictures of the result, and a page to read |
 
+mod depth;
 mod engine;
 mod fill;
 pub mod meshes;
@@ -16,6 +18,7 @@ mod output;
 mod png;
 pub mod preview;
 
+pub use depth::{DistanceKind, SlabField};
 pub use engine::Slicer;
 pub use fill::ObjectField;
 pub(crate) use output::hex;

@@ -162,7 +162,7 @@ impl<'a> NodeObject<'a> {
         }
         let bounds = bounds(grid, first, bricks);
         let start = list.len();
-        let range = cull(self.field.surface().triangles(), &bounds, candidates, list, &mut scratch.cull);
+        let range = cull(self.field.surface().triangles(), &bounds, candidates, DEPTH_MARGIN, list, &mut scratch.cull);
         let range = DepthRange { min: range.min - DEPTH_MARGIN, max: range.max + DEPTH_MARGIN };
         let kept = start..list.len();
         let solid = bricks.indices().all(|brick| scratch.masks[brick] == [0xff; BRICK_VOXELS / 8]);
