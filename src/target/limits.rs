@@ -26,8 +26,6 @@ pub struct SlotLimits {
     min_depth: Vec<f32>,
     min: Vec<f32>,
     max: Vec<f32>,
-    /// Some slot has a min-mm or max-mm.
-    thickness_limited: bool,
     /// Some slot has a max-mm.
     max_limited: bool,
     /// Greatest min-mm.
@@ -59,14 +57,12 @@ impl SlotLimits {
         let (min_depth, min, max) = (column(|l| l.min_depth_mm), column(|l| l.min_mm), column(|l| l.max_mm));
         let growth = min.iter().copied().fold(0.0, f32::max);
         let max_limited = max.iter().any(|max| max.is_finite());
-        let thickness_limited = growth > 0.0 || max_limited;
         Self {
             resin: sequence.iter().map(|resin| *resin as u32).collect(),
-            limited: thickness_limited || min_depth.iter().any(|depth| *depth > 0.0),
+            limited: growth > 0.0 || max_limited || min_depth.iter().any(|depth| *depth > 0.0),
             min_depth,
             min,
             max,
-            thickness_limited,
             max_limited,
             growth,
         }
@@ -76,7 +72,7 @@ impl SlotLimits {
     /// had to change.
     #[inline]
     pub fn enforce(&self, bottoms: &mut [f32]) -> bool {
-        if !self.limited || (self.depths_kept(bottoms) && (!self.thickness_limited || self.thicknesses_kept(bottoms))) {
+        if !self.limited || self.surely_kept(bottoms) || self.kept(bottoms) {
             return false;
         }
         self.repair(bottoms);
@@ -91,41 +87,54 @@ impl SlotLimits {
     /// they move its bottom up only where it is too thin then. A max-mm can shift everything below it, so with one nothing
     /// but the core is certain.
     pub fn certain(&self, low: &[f32], high: &[f32], min: f32, max: f32) -> Option<usize> {
-        let slots = self.resin.len();
         let slot = high.iter().take_while(|high| **high <= min).count();
-        if slot == slots {
-            return Some(slots);
+        let (from, to) = self.certain_depths(low, high, slot)?;
+        (from <= min && max < to).then_some(slot)
+    }
+
+    /// Depth in mm below which [`SlotLimits::enforce`] changes nothing in means of rows that keep the limits. Min-depths act above
+    /// themselves only; a thickness limit can shift everything.
+    pub fn reach(&self) -> f32 {
+        if self.max_limited || self.growth > 0.0 {
+            return f32::INFINITY;
         }
-        if max >= low[slot] {
-            return None;
+        self.min_depth.iter().fold(0.0, |reach: f32, &depth| reach.max(depth))
+    }
+
+    /// The depths, from one (mm) to below another, that certainly belong to `slot`; see [`Self::certain`]. `slot` may be one past the
+    /// last, for what lies below all.
+    pub fn certain_depths(&self, low: &[f32], high: &[f32], slot: usize) -> Option<(f32, f32)> {
+        let (top_low, top_high) = if slot == 0 { (0.0, 0.0) } else { (low[slot - 1], high[slot - 1]) };
+        if slot == self.resin.len() {
+            return Some((top_high, f32::INFINITY));
         }
         if !self.limited {
-            return Some(slot);
+            return Some((top_high, low[slot]));
         }
-        let (top_low, top_high) = if slot == 0 { (0.0, 0.0) } else { (low[slot - 1], high[slot - 1]) };
         let pushed = if top_low < self.min_depth[slot] { self.min_depth[slot].max(self.growth) } else { self.growth };
         let thin = low[slot] - top_high.max(pushed) < self.min[slot] + 2.0 * SAME_MM;
         let on_top = top_low <= SAME_MM && self.min_depth[slot] > 0.0;
-        (min >= pushed + SAME_MM && !thin && !on_top && !self.max_limited).then_some(slot)
+        (!thin && !on_top && !self.max_limited).then_some((top_high.max(pushed + SAME_MM), low[slot]))
     }
 
-    /// No slot with thickness starts above its min-depth. No branches: most voxels end here.
+    /// Every slot by itself keeps its min-depth and min-mm, and none has a max-mm. No branches: most voxels end here.
     #[inline]
-    fn depths_kept(&self, bottoms: &[f32]) -> bool {
-        let Some(first) = bottoms.first() else { return true };
-        let mut high = *first > 0.0 && self.min_depth[0] > SAME_MM;
-        let tops = bottoms.iter().zip(&bottoms[1..]).zip(&self.min_depth[1..]);
-        for ((top, bottom), min_depth) in tops {
-            high |= (bottom > top) & (top + SAME_MM < *min_depth);
+    fn surely_kept(&self, bottoms: &[f32]) -> bool {
+        let (mut top, mut suspect) = (0.0, self.max_limited);
+        for ((&bottom, min_depth), min) in bottoms.iter().zip(&self.min_depth).zip(&self.min) {
+            suspect |= (bottom > top) & ((top + SAME_MM < *min_depth) | (bottom - top + SAME_MM < *min));
+            top = bottom;
         }
-        !high
+        !suspect
     }
 
-    fn thicknesses_kept(&self, bottoms: &[f32]) -> bool {
+    /// Every run keeps its limits.
+    fn kept(&self, bottoms: &[f32]) -> bool {
         let (mut slot, mut top) = (0, 0.0);
         while let Some(run) = self.next_run(bottoms, slot, top) {
             let thickness = run.bottom - run.top;
-            if thickness + SAME_MM < self.min[run.slot] || thickness > self.max[run.slot] + SAME_MM {
+            let thin = thickness + SAME_MM < self.min[run.slot];
+            if run.top + SAME_MM < self.min_depth[run.slot] || thin || thickness > self.max[run.slot] + SAME_MM {
                 return false;
             }
             (slot, top) = (run.slot + 1, run.bottom);
