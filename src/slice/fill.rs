@@ -87,9 +87,12 @@ impl ObjectField {
         &self.layers
     }
 
-    /// Texture coordinates per triangle; empty where the layers need none.
-    pub(super) fn uvs(&self) -> &[[Vec2; 3]] {
-        &self.uvs
+    /// Texture coordinates of the point of `triangle` nearest to `p`; needs layers that need them.
+    #[inline]
+    pub(super) fn uv(&self, triangle: u32, p: DVec3) -> Vec2 {
+        let weights = closest_point(p, &self.surface.triangles()[triangle as usize]).barycentric;
+        let corners = &self.uvs[triangle as usize];
+        corners.iter().zip(weights).map(|(&uv, weight)| uv * weight as f32).sum()
     }
 
     /// The closed surface that tells inside from outside.
@@ -239,23 +242,22 @@ impl ObjectField {
         scratch: &mut FillScratch,
     ) {
         let triangles = self.surface.triangles();
-        let uvs = self.layers.needs_uv().then_some(&self.uvs[..]);
-        nearest_in_brick(triangles, uvs, candidates, centre, &self.offsets, &mut scratch.surface);
+        nearest_in_brick(triangles, candidates, centre, &self.offsets, &mut scratch.surface);
         let brick = self.shape.brick_index(at);
         let mask = &scratch.masks[brick];
-        let exact = |voxel: usize| {
-            let p = self.lattice.centre(std::array::from_fn(|axis| {
-                first[axis] + (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32
-            }));
-            let squared = candidates
-                .iter()
-                .map(|&t| closest_point(p, &triangles[t as usize]).distance_squared)
-                .fold(f64::INFINITY, f64::min);
-            squared.sqrt()
+        let position = |voxel: usize| {
+            let index = |axis: usize| first[axis] + (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32;
+            self.lattice.centre(std::array::from_fn(index))
         };
+        let exact = |voxel: usize| {
+            let p = position(voxel);
+            let squared = |&t: &u32| closest_point(p, &triangles[t as usize]).distance_squared;
+            candidates.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
+        };
+        let uv = |triangle: u32, voxel: usize| self.uv(triangle, position(voxel));
         let mut ids = [0; BRICK_VOXELS];
         let query = BrickQuery { surface: &scratch.surface, candidates, mask };
-        self.layers.fill_brick(query, exact, &mut ids);
+        self.layers.fill_brick(query, exact, uv, &mut ids);
         merge(block.dense_mut(brick), mask, |voxel| ids[voxel]);
     }
 }

@@ -80,11 +80,18 @@ impl LayerField {
         }
     }
 
-    /// Writes the materials of the masked voxels of a brick; `exact` gives a voxel's depth in double precision.
-    pub fn fill_brick(&self, query: BrickQuery<'_>, exact: impl Fn(usize) -> f64, out: &mut [u8; BRICK_VOXELS]) {
+    /// Writes the materials of the masked voxels of a brick; `exact` gives a voxel's depth in double precision, `uv` the
+    /// texture coordinates of its nearest point on a triangle.
+    pub fn fill_brick(
+        &self,
+        query: BrickQuery<'_>,
+        exact: impl Fn(usize) -> f64,
+        uv: impl Fn(u32, usize) -> Vec2,
+        out: &mut [u8; BRICK_VOXELS],
+    ) {
         match self {
             Self::Uniform(stack) => stack.fill_brick(query, exact, out),
-            Self::Textured(layers) => layers.fill_brick(query, out),
+            Self::Textured(layers) => layers.fill_brick(query, uv, out),
         }
     }
 }

@@ -109,6 +109,18 @@ impl SlotTable {
         self.limits.certain(&low[..slots], &high[..slots], min, max).map(|slot| self.ids[slot])
     }
 
+    /// Calls `visit` for stretches of depth, from one (mm) to below another, that certainly are one material.
+    pub fn for_certain_depths(&self, low: &[f32], high: &[f32], mut visit: impl FnMut(f32, f32, MaterialId)) {
+        let slots = self.slots();
+        for slot in 0..=slots {
+            if let Some((from, to)) = self.limits.certain_depths(&low[..slots], &high[..slots], slot)
+                && from < to
+            {
+                visit(from, to, self.ids[slot]);
+            }
+        }
+    }
+
     fn slots(&self) -> usize {
         self.ids.len() - 1
     }

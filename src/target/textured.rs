@@ -8,7 +8,6 @@
 //! its candidates has one material, whatever the texels in detail.
 
 use glam::Vec2;
-use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::{
@@ -52,6 +51,15 @@ pub struct TexturedLayers {
     /// Per triangle the least and then the greatest bottom of every slot, mm.
     ranges: Vec<f32>,
 }
+
+/// Least and greatest bottom of every slot, mm.
+struct SlotRanges {
+    low: [f32; SlotTable::MAX_STRIDE],
+    high: [f32; SlotTable::MAX_STRIDE],
+}
+
+/// Marks voxels whose texels decide; the background's id, which no slot has.
+const UNCERTAIN: u8 = MaterialId::BACKGROUND.0;
 
 /// How far outside its triangle, in texels, a point may take a texel from: the diagonal of the bilinear footprint and rounding.
 const FOOTPRINT: f32 = 1.5;
@@ -129,6 +137,13 @@ impl TexturedLayers {
 
     /// See [`super::LayerField::uniform_over`].
     pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<MaterialId> {
+        let SlotRanges { low, high } = self.ranges_over(triangles);
+        let stride = self.slots.stride();
+        self.slots.certain(&low[..stride], &high[..stride], range)
+    }
+
+    /// Least and greatest bottom of every slot under any of `triangles`.
+    fn ranges_over(&self, triangles: &[u32]) -> SlotRanges {
         let stride = self.slots.stride();
         let mut low = [f32::INFINITY; SlotTable::MAX_STRIDE];
         let mut high = [f32::NEG_INFINITY; SlotTable::MAX_STRIDE];
@@ -140,7 +155,7 @@ impl TexturedLayers {
                 high[slot] = high[slot].max(highs[slot]);
             }
         }
-        self.slots.certain(&low[..stride], &high[..stride], range)
+        SlotRanges { low, high }
     }
 
     /// The material at texture coordinates `uv` of triangle `triangle`, `depth` mm below the surface.
@@ -162,8 +177,31 @@ impl TexturedLayers {
     }
 
     /// See [`super::LayerField::fill_brick`].
-    pub fn fill_brick(&self, query: BrickQuery<'_>, out: &mut [u8; BRICK_VOXELS]) {
-        fill_brick(self, query, out);
+    ///
+    /// Most voxels lie in a stretch of depth that is one material under all candidates; only the others look up texels.
+    pub fn fill_brick(&self, query: BrickQuery<'_>, uv: impl Fn(u32, usize) -> Vec2, out: &mut [u8; BRICK_VOXELS]) {
+        out.fill(UNCERTAIN);
+        let SlotRanges { low, high } = self.ranges_over(query.candidates);
+        self.slots.for_certain_depths(&low, &high, |from, to, id| {
+            let (from, to) = (from + query.surface.error, to - query.surface.error);
+            for (out, &depth) in out.iter_mut().zip(&query.surface.distance) {
+                *out = if depth >= from && depth < to { id.0 } else { *out };
+            }
+        });
+        let mut bottoms = [0.0; SlotTable::MAX_STRIDE];
+        for (row, &mask) in query.mask.iter().enumerate() {
+            let mut rest = mask;
+            while rest != 0 {
+                let voxel = row * 8 + rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                if out[voxel] == UNCERTAIN {
+                    let triangle = query.candidates[query.surface.candidate[voxel] as usize];
+                    let Vec2 { x: u, y: v } = uv(triangle, voxel);
+                    let footprint = self.footprint(triangle, u, v);
+                    out[voxel] = self.slots.material(&mut bottoms, &footprint, query.surface.distance[voxel]).0;
+                }
+            }
+        }
     }
 
     /// The four texels around a point and their weights; texels of other charts weigh nothing, unless all four are.
@@ -226,19 +264,4 @@ impl Footprint {
 #[inline(always)]
 fn wrap_near(index: i32, size: u32) -> u32 {
     if (index as u32) < size { index as u32 } else { wrap(index, size) }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
-fn fill_brick(layers: &TexturedLayers, query: BrickQuery<'_>, out: &mut [u8; BRICK_VOXELS]) {
-    let mut bottoms = [0.0; SlotTable::MAX_STRIDE];
-    for (row, &mask) in query.mask.iter().enumerate() {
-        let mut rest = mask;
-        while rest != 0 {
-            let voxel = row * 8 + rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            let triangle = query.candidates[query.surface.candidate[voxel] as usize];
-            let footprint = layers.footprint(triangle, query.surface.u[voxel], query.surface.v[voxel]);
-            out[voxel] = layers.slots.material(&mut bottoms, &footprint, query.surface.distance[voxel]).0;
-        }
-    }
 }
