@@ -90,25 +90,23 @@ impl Faces {
         Some((*best, axis))
     }
 
-    /// The largest piece, by area, that no chart covers.
-    fn largest_gap(&self, chart_of: &[usize]) -> Vec<usize> {
+    /// One triangle of every connected piece that no chart covers.
+    fn gaps(&self, chart_of: &[usize]) -> Vec<usize> {
         let mut seen: Vec<bool> = chart_of.iter().map(|&c| c != usize::MAX).collect();
-        let (mut largest, mut largest_area) = (Vec::new(), 0.0);
+        let mut firsts = Vec::new();
         for start in 0..seen.len() {
-            let mut piece = Vec::new();
+            if seen[start] {
+                continue;
+            }
+            firsts.push(start);
             let mut stack = vec![start];
             while let Some(t) = stack.pop() {
                 if t != usize::MAX && !std::mem::replace(&mut seen[t], true) {
-                    piece.push(t);
                     stack.extend(self.neighbours[t]);
                 }
             }
-            let area: f64 = piece.iter().map(|&t| self.areas[t]).sum();
-            if area > largest_area {
-                (largest, largest_area) = (piece, area);
-            }
         }
-        largest
+        firsts
     }
 }
 
@@ -127,18 +125,16 @@ pub fn charts(mesh: &Mesh) -> Vec<Chart> {
     let mut refits = 0;
     let chart_of = loop {
         let chart_of = faces.flood(&seeds);
-        let gap = faces.largest_gap(&chart_of);
-        if gap.is_empty() && refits >= REFITS {
+        let gaps = faces.gaps(&chart_of);
+        if gaps.is_empty() && refits >= REFITS {
             break chart_of;
         }
-        refits += usize::from(gap.is_empty());
+        refits += usize::from(gaps.is_empty());
         if refits < REFITS {
             let members = merge(&faces, &chart_of, members(&chart_of, seeds.len()));
             seeds = members.iter().filter_map(|triangles| faces.refit(triangles)).collect();
         }
-        if let Some(&first) = gap.first() {
-            seeds.push((first, faces.normals[first]));
-        }
+        seeds.extend(gaps.iter().map(|&t| (t, faces.normals[t])));
     };
     let members = members(&chart_of, seeds.len());
     members.iter().zip(&seeds).map(|(triangles, &(_, axis))| flatten(mesh, triangles, axis)).collect()

@@ -39,33 +39,55 @@ struct Vertices {
 
 impl Vertices {
     fn collect(mesh: &Mesh, atlas: &Atlas, figure: &Figure) -> Result<Self, GlbFault> {
+        let (normals, normal_of) = corner_normals(mesh, figure);
         let mut vertices = Self::default();
-        // Vertices made so far of every mesh vertex: (chart, index).
-        let mut made: Vec<Vec<(usize, usize)>> = vec![Vec::new(); mesh.positions.len()];
-        for (t, triangle) in mesh.triangles.iter().enumerate() {
-            let corners = mesh.corners(t);
-            let middle = corners.iter().sum::<DVec3>() / 3.0;
-            let chart = atlas.chart_of[t];
+        // Vertices made so far with every normal: (chart, index).
+        let mut made: Vec<Vec<(usize, usize)>> = vec![Vec::new(); normals.len()];
+        for (t, corners) in atlas.corners.iter().enumerate() {
             for i in 0..3 {
-                let normal = figure.normal(figure.project(corners[i].lerp(middle, INWARDS), 1e-6)).as_vec3();
-                let variants = &mut made[triangle[i] as usize];
-                let known = variants.iter().find(|(other, index)| {
-                    *other == chart && f64::from(vertices.normals[*index].dot(normal)) > SHARED_COSINE
-                });
+                let (normal, chart) = (normal_of[t][i], atlas.chart_of[t]);
+                let known = made[normal].iter().find(|(other, _)| *other == chart);
                 let index = known.map_or(vertices.positions.len(), |(_, index)| *index);
                 if index == vertices.positions.len() {
-                    variants.push((chart, index));
-                    vertices.positions.push((corners[i] * METRES_PER_MM).as_vec3());
-                    vertices.normals.push(normal);
-                    vertices.uvs.push((atlas.corners[t][i] / atlas.size as f64).as_vec2());
-                } else {
-                    vertices.normals[index] = (vertices.normals[index] + normal * 0.25).normalize();
+                    made[normal].push((chart, index));
+                    vertices.positions.push((mesh.corners(t)[i] * METRES_PER_MM).as_vec3());
+                    vertices.normals.push(normals[normal].normalize_or(DVec3::Y).as_vec3());
+                    vertices.uvs.push((corners[i] / atlas.size as f64).as_vec2());
                 }
                 vertices.indices.push(u16::try_from(index).map_err(|_| GlbFault::TooManyVertices(index + 1))?);
             }
         }
         Ok(vertices)
     }
+}
+
+/// The normals that meet at the mesh's vertices, one per side of a crease, and the index of each corner's.
+fn corner_normals(mesh: &Mesh, figure: &Figure) -> (Vec<DVec3>, Vec<[usize; 3]>) {
+    let mut normals: Vec<DVec3> = Vec::new();
+    let mut sides: Vec<Vec<usize>> = vec![Vec::new(); mesh.positions.len()];
+    let normal_of = (0..mesh.triangles.len())
+        .map(|t| {
+            let corners = mesh.corners(t);
+            let middle = corners.iter().sum::<DVec3>() / 3.0;
+            [0, 1, 2].map(|i| {
+                let normal = figure.normal(figure.project(corners[i].lerp(middle, INWARDS), 1e-6));
+                let side = &mut sides[mesh.triangles[t][i] as usize];
+                let known = side.iter().find(|&&n| normals[n].normalize_or(DVec3::Y).dot(normal) > SHARED_COSINE);
+                match known {
+                    Some(&n) => {
+                        normals[n] += normal;
+                        n
+                    }
+                    None => {
+                        side.push(normals.len());
+                        normals.push(normal);
+                        normals.len() - 1
+                    }
+                }
+            })
+        })
+        .collect();
+    (normals, normal_of)
 }
 
 /// The binary chunk and the description of its parts.

@@ -5,7 +5,8 @@
 //! ```
 //!
 //! Writes into FOLDER, `samples` if left out. With `--check` it writes nothing and exits 1 unless the folder's files
-//! are what it would write, byte for byte. The pipeline, one step a file:
+//! are what it would write, byte for byte (a new version of the PNG encoder may change bytes without changing texels).
+//! The pipeline, one step a file:
 //!
 //! ```text
 //! rabbit ─► shape ─► meshing ─► relax ─► audit ─► charts ─► packing ─► paint ─► glb, image_files

@@ -17,8 +17,8 @@ pub struct Stone {
 /// Linear albedo of clear stone and of the darkest vein.
 pub const CLEAR_ALBEDO: f64 = 0.86;
 const VEIN_ALBEDO: f64 = 0.33;
-/// Shifts the bold veins so that one crosses the flank and none the face.
-const PHASE: f64 = 0.4;
+/// Shifts the bold veins so that they cross chest and flanks and leave the face clear.
+const PHASE: f64 = 0.67;
 /// Mean free path in a vein, as part of that in clear stone: minerals that colour veins also scatter more.
 const VEIN_PATH: f64 = 0.28;
 
@@ -81,8 +81,8 @@ fn from_integer(value: f64) -> f64 {
 pub fn marble(p: DVec3) -> Stone {
     // Veins follow the leaning layers of a sediment, folded at two scales.
     let folded = p + 10.0 * warp(p / 44.0, 2, 11) + 1.6 * warp(p / 8.0, 3, 47);
-    let layers = folded.dot(DVec3::new(0.62, 0.70, -0.36)) / 27.0 + PHASE + 0.35 * cloud(folded / 50.0, 2, 5);
-    let cracks = folded.dot(DVec3::new(-0.80, 0.42, 0.43)) / 17.0 + 0.8 * cloud(folded / 30.0, 3, 23);
+    let layers = folded.dot(DVec3::new(0.52, 0.55, 0.65)) / 27.0 + PHASE + 0.35 * cloud(folded / 50.0, 2, 5);
+    let cracks = folded.dot(DVec3::new(-0.75, 0.55, -0.36)) / 17.0 + 0.8 * cloud(folded / 30.0, 3, 23);
 
     // Where the stone was strained most, veins are wide and strong; elsewhere they thin out.
     let strain = smooth_step(0.55 + 0.9 * cloud(p / 26.0, 2, 71));

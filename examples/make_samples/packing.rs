@@ -1,6 +1,8 @@
 //! Packing charts into a square texture as their outlines are, not as boxes: every chart becomes a bit mask of
 //! coarse cells with a margin, and takes the lowest free place in any of four turns.
 
+use std::cmp::Reverse;
+
 use glam::{DVec2, dvec2};
 
 use crate::charts::Chart;
@@ -52,6 +54,17 @@ impl Mask {
         turned
     }
 
+    /// The mask and the eight cells round each of its cells; none of them may lie on the border.
+    fn grown(&self) -> Self {
+        let mut grown = self.clone();
+        for y in 0..self.rows.len() {
+            for x in (0..self.width).filter(|&x| self.get(x, y)) {
+                (y - 1..=y + 1).for_each(|v| (x - 1..=x + 1).for_each(|u| grown.set(u, v)));
+            }
+        }
+        grown
+    }
+
     /// The words of row `y`, moved right by `by` bits: (word index, bits).
     fn shifted(&self, y: usize, by: usize) -> impl Iterator<Item = (usize, u64)> {
         let (words, bits) = (by / 64, by % 64);
@@ -92,31 +105,30 @@ pub fn pack(charts: &[Chart], size: usize) -> Option<Atlas> {
 fn try_scale(charts: &[Chart], size: usize, scale: f64) -> Option<Atlas> {
     let cells = size / CELL;
     let mut page = Mask::new(cells, cells);
-    let mut pieces: Vec<(usize, Vec<[DVec2; 3]>, Mask)> =
-        charts.iter().enumerate().map(|(index, chart)| scaled(index, chart, scale)).collect();
-    // Tall charts first: they are the hardest to place.
-    pieces.sort_by_key(|(index, _, mask)| (std::cmp::Reverse(mask.rows.len().max(mask.width)), *index));
+    let mut pieces: Vec<Piece> = charts.iter().map(|chart| Piece::new(chart, scale)).collect();
+    // Long charts first: they are the hardest to place.
+    let mut order: Vec<usize> = (0..pieces.len()).collect();
+    order.sort_by_key(|&i| (Reverse(pieces[i].mask.rows.len().max(pieces[i].mask.width)), i));
     let triangles = charts.iter().map(|c| c.triangles.len()).sum();
     let mut atlas = Atlas { size, chart_of: vec![0; triangles], corners: vec![[DVec2::ZERO; 3]; triangles], scale };
-    for (index, mut corners, mut mask) in pieces {
-        let mut best: Option<(usize, usize, usize, Vec<[DVec2; 3]>, Mask)> = None;
-        for _ in 0..4 {
-            if let Some((x, y)) = lowest_place(&page, &mask) {
-                let reach = y + mask.rows.len();
-                if best.as_ref().is_none_or(|b| (reach, x) < (b.1 + b.4.rows.len(), b.0)) {
-                    best = Some((x, y, reach, corners.clone(), mask.clone()));
-                }
+    for index in order {
+        let piece = &mut pieces[index];
+        // (lowest row below the piece, column, row, quarter turns): the least is best.
+        let mut best: Option<(usize, usize, usize, usize)> = None;
+        for turns in 0..4 {
+            if let Some((x, y)) = lowest_place(&page, &piece.mask) {
+                let place = (y + piece.mask.rows.len(), x, y, turns);
+                best = Some(best.map_or(place, |b| b.min(place)));
             }
-            let height = (mask.rows.len() * CELL) as f64;
-            corners.iter_mut().flatten().for_each(|p| *p = dvec2(height - p.y, p.x));
-            mask = mask.turned();
+            piece.turn();
         }
-        let (x, y, _, corners, mask) = best?;
-        page.occupy(&mask, x, y);
+        let (_, x, y, turns) = best?;
+        (0..turns).for_each(|_| piece.turn());
+        page.occupy(&piece.mask, x, y);
         let offset = dvec2((x * CELL) as f64, (y * CELL) as f64);
-        for (&t, placed) in charts[index].triangles.iter().zip(&corners) {
+        for (&t, corners) in charts[index].triangles.iter().zip(&piece.corners) {
             atlas.chart_of[t] = index;
-            atlas.corners[t] = placed.map(|p| p + offset);
+            atlas.corners[t] = corners.map(|p| p + offset);
         }
     }
     Some(atlas)
@@ -128,29 +140,36 @@ fn lowest_place(page: &Mask, chart: &Mask) -> Option<(usize, usize)> {
     (0..rows).find_map(|y| (0..columns).find(|&x| page.fits(chart, x, y)).map(|x| (x, y)))
 }
 
-/// The chart in texels, y down, one cell away from its mask's border, and the mask with its margin.
-fn scaled(index: usize, chart: &Chart, scale: f64) -> (usize, Vec<[DVec2; 3]>, Mask) {
-    let flipped: Vec<[DVec2; 3]> = chart.corners.iter().map(|t| t.map(|p| dvec2(p.x, -p.y) * scale)).collect();
-    let low = flipped.iter().flatten().fold(DVec2::MAX, |m, p| m.min(*p)) - CELL as f64;
-    let corners: Vec<[DVec2; 3]> = flipped.iter().map(|t| t.map(|p| p - low)).collect();
-    let high = corners.iter().flatten().fold(DVec2::ZERO, |m, p| m.max(*p)) / CELL as f64;
-    let mut touched = Mask::new(high.x as usize + 2, high.y as usize + 2);
-    for triangle in &corners {
-        let cells = triangle.map(|p| p / CELL as f64);
-        let (from, to) = (cells[0].min(cells[1]).min(cells[2]), cells[0].max(cells[1]).max(cells[2]));
-        for y in from.y as usize..=to.y as usize {
-            (from.x as usize..=to.x as usize).filter(|&x| touches(&cells, x, y)).for_each(|x| touched.set(x, y));
-        }
-    }
-    let mut grown = touched.clone();
-    for y in 0..touched.rows.len() {
-        for x in (0..touched.width).filter(|&x| touched.get(x, y)) {
-            for v in y - 1..=y + 1 {
-                (x - 1..=x + 1).for_each(|u| grown.set(u, v));
+/// A chart in texels, y down, at least one cell away from its mask's border.
+struct Piece {
+    corners: Vec<[DVec2; 3]>,
+    /// Cells that the chart touches, and the cells next to them.
+    mask: Mask,
+}
+
+impl Piece {
+    fn new(chart: &Chart, scale: f64) -> Self {
+        let flipped: Vec<[DVec2; 3]> = chart.corners.iter().map(|t| t.map(|p| dvec2(p.x, -p.y) * scale)).collect();
+        let low = flipped.iter().flatten().fold(DVec2::MAX, |m, p| m.min(*p)) - CELL as f64;
+        let corners: Vec<[DVec2; 3]> = flipped.iter().map(|t| t.map(|p| p - low)).collect();
+        let high = corners.iter().flatten().fold(DVec2::ZERO, |m, p| m.max(*p)) / CELL as f64;
+        let mut mask = Mask::new(high.x as usize + 2, high.y as usize + 2);
+        for triangle in &corners {
+            let cells = triangle.map(|p| p / CELL as f64);
+            let (from, to) = (cells[0].min(cells[1]).min(cells[2]), cells[0].max(cells[1]).max(cells[2]));
+            for y in from.y as usize..=to.y as usize {
+                (from.x as usize..=to.x as usize).filter(|&x| touches(&cells, x, y)).for_each(|x| mask.set(x, y));
             }
         }
+        Self { corners, mask: mask.grown() }
     }
-    (index, corners, grown)
+
+    /// Turns the piece by a quarter, within the box that its mask becomes.
+    fn turn(&mut self) {
+        let height = (self.mask.rows.len() * CELL) as f64;
+        self.corners.iter_mut().flatten().for_each(|p| *p = dvec2(height - p.y, p.x));
+        self.mask = self.mask.turned();
+    }
 }
 
 /// Whether a triangle touches the unit cell at (x, y), by separating axes along its sides.

@@ -79,10 +79,8 @@ fn may_collapse(mesh: &Mesh, fans: &[Vec<usize>], creased: &[bool], keep: u32, g
 fn drop_unused_vertices(mesh: &mut Mesh, creased: &mut Vec<bool>) {
     let mut index_of = vec![u32::MAX; mesh.positions.len()];
     mesh.triangles.iter().flatten().for_each(|&v| index_of[v as usize] = 0);
-    let mut next = 0;
-    for index in index_of.iter_mut().filter(|index| **index == 0) {
-        *index = next;
-        next += 1;
+    for (next, index) in index_of.iter_mut().filter(|index| **index == 0).enumerate() {
+        *index = next as u32;
     }
     let mut at = 0;
     mesh.positions.retain(|_| {

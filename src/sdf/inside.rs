@@ -91,6 +91,11 @@ impl InsideRows {
         Self::sorted(Arc::clone(&self.triangles), lattice, slab_height)
     }
 
+    /// The surface and the caps.
+    pub fn triangles(&self) -> &[[DVec3; 3]] {
+        &self.triangles
+    }
+
     fn sorted(triangles: Arc<[[DVec3; 3]]>, lattice: Lattice, slab_height: u32) -> Self {
         let slabs = lattice.dims[2].div_ceil(slab_height) as usize;
         let height = f64::from(slab_height) * lattice.pitch.z;

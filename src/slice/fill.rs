@@ -87,6 +87,18 @@ impl ObjectField {
         &self.layers
     }
 
+    /// Texture coordinates of the point of a triangle nearest to `p`; 0 where the layers need none.
+    pub(super) fn uv(&self, triangle: u32, p: DVec3) -> Vec2 {
+        let Some(&[a, b, c]) = self.uvs.get(triangle as usize) else { return Vec2::ZERO };
+        let weights = closest_point(p, &self.surface.triangles()[triangle as usize]).barycentric;
+        a + (b - a) * weights[1] as f32 + (c - a) * weights[2] as f32
+    }
+
+    /// The closed surface that tells inside from outside.
+    pub(super) fn inside(&self) -> &InsideRows {
+        &self.inside
+    }
+
     /// Which voxels of the slices from `first` on are inside.
     pub fn fill_inside(&self, first: u32, slices: &mut [SliceRuns]) {
         self.inside.fill(first, slices);
@@ -229,23 +241,22 @@ impl ObjectField {
         scratch: &mut FillScratch,
     ) {
         let triangles = self.surface.triangles();
-        let uvs = self.layers.needs_uv().then_some(&self.uvs[..]);
-        nearest_in_brick(triangles, uvs, candidates, centre, &self.offsets, &mut scratch.surface);
+        nearest_in_brick(triangles, candidates, centre, &self.offsets, &mut scratch.surface);
         let brick = self.shape.brick_index(at);
         let mask = &scratch.masks[brick];
-        let exact = |voxel: usize| {
-            let p = self.lattice.centre(std::array::from_fn(|axis| {
-                first[axis] + (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32
-            }));
-            let squared = candidates
-                .iter()
-                .map(|&t| closest_point(p, &triangles[t as usize]).distance_squared)
-                .fold(f64::INFINITY, f64::min);
-            squared.sqrt()
+        let position = |voxel: usize| {
+            let index = |axis: usize| first[axis] + (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32;
+            self.lattice.centre(std::array::from_fn(index))
         };
+        let exact = |voxel: usize| {
+            let p = position(voxel);
+            let squared = |&t: &u32| closest_point(p, &triangles[t as usize]).distance_squared;
+            candidates.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
+        };
+        let uv = |candidate: u32, voxel: usize| self.uv(candidates[candidate as usize], position(voxel));
         let mut ids = [0; BRICK_VOXELS];
         let query = BrickQuery { surface: &scratch.surface, candidates, mask };
-        self.layers.fill_brick(query, exact, &mut ids);
+        self.layers.fill_brick(query, exact, uv, &mut ids);
         merge(block.dense_mut(brick), mask, |voxel| ids[voxel]);
     }
 }

@@ -6,9 +6,11 @@
 //! | --- | --- |
 //! | `fill`   | one object into one block: descent by halves, uniform tiles, bricks |
 //! | `engine` | slab after slab, blocks in parallel |
+//! | `meshes` | material meshes from the same field |
 
 mod engine;
 mod fill;
+pub mod meshes;
 mod output;
 mod png;
 

@@ -87,22 +87,34 @@ impl SlotLimits {
     /// they move its bottom up only where it is too thin then. A max-mm can shift everything below it, so with one nothing
     /// but the core is certain.
     pub fn certain(&self, low: &[f32], high: &[f32], min: f32, max: f32) -> Option<usize> {
-        let slots = self.resin.len();
         let slot = high.iter().take_while(|high| **high <= min).count();
-        if slot == slots {
-            return Some(slots);
+        let (from, to) = self.certain_depths(low, high, slot)?;
+        (from <= min && max < to).then_some(slot)
+    }
+
+    /// Depth in mm below which [`SlotLimits::enforce`] changes nothing in means of rows that keep the limits. Min-depths act above
+    /// themselves only; a thickness limit can shift everything.
+    pub fn reach(&self) -> f32 {
+        if self.max_limited || self.growth > 0.0 {
+            return f32::INFINITY;
         }
-        if max >= low[slot] {
-            return None;
+        self.min_depth.iter().fold(0.0, |reach: f32, &depth| reach.max(depth))
+    }
+
+    /// The depths, from one (mm) to below another, that certainly belong to `slot`; see [`Self::certain`]. `slot` may be one past the
+    /// last, for what lies below all.
+    pub fn certain_depths(&self, low: &[f32], high: &[f32], slot: usize) -> Option<(f32, f32)> {
+        let (top_low, top_high) = if slot == 0 { (0.0, 0.0) } else { (low[slot - 1], high[slot - 1]) };
+        if slot == self.resin.len() {
+            return Some((top_high, f32::INFINITY));
         }
         if !self.limited {
-            return Some(slot);
+            return Some((top_high, low[slot]));
         }
-        let (top_low, top_high) = if slot == 0 { (0.0, 0.0) } else { (low[slot - 1], high[slot - 1]) };
         let pushed = if top_low < self.min_depth[slot] { self.min_depth[slot].max(self.growth) } else { self.growth };
         let thin = low[slot] - top_high.max(pushed) < self.min[slot] + 2.0 * SAME_MM;
         let on_top = top_low <= SAME_MM && self.min_depth[slot] > 0.0;
-        (min >= pushed + SAME_MM && !thin && !on_top && !self.max_limited).then_some(slot)
+        (!thin && !on_top && !self.max_limited).then_some((top_high.max(pushed + SAME_MM), low[slot]))
     }
 
     /// Every slot by itself keeps its min-depth and min-mm, and none has a max-mm. No branches: most voxels end here.
