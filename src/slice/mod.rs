@@ -16,6 +16,6 @@ mod png;
 
 pub use engine::Slicer;
 pub use fill::ObjectField;
-pub(crate) use output::hex;
 pub use output::{FileEntry, MANIFEST, OutputError, OutputFolder, TIMINGS};
+pub(crate) use output::{hex, is_plain};
 pub use png::{Palette, RowBuffers, encode_mask, encode_rgba};
