@@ -76,6 +76,9 @@ pub struct MaterialSetRecord {
     pub provenance: String,
     /// Its channels.
     pub channels: Vec<String>,
+    /// What was assumed, ignored or extrapolated when its data were read.
+    #[serde(default)]
+    pub notes: Vec<String>,
 }
 
 /// A resin.
@@ -148,6 +151,7 @@ impl Manifest {
                 name: prepared.materials.name.clone(),
                 provenance: prepared.materials.provenance.clone(),
                 channels: prepared.materials.channels.clone(),
+                notes: prepared.materials.warnings.clone(),
             },
             materials: prepared.material_records(&outcome.counts, lattice.voxel_volume()),
             stackings: prepared.objects.iter().map(|object| object.stackings.clone()).collect(),

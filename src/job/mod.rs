@@ -5,6 +5,7 @@
 //! expected. Nothing slow happens here and nothing is read but the job: whether the resins it names exist is asked
 //! later ([`Job::check_resins`]), when the materials are known. `docs/job.md` lists every key.
 
+mod checks;
 mod error;
 mod estimate;
 mod images;
@@ -26,6 +27,7 @@ mod stackings;
 mod target;
 #[cfg(test)]
 mod tests;
+pub mod verify;
 
 use std::fs::File;
 use std::io::Read;

@@ -7,7 +7,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::{
-    Distance, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError, Scaling, TargetSpec,
+    Distance, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError, Scaling, TargetSpec, checks,
     stackings::{StackingReport, TargetContext, object_layers},
 };
 use crate::{
@@ -82,7 +82,10 @@ impl Prepared {
 
         progress.stage("materials", 0);
         let materials = finish_materials(draft, interrupt)?;
-        warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));
+        // What was done to the data of a built-in set is the same in every job, and stands in the manifest.
+        if let MaterialSource::File(_) = job.materials {
+            warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));
+        }
         let distance = match job.field.distance {
             Distance::Exact => DistanceKind::Exact,
             Distance::Grid => DistanceKind::Grid,
@@ -115,6 +118,7 @@ impl Prepared {
             let (mesh, health) = (object.mesh.shown(), solid.health);
             objects.push(PreparedObject { mesh, transform, health, bounds, stackings });
         }
+        warnings.extend(checks::thin_layers(&objects, &lattice));
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);
         let prepared = Self { job, materials, lattice, objects, palette, inputs, warnings, slicer };

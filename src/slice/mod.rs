@@ -21,6 +21,6 @@ pub mod preview;
 pub use depth::{DistanceKind, SlabField};
 pub use engine::Slicer;
 pub use fill::ObjectField;
-pub(crate) use output::hex;
 pub use output::{FileEntry, MANIFEST, OutputError, OutputFolder, TIMINGS};
+pub(crate) use output::{hex, is_plain};
 pub use png::{Palette, RowBuffers, encode_mask, encode_rgba};
