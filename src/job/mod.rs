@@ -17,6 +17,7 @@ mod prepare;
 mod progress;
 mod ranges;
 mod read;
+mod report;
 mod resolved;
 mod run;
 mod run_error;
@@ -47,6 +48,7 @@ pub use options::{
 pub use paths::InputPath;
 pub use prepare::{InputFile, Prepared, PreparedObject};
 pub use progress::{Interrupt, Progress, Silent};
+pub use report::{REPORT, draw_again, report_data};
 pub use resolved::ResolvedJob;
 pub use run::{RunOptions, STACKINGS, run};
 pub use run_error::{Blame, RunError};

@@ -7,13 +7,13 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::{
-    Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError, Scaling, TargetSpec, checks,
+    Distance, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError, Scaling, TargetSpec, checks,
     stackings::{StackingReport, TargetContext, object_layers},
 };
 use crate::{
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
     optics::{MaterialFile, MaterialSet, OpticsError},
-    slice::{ObjectField, Palette, Slicer, hex},
+    slice::{DistanceKind, ObjectField, Palette, Slicer, hex},
     voxel::{Lattice, MaterialId},
 };
 
@@ -86,6 +86,14 @@ impl Prepared {
         if let MaterialSource::File(_) = job.materials {
             warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));
         }
+        let distance = match job.field.distance {
+            Distance::Exact => DistanceKind::Exact,
+            Distance::Grid => DistanceKind::Grid,
+            Distance::Lp { exponent } => DistanceKind::Lp { exponent },
+        };
+        if distance != DistanceKind::Exact && (job.wants(OutputFormat::Stl) || job.wants(OutputFormat::ThreeMf)) {
+            warnings.push("material meshes use the exact distance, whatever field.distance says".to_owned());
+        }
         let mut objects = Vec::new();
         let mut fields = Vec::new();
         for (index, ((mut solid, transform), object)) in solids.into_iter().zip(&job.objects).enumerate() {
@@ -106,7 +114,7 @@ impl Prepared {
             let bounds = bounds(&solid);
             let field = ObjectField::new(&solid, lattice, layers)
                 .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
-            fields.push(field);
+            fields.push(field.with_distance(distance));
             let (mesh, health) = (object.mesh.shown(), solid.health);
             objects.push(PreparedObject { mesh, transform, health, bounds, stackings });
         }

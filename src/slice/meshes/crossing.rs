@@ -16,9 +16,12 @@ use super::{
     object::{NodeObject, slots_passed},
 };
 
-/// A vertex keeps this share of the edge away from its ends, so that no triangle collapses. It moves the surface by 1 µm
-/// at a pitch of 0.1 mm.
-const END_MARGIN: f64 = 0.01;
+/// A vertex keeps this share of the pitch away from the ends of its edge, so that no triangle collapses. A boundary right on the nodes
+/// is off by as much: at a pitch of half a layer that is 0.05% of its volume.
+const END_MARGIN: f64 = 1e-3;
+
+/// It keeps at least so many steps of single precision away, so that files tell it from the vertices beside it.
+const END_STEPS: f64 = 4.0;
 
 /// Finds crossings; holds buffers.
 #[derive(Debug)]
@@ -26,6 +29,8 @@ pub struct Crossings<'a> {
     objects: &'a [NodeObject<'a>],
     /// Bounds of all objects, which no vertex leaves.
     bounds: (DVec3, DVec3),
+    /// How near to the end of an edge a vertex may be, mm.
+    margin: f64,
     rows: [Vec<f32>; 2],
 }
 
@@ -34,24 +39,27 @@ struct Seen {
     /// Negative outside of the object, mm.
     depth: f64,
     nearest: Nearest,
+    position: DVec3,
     label: u8,
     inside: bool,
 }
 
 impl<'a> Crossings<'a> {
-    /// Crossings among `objects`, whose corners `bounds` holds.
-    pub fn new(objects: &'a [NodeObject<'a>], bounds: (DVec3, DVec3)) -> Self {
-        Self { objects, bounds, rows: Default::default() }
+    /// Crossings among `objects`, whose corners `bounds` holds, on edges `pitch` mm long.
+    pub fn new(objects: &'a [NodeObject<'a>], bounds: (DVec3, DVec3), pitch: f64) -> Self {
+        let reach = bounds.0.abs().max(bounds.1.abs()).max_element();
+        let margin = f64::max(END_MARGIN * pitch, END_STEPS * f64::from(f32::EPSILON) * reach);
+        Self { objects, bounds, margin, rows: Default::default() }
     }
 
     /// The vertex on the edge along `axis` between two nodes of different labels, of which `p` has the lower coordinate.
     pub fn vertex(&mut self, axis: usize, p: (Node, DVec3), q: (Node, DVec3)) -> DVec3 {
         let t = self.share(p, q);
-        let (from, length) = (p.1[axis], q.1[axis] - p.1[axis]);
+        let (from, to) = (p.1[axis], q.1[axis]);
         // The surface ends with the objects; an interpolation over a hole in it might not.
-        let place = (from + t * length).clamp(self.bounds.0[axis], self.bounds.1[axis]);
+        let place = (from + t * (to - from)).clamp(self.bounds.0[axis], self.bounds.1[axis]);
         let mut vertex = p.1;
-        vertex[axis] = place.clamp(from + END_MARGIN * length, from + (1.0 - END_MARGIN) * length);
+        vertex[axis] = place.clamp(from + self.margin, to - self.margin);
         vertex
     }
 
@@ -80,12 +88,12 @@ fn see(object: &NodeObject, number: u16, node: Node, position: DVec3) -> Seen {
     let nearest = if node.measured == number { node.nearest } else { object.nearest(position) };
     let inside = node.owner == number;
     let distance = f64::from(nearest.distance);
-    Seen { depth: if inside { distance } else { -distance }, nearest, label: node.label, inside }
+    Seen { depth: if inside { distance } else { -distance }, nearest, position, label: node.label, inside }
 }
 
 /// Number of boundaries above a node, the outer surface included; its bottoms go to `row`.
 fn slot(object: &NodeObject, seen: &Seen, row: &mut Vec<f32>) -> usize {
-    object.bottoms(&seen.nearest, row);
+    object.bottoms(seen.nearest.triangle, seen.position, row);
     if seen.inside { 1 + slots_passed(row, seen.nearest.distance) } else { 0 }
 }
 

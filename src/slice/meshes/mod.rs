@@ -118,8 +118,7 @@ pub struct MaterialPart {
 impl MaterialMesher {
     /// Coarsest pitch taken without being asked, mm: a chord of a 10 mm sphere then misses it by 1 µm, a crease is cut by 70 µm.
     const COARSEST_MM: f64 = 0.2;
-    /// Most nodes along an axis. Vertices are kept a hundredth of a pitch apart, which single precision must still tell apart:
-    /// 2²⁴ / 100 / 5.
+    /// Most nodes along an axis: 2¹⁵ of the 2²⁴ steps of single precision leave 512 to a pitch, to tell vertices apart by.
     const MAX_NODES: u32 = 1 << 15;
 
     /// The pitch for a job that states none: half the thinnest layer, so that no layer is lost; but not finer than two of the
