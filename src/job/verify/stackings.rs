@@ -5,7 +5,10 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::{Check, Finding, files::Sound, image::read_all};
-use crate::{job::STACKINGS, slice::hex};
+use crate::{
+    job::{STACKINGS, StackingReport},
+    slice::hex,
+};
 
 /// Longest file that is read, bytes: 65,535 stackings of a few hundred bytes for each of some objects.
 const MAX_BYTES: u64 = 256 << 20;
@@ -35,7 +38,9 @@ fn compare(check: &Check<'_>) -> Result<(), String> {
     if digest != found.sha256 {
         return Err(format!("found SHA-256 {digest} over job, inputs and stackings, expected {}", found.sha256));
     }
-    if serde_json::to_value(&manifest.stackings).ok() != Some(Value::Array(found.objects)) {
+    let stackings: Vec<StackingReport> = serde_json::from_value(Value::Array(found.objects))
+        .map_err(|error| format!("objects cannot be read: {error}"))?;
+    if stackings != manifest.stackings {
         return Err("found stackings that differ from those of the manifest, expected the same".to_owned());
     }
     Ok(())

@@ -74,7 +74,7 @@ impl Folder {
                 "slices": [0, 2],
                 "material_set": { "name": "test", "provenance": "", "channels": ["Y"] },
                 "materials": [record(1, "white", WHITE, 12), record(2, "support", [0; 4], 5)],
-                "stackings": [], "meshes": [{ "material": "white", "triangles": 4, "volume_mm3": 1.0 / 6.0 }],
+                "stackings": [], "meshes": [{ "material": "white", "triangles": 4, "volume_mm3": 1.0 / 6.0, "pitch_mm": 0.1 }],
                 "files": [], "warnings": [],
             }),
         };
@@ -246,7 +246,7 @@ fn stackings_are_those_of_the_manifest() {
     folder.manifest["job"]["x"] = json!(0.100_000_000_000_000_02); // one unit in the last place
     folder.finds(&["stackings.json: found SHA-256"]);
     let mut folder = Folder::sound();
-    folder.manifest["stackings"] = json!([1]);
+    folder.manifest["stackings"] = json!([{ "kind": "stacking", "sequence": [], "stackings": [], "core": "black" }]);
     folder.finds(&["stackings.json: found stackings that differ from those of the manifest"]);
 }
 

@@ -33,6 +33,7 @@ use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
 use super::spectra::ResinSpectrum;
 use super::toml_source::{Folder, Keys, Source, Strings, kind};
 use super::{MaterialSet, Resin};
+use crate::optics::error::nearest;
 use crate::optics::{FrequencyGrid, OpticsError, VolumeCoefficients};
 
 const TOP_KEYS: [&str; 4] = ["name", "channels", "provenance", "resin"];
@@ -66,6 +67,20 @@ impl MaterialFile {
     /// Names of the resins, in the order of the file.
     pub fn resin_names(&self) -> impl Iterator<Item = &str> {
         self.resins.iter().map(|draft| draft.name.as_str())
+    }
+
+    /// Index of the resin of this name.
+    ///
+    /// # Errors
+    /// [`OpticsError::UnknownResin`] with the nearest name.
+    pub fn resin_index(&self, name: &str) -> Result<usize, OpticsError> {
+        let unknown = || OpticsError::UnknownResin {
+            name: name.into(),
+            suggestion: nearest(name, self.resin_names()).map(String::from),
+            set: self.name.clone(),
+            known: self.resin_names().collect::<Vec<_>>().join(", "),
+        };
+        self.resin_names().position(|known| known == name).ok_or_else(unknown)
     }
 
     /// Reads and checks a file and the profiles it names; quick.
@@ -187,6 +202,11 @@ impl MaterialFile {
             grid,
             warnings,
         })
+    }
+
+    /// Name of the set.
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
     /// Where the numbers come from.
