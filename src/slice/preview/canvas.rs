@@ -28,6 +28,7 @@ impl Canvas {
     }
 
     /// One pixel.
+    #[cfg(test)]
     pub fn pixel(&self, x: usize, y: usize) -> Rgb {
         self.pixels[x + self.width * y]
     }

@@ -188,9 +188,9 @@ fn materials(page: &mut String, data: &ReportData) -> fmt::Result {
     }
     writeln!(page, "</tr></thead>\n<tbody>")?;
     let row = |page: &mut String, swatch: &str, name: &str, voxels: u64, volume: f64, grams: Option<f64>| {
-        let mass = grams.map_or_else(|| "–".to_owned(), |grams| number(grams, 2));
+        let mass = grams.map_or_else(|| "–".to_owned(), |grams| decimals(grams, 2));
         writeln!(page, "<tr><td>{swatch}</td><td>{name}</td>")?;
-        for value in [thousands(voxels), number(volume, 1), mass] {
+        for value in [thousands(voxels), decimals(volume, 1), mass] {
             writeln!(page, "<td class=\"number\">{value}</td>")?;
         }
         writeln!(page, "</tr>")
@@ -242,7 +242,7 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
         writeln!(page, "</td>")?;
         let share = stacking.share.map_or_else(|| "–".to_owned(), |share| format!("{} %", number(100.0 * share, 1)));
         let error = stacking.error.map_or_else(|| "–".to_owned(), significant);
-        let values = [(shares, share), (true, number(thickness(stacking), 3)), (errors, error)];
+        let values = [(shares, share), (true, decimals(thickness(stacking), 3)), (errors, error)];
         for (_, value) in values.iter().filter(|(shown, _)| *shown) {
             writeln!(page, "<td class=\"number\">{value}</td>")?;
         }
@@ -379,6 +379,13 @@ fn number(value: f64, digits: usize) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
+/// Exactly `digits` decimals, for columns; thousands grouped.
+fn decimals(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let (whole, part) = text.split_once('.').unwrap_or((&text, ""));
+    whole.parse().map_or_else(|_| text.clone(), |whole| format!("{}.{part}", thousands(whole)))
+}
+
 fn significant(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || (0.001..1000.0).contains(&size) { number(value, 4) } else { format!("{value:.2e}") }
@@ -476,6 +483,7 @@ mod tests {
     fn numbers_read_well() {
         assert_eq!(thousands(1_234_567), "1\u{202f}234\u{202f}567");
         assert_eq!([number(2.0, 3), number(0.25, 3), number(100.0, 0)], ["2", "0.25", "100"]);
+        assert_eq!([decimals(24502.41, 1), decimals(0.0, 2), decimals(-1.5, 1)], ["24\u{202f}502.4", "0.00", "-1.5"]);
         assert_eq!([significant(8e-15), significant(0.0123), significant(0.0)], ["8.00e-15", "0.0123", "0"]);
     }
 }
