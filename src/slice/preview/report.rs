@@ -282,10 +282,13 @@ fn bar(page: &mut String, stacking: &ReportStacking, data: &ReportData, scale: f
         left += width;
     }
     if let Some(core) = stacking.core {
-        block(page, [left, CORE - 8.0], colour(core))?;
         // A torn end: the core goes on.
-        let (x, end) = (left + CORE - 8.0, BAR_HEIGHT);
-        write!(page, "<path d=\"M{x:.2} 0l-5 {0:.2}l5 {0:.2}l-5 {0:.2}l5 {0:.2}V0z\" fill=\"#fff\"/>", end / 4.0)?;
+        let [r, g, b, a] = colour(core);
+        let fill = if a == 0 { "#f1dfb6".to_owned() } else { format!("#{r:02x}{g:02x}{b:02x}") };
+        let (tooth, width) = ((BAR_HEIGHT - 1.0) / 4.0, CORE - 8.0);
+        write!(page, "<path d=\"M{:.2} 0.5h{width}", left + 0.5)?;
+        write!(page, "l-5 {tooth}l5 {tooth}l-5 {tooth}l5 {tooth}h-{width}z\"")?;
+        write!(page, " fill=\"{fill}\" stroke=\"#5b6674\" stroke-width=\"0.75\"/>")?;
     }
     writeln!(page, "</svg><span class=\"words\">{}</span>", escape(&words))
 }
@@ -396,7 +399,7 @@ fn thousands(value: u64) -> String {
     let digits = value.to_string();
     let mut out = String::new();
     for (n, digit) in digits.chars().enumerate() {
-        if n > 0 && (digits.len() - n) % 3 == 0 {
+        if n > 0 && (digits.len() - n).is_multiple_of(3) {
             out.push('\u{202f}');
         }
         out.push(digit);
