@@ -1,2 +1,7 @@
-//! bin
-fn main() {}
+//! The `lumislice` command.
+
+mod cli;
+
+fn main() -> std::process::ExitCode {
+    cli::run()
+}

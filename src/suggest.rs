@@ -1,6 +1,6 @@
 //! "Did you mean …?": the known name nearest to a mistyped one.
 
-/// Names at most this share of their length apart (in edits) count as a slip of the pen: `heigth-mm`, `j750-27`.
+/// Names at most this share of the longer one's length apart (in edits) count as a slip of the pen: `heigth-mm`, `j750-27`.
 /// One edit is always allowed, so that two-letter names can be mistyped too.
 const MAX_EDITS_PER_CHAR: f64 = 0.34;
 
@@ -16,7 +16,8 @@ pub(crate) fn suggest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) 
     let mut best: Option<(usize, &str)> = None;
     for name in known {
         let edits = strsim::damerau_levenshtein(&word, &name.to_lowercase());
-        let allowed = ((name.chars().count() as f64 * MAX_EDITS_PER_CHAR) as usize).max(1);
+        let length = word.chars().count().max(name.chars().count());
+        let allowed = ((length as f64 * MAX_EDITS_PER_CHAR) as usize).max(1);
         if edits <= allowed && best.is_none_or(|(fewest, _)| edits < fewest) {
             best = Some((edits, name));
         }
@@ -45,6 +46,7 @@ mod tests {
         assert_eq!(suggest("heigth-mm", known), Some("height-mm"));
         assert_eq!(suggest("height_mm", known), Some("height-mm"));
         assert_eq!(suggest("Unit", known), Some("unit"));
+        assert_eq!(suggest("inches", ["mm", "inch"]), Some("inch"));
         assert_eq!(suggest("colour", known), None);
         assert_eq!(suggest(&"mesh".repeat(100), known), None);
         assert_eq!(hint("colour", ["a", "b"]), "expected one of a, b");

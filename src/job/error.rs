@@ -104,23 +104,23 @@ pub enum JobError {
         error: StackError,
     },
     /// An input file or folder that is not there, or is not what it should be.
-    #[error("{place}: {key}: found {found:?}, {problem}, expected {expected} (looked at {looked_at})")]
+    #[error("{place}: {key}: found \"{found}\", {problem}, expected {expected} (looked at {looked_at})")]
     Input {
         /// Where the path stands.
         place: Place,
         /// The key's full path.
         key: String,
         /// The path as written.
-        found: String,
+        found: Box<str>,
         /// What is wrong with it.
         problem: String,
         /// What should be there.
-        expected: String,
+        expected: &'static str,
         /// The path after resolving it against the job file's folder.
-        looked_at: String,
+        looked_at: Box<str>,
     },
     /// A resin, set or printer of that name does not exist.
-    #[error("{place}: {key}: found the unknown {kind} {found:?}; {hint}")]
+    #[error("{place}: {key}: found the unknown {kind} \"{found}\"; {hint}")]
     UnknownName {
         /// Where the name stands.
         place: Place,
@@ -134,7 +134,7 @@ pub enum JobError {
         hint: String,
     },
     /// A part of lumislice that the job asks for and that does not exist yet.
-    #[error("{place}: {key}: found {found:?}, which is not built yet; expected {expected}")]
+    #[error("{place}: {key}: found \"{found}\", which is not built yet; expected {expected}")]
     NotBuilt {
         /// Where it is asked for.
         place: Place,

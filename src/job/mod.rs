@@ -5,18 +5,29 @@
 //! expected. Nothing slow happens here and nothing is read but the job: whether the resins it names exist is asked
 //! later ([`Job::check_resins`]), when the materials are known. `docs/job.md` lists every key.
 
+mod checks;
 mod error;
+mod estimate;
+mod images;
+mod manifest;
 mod object;
 mod options;
 mod paths;
+mod prepare;
+mod progress;
 mod ranges;
 mod read;
+mod report;
 mod resolved;
+mod run;
+mod run_error;
 mod source;
 mod stack;
+mod stackings;
 mod target;
 #[cfg(test)]
 mod tests;
+pub mod verify;
 
 use std::fs::File;
 use std::io::Read;
@@ -25,15 +36,27 @@ use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
 pub use error::{JobError, Place};
-pub use object::{ObjectJob, Scaling, Unit};
+pub use estimate::Estimate;
+pub use manifest::{
+    LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
+};
+pub use object::{ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
     SUPPORT_MIN_DEPTH_MM, StackingOptions,
 };
 pub use paths::InputPath;
+pub use prepare::{InputFile, Prepared, PreparedObject};
+pub use progress::{Interrupt, Progress, Silent};
+pub use report::{REPORT, draw_again, report_data};
 pub use resolved::ResolvedJob;
+pub use run::{RunOptions, STACKINGS, run};
+pub use run_error::{Blame, RunError};
 pub use stack::{StackError, format_stack, parse_stack};
+pub use stackings::{LayerEntry, SearchEntry, StackingEntry, StackingReport};
 pub use target::{AlbedoSource, TargetSpec};
+
+pub use crate::mesh::Unit;
 
 use crate::suggest::hint;
 use crate::voxel::Printer;

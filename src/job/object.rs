@@ -4,49 +4,7 @@ use super::paths::InputPath;
 use super::ranges::{ANGLE, HEIGHT, POSITION, SCALE};
 use super::read::{Result, Table};
 use super::target::{self, TargetSpec};
-
-/// The unit of a mesh file's numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Unit {
-    /// Millimetres.
-    Mm,
-    /// Centimetres.
-    Cm,
-    /// Metres.
-    M,
-    /// Inches of 25.4 mm.
-    Inch,
-    /// Micrometres.
-    Um,
-}
-
-impl Unit {
-    /// Every unit and its name in jobs.
-    pub const ALL: [(&'static str, Self); 5] =
-        [("mm", Self::Mm), ("cm", Self::Cm), ("m", Self::M), ("inch", Self::Inch), ("um", Self::Um)];
-
-    /// Its name in jobs.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Mm => "mm",
-            Self::Cm => "cm",
-            Self::M => "m",
-            Self::Inch => "inch",
-            Self::Um => "um",
-        }
-    }
-
-    /// Its length in millimetres.
-    pub fn mm(self) -> f64 {
-        match self {
-            Self::Mm => 1.0,
-            Self::Cm => 10.0,
-            Self::M => 1000.0,
-            Self::Inch => crate::voxel::MM_PER_INCH,
-            Self::Um => 0.001,
-        }
-    }
-}
+use crate::mesh::Unit;
 
 /// How large an object is printed.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -43,16 +43,16 @@ enum Kind {
 
 impl Value<'_> {
     /// The path of a file that can be opened; `expected` says what it should be, as "a mesh file".
-    pub fn file(&self, expected: &str) -> Result<InputPath> {
+    pub fn file(&self, expected: &'static str) -> Result<InputPath> {
         self.input(expected, Kind::File)
     }
 
     /// The path of a folder.
-    pub fn folder(&self, expected: &str) -> Result<InputPath> {
+    pub fn folder(&self, expected: &'static str) -> Result<InputPath> {
         self.input(expected, Kind::Folder)
     }
 
-    fn input(&self, expected: &str, kind: Kind) -> Result<InputPath> {
+    fn input(&self, expected: &'static str, kind: Kind) -> Result<InputPath> {
         let written = self.text(&format!("the path of {expected}"))?;
         if written.trim().is_empty() {
             return Err(self.refuse(format!("the path of {expected}")));
@@ -63,10 +63,10 @@ impl Value<'_> {
             Some(problem) => Err(JobError::Input {
                 place: self.place(),
                 key: self.path().to_owned(),
-                found: one_line(written),
+                found: one_line(written).into(),
                 problem,
-                expected: expected.to_owned(),
-                looked_at: one_line_path(&path),
+                expected,
+                looked_at: one_line_path(&path).into(),
             }),
         }
     }

@@ -15,7 +15,7 @@ pub(super) struct Source<'a> {
     file: Arc<str>,
     text: &'a str,
     line_starts: Vec<usize>,
-    places: RefCell<Places>,
+    offsets: RefCell<BTreeMap<String, usize>>,
     /// The folder that relative paths start from.
     pub base_dir: &'a Path,
 }
@@ -23,24 +23,54 @@ pub(super) struct Source<'a> {
 impl<'a> Source<'a> {
     pub fn new(path: &Path, text: &'a str, base_dir: &'a Path) -> Self {
         let line_starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
-        Self { file: one_line_path(path).into(), text, line_starts, places: RefCell::default(), base_dir }
+        Self { file: one_line_path(path).into(), text, line_starts, offsets: RefCell::default(), base_dir }
     }
 
     /// The place of byte `offset`; past the end is the end.
     pub fn place(&self, offset: usize) -> Place {
-        let offset = self.text.floor_char_boundary(offset);
-        let line = self.line_starts.partition_point(|&start| start <= offset).max(1);
-        let column = self.text[self.line_starts[line - 1]..offset].chars().count() + 1;
-        Place { file: Arc::clone(&self.file), line: line as u32, column: column as u32 }
+        let line = self.line_of(offset);
+        self.place_in(line, self.chars(self.line_starts[line], offset))
+    }
+
+    /// Index of the line that byte `offset` is in.
+    fn line_of(&self, offset: usize) -> usize {
+        self.line_starts.partition_point(|&start| start <= offset) - 1
+    }
+
+    /// Characters that begin in bytes `from..to` and end there.
+    fn chars(&self, from: usize, to: usize) -> usize {
+        let mut to = to.min(self.text.len());
+        while !self.text.is_char_boundary(to) {
+            to -= 1;
+        }
+        self.text[from..to].chars().count()
+    }
+
+    fn place_in(&self, line: usize, chars_before: usize) -> Place {
+        Place { file: Arc::clone(&self.file), line: line as u32 + 1, column: chars_before as u32 + 1 }
     }
 
     /// Remembers that `key` stands at byte `offset`.
     pub fn remember(&self, key: &str, offset: usize) {
-        self.places.borrow_mut().entry(key.to_owned()).or_insert_with(|| self.place(offset));
+        self.offsets.borrow_mut().entry(key.to_owned()).or_insert(offset);
     }
 
+    /// The places of all remembered keys, in one sweep of the text: a line may hold a megabyte of them.
     pub fn into_places(self) -> Places {
-        self.places.into_inner()
+        let mut keys: Vec<(String, usize)> = self.offsets.take().into_iter().collect();
+        keys.sort_by_key(|&(_, offset)| offset);
+        let (mut line, mut at, mut chars) = (0, 0, 0);
+        let mut places = Places::new();
+        for (key, offset) in keys {
+            if self.line_of(offset) != line {
+                line = self.line_of(offset);
+                (at, chars) = (self.line_starts[line], 0);
+            }
+            chars += self.chars(at, offset);
+            at = offset;
+            places.insert(key, self.place_in(line, chars));
+        }
+        places
     }
 }
 
@@ -56,5 +86,14 @@ mod tests {
         assert_eq!(at("x"), "j.toml:2:9");
         assert_eq!(source.place(10_000).to_string(), "j.toml:3:1");
         assert_eq!(source.place(7).to_string(), "j.toml:2:1", "inside a character is that character");
+    }
+
+    #[test]
+    fn one_sweep_finds_what_single_questions_find() {
+        let source = Source::new(Path::new("j.toml"), "a = 1\n\nä = [\"é\", 2]\nb = 3", Path::new(""));
+        let offsets: Vec<usize> = source.text.char_indices().map(|(at, _)| at).rev().collect();
+        offsets.iter().for_each(|&at| source.remember(&at.to_string(), at));
+        let expected: Places = offsets.iter().map(|&at| (at.to_string(), source.place(at))).collect();
+        assert_eq!(source.into_places(), expected);
     }
 }

@@ -3,14 +3,27 @@
 //! **In:** a path to an OBJ, GLB/glTF, STL, PLY or 3MF file and its unit. **Out:** a [`Solid`]: triangles in millimetres,
 //! z up, with UVs and textures, coherently oriented, plus the caps that close its holes for the inside test, and a
 //! [`HealthReport`] that says what was found and what was done.
+//!
+//! ```no_run
+//! use lumislice::mesh::{LoadOptions, Placement, Size, close, load, place};
+//!
+//! let loaded = load("rabbit.glb".as_ref(), &LoadOptions::default())?;
+//! let (mesh, mesh_to_lattice) = place(loaded.mesh, &Placement { size: Size::HeightMm(30.0), ..Placement::default() })?;
+//! let file_to_lattice = mesh_to_lattice * loaded.file_to_mesh;
+//! let solid = close(mesh)?;
+//! # Ok::<(), lumislice::mesh::MeshError>(())
+//! ```
 
 mod error;
+mod heal;
 mod place;
 mod read;
+mod words;
 
 use std::sync::Arc;
 
 pub use error::MeshError;
+pub use heal::{MAX_CAP_FRACTION, close};
 pub use place::{Placement, Size, place};
 pub use read::{LoadOptions, Loaded, MAX_EXTENT_MM, MAX_TRIANGLES, MIN_EXTENT_MM, Unit, load};
 
@@ -73,20 +86,32 @@ pub struct HealthReport {
     pub triangles: usize,
     /// Edges that bound only one triangle.
     pub open_edges: usize,
-    /// Closed loops of open edges.
+    /// Closed loops of edges whose triangles do not balance: holes, and seams of non-manifold or twisted surfaces.
     pub holes: usize,
+    /// Triangles that close them.
+    pub caps: usize,
+    /// Area of those triangles in mm².
+    pub cap_area_mm2: f64,
     /// Edges shared by more than two triangles.
     pub non_manifold_edges: usize,
     /// Triangles turned to agree with their neighbours.
     pub flipped_triangles: usize,
+    /// Edges whose two triangles cannot be made to agree: the surface is one-sided.
+    pub twisted_edges: usize,
     /// Triangles dropped because another has the same corners.
     pub doubled_triangles: usize,
-    /// Triangles dropped because they have no area.
+    /// Triangles dropped because they have no area (those with three distinct corners live on among the caps).
     pub degenerate_triangles: usize,
     /// Pairs of triangles that cross each other; `None` where the check was too dear.
     pub self_intersections: Option<usize>,
     /// Connected pieces.
     pub shells: usize,
+    /// Pieces that faced inwards and were turned.
+    pub turned_shells: usize,
+    /// Pieces that face inwards and were too many to decide whether they are cavities.
+    pub unjudged_shells: usize,
+    /// Pieces that are open sheets by themselves.
+    pub open_shells: usize,
     /// Enclosed volume in mm³, positive.
     pub volume_mm3: f64,
     /// Surface area in mm².

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::KubelkaMunkError;
+use super::SpectrumError;
 
 /// Errors of the optics room; every message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -39,15 +39,19 @@ pub enum OpticsError {
         /// What is accepted.
         expected: String,
     },
-    /// A slab whose spectra no Kubelka–Munk parameters can explain.
-    #[error("resin {resin}, channel {channel}: {source}")]
-    KubelkaMunk {
+    /// Profiles that no slab of a resin can have.
+    #[error("{}:{line}: resin {resin}, channel {channel}: {source}", file.display())]
+    Spectrum {
+        /// The material file.
+        file: PathBuf,
+        /// Line of the resin's table.
+        line: usize,
         /// Name of the resin.
         resin: String,
         /// Name of the channel.
         channel: String,
-        /// The coefficient at fault.
-        source: KubelkaMunkError,
+        /// What is wrong with them.
+        source: SpectrumError,
     },
     /// No built-in set of this name.
     #[error("unknown material set `{name}`{}; built in are: {known}", did_you_mean(suggestion.as_deref()))]

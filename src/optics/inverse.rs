@@ -4,8 +4,8 @@
 //! and rings are finite where f is not (R ~ 1/r at the centre), so profiles come back as ring means.
 //!
 //! Near the centre a reflection profile is (C/2πr) e^(−br), whose pair is closed: f̂ = C/√(k² + b²), E = C (1 − e^(−br))/b. C and
-//! b are read off the upper part of the grid, the pair is subtracted, and only the smooth rest is integrated numerically, as a
-//! cubic through the coefficients; beyond the grid the rest is 0. *Fails* beyond r ≈ π/Δk (20 mm on the default grid), where
+//! b are read off the upper part of the grid, the pair is subtracted, and only the rest is integrated numerically,
+//! between interpolated coefficients; beyond the grid the rest is 0. *Fails* beyond r ≈ π/Δk (20 mm on the default grid), where
 //! the spacing of the coefficients aliases.
 
 use super::quadrature::bisect;
@@ -17,6 +17,8 @@ const WINDOW: usize = 8;
 const INNER: f64 = 0.6;
 /// Largest phase kr per Gauss step: three points then err under 1e-6 of the interval.
 const MAX_PHASE: f64 = 0.8;
+/// Above this ratio of neighbours 1/f̂² is no parabola (transmission falls like e^(−hk)) and f̂ itself is interpolated.
+const STEEP: f64 = 2.0;
 /// Three-point Gauss–Legendre rule, exact to degree 5.
 const GAUSS: [(f64, f64); 3] =
     [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];
@@ -27,8 +29,7 @@ pub struct InverseHankel<'a> {
     k: &'a [f64],
     total: f64,
     centre: Centre,
-    /// What is left of the spectrum without the centre's.
-    rest: Vec<f64>,
+    values: &'a [f64],
 }
 
 /// (C/2πr) e^(−br).
@@ -69,19 +70,18 @@ impl Centre {
 
 impl<'a> InverseHankel<'a> {
     /// Of one value per frequency of the grid; extra values on either side are ignored.
-    pub fn new(values: &[f64], grid: &'a FrequencyGrid) -> Self {
+    pub fn new(values: &'a [f64], grid: &'a FrequencyGrid) -> Self {
         let len = values.len().min(grid.len());
         let k = &grid.as_slice()[..len];
         let total = values.first().copied().unwrap_or(0.0);
         if len < 2 {
-            return Self { k, total, centre: Centre { strength: 0.0, decay: 0.0 }, rest: values[..len].to_vec() };
+            return Self { k, total, centre: Centre { strength: 0.0, decay: 0.0 }, values: &values[..len] };
         }
         // A pair without decay has no value at k = 0; the grid's own spacing then rounds off its pole.
         let mut centre = Centre::of(k, &values[..len]);
         centre.decay = centre.decay.max(k[1]);
         centre.strength = if centre.strength > 0.0 { centre.strength } else { 0.0 };
-        let rest = k.iter().zip(values).map(|(k, f)| f - centre.transform(*k)).collect();
-        Self { k, total, centre, rest }
+        Self { k, total, centre, values: &values[..len] }
     }
 
     /// E(r), the energy leaving within r mm of the source.
@@ -95,7 +95,7 @@ impl<'a> InverseHankel<'a> {
             let half = 0.5 * (pair[1] - pair[0]) / parts;
             for part in 0..parts as usize {
                 let middle = pair[0] + (2 * part + 1) as f64 * half;
-                let value = |k: f64| self.interpolate(i, k) * libm::j1(k * r);
+                let value = |k: f64| self.rest(i, k) * libm::j1(k * r);
                 sum += GAUSS.iter().map(|(x, weight)| half * weight * value(middle + half * x)).sum::<f64>();
             }
         }
@@ -125,14 +125,27 @@ impl<'a> InverseHankel<'a> {
         RadialProfile::from_rings(edges_mm.to_vec(), means, None)
     }
 
-    /// Catmull–Rom in the i-th interval; f̂ is even in k, which gives the neighbour left of 0.
-    fn interpolate(&self, i: usize, k: f64) -> f64 {
-        let width = self.k[i + 1] - self.k[i];
-        let (f0, f1) = (self.rest[i], self.rest[i + 1]);
-        let before = if i == 0 { f1 } else { self.rest[i - 1] };
-        let after = self.rest.get(i + 2).copied().unwrap_or(2.0 * f1 - f0);
-        let t = (k - self.k[i]) / width;
-        let (m0, m1) = (0.5 * (f1 - before), 0.5 * (after - f0));
-        f0 + t * (m0 + t * (3.0 * (f1 - f0) - 2.0 * m0 - m1 + t * (2.0 * (f0 - f1) + m0 + m1)))
+    /// f̂ less the centre's at k in the i-th interval. 1/f̂² is interpolated: for the pairs light makes, C/√(k² + b²), it is a
+    /// parabola, while f̂ itself bends within one step of the grid if the profile is as wide as the support's.
+    fn rest(&self, i: usize, k: f64) -> f64 {
+        let value = |j: usize| self.values.get(j).copied();
+        let (f0, f1) = (self.values[i], self.values[i + 1]);
+        let before = if i == 0 { f1 } else { self.values[i - 1] }; // f̂ is even in k
+        let after = value(i + 2).unwrap_or(f1 * f1 / f0);
+        let t = (k - self.k[i]) / (self.k[i + 1] - self.k[i]);
+        let four = [before, f0, f1, after];
+        let whole = if four.iter().all(|f| *f > 0.0) && f0 < STEEP * f1 {
+            let squared = catmull_rom(four.map(|f| 1.0 / (f * f)), t);
+            if squared > 0.0 { 1.0 / squared.sqrt() } else { f0 + t * (f1 - f0) }
+        } else {
+            catmull_rom(four, t)
+        };
+        whole - self.centre.transform(k)
     }
+}
+
+/// Cubic through the middle two of four evenly spaced values, t in [0, 1] between them.
+fn catmull_rom([before, f0, f1, after]: [f64; 4], t: f64) -> f64 {
+    let (m0, m1) = (0.5 * (f1 - before), 0.5 * (after - f0));
+    f0 + t * (m0 + t * (3.0 * (f1 - f0) - 2.0 * m0 - m1 + t * (2.0 * (f0 - f1) + m0 + m1)))
 }

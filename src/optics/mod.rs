@@ -17,7 +17,9 @@ mod frequency;
 mod hankel;
 mod inverse;
 mod kubelka_munk;
+mod materials;
 mod monte_carlo;
+mod prediction;
 mod profile;
 mod profile_csv;
 mod quadrature;
@@ -31,7 +33,12 @@ pub use frequency::FrequencyGrid;
 pub use hankel::ProfileSpectrum;
 pub use inverse::InverseHankel;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
+pub use materials::{
+    BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinSpectrum,
+    SimulatedProfile, SlabPlan, SpectrumError, regenerate_builtin, simulate_profile,
+};
 pub use monte_carlo::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges};
+pub use prediction::{ChannelPrediction, PhotonOptions, PredictedRing, Prediction};
 pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERANCE, ProfileError, RadialProfile};
 pub use profile_csv::ProfileFile;
 pub use repair::{LostInNoise, TransmissionRepair, repair_transmission};

@@ -161,6 +161,18 @@ impl RadialProfile {
         }
     }
 
+    /// The first `samples` samples.
+    #[must_use]
+    pub(super) fn truncated(&self, samples: usize) -> Self {
+        let samples = samples.min(self.r_mm.len());
+        Self {
+            r_mm: self.r_mm[..samples].to_vec(),
+            value_per_mm2: self.value_per_mm2[..samples].to_vec(),
+            standard_error: self.standard_error.as_ref().map(|errors| errors[..samples].to_vec()),
+            ring_edges: self.ring_edges.as_ref().map(|edges| edges[..=samples].to_vec()),
+        }
+    }
+
     /// Share of the energy inside the first point sample, where nothing was measured; 0 for rings.
     pub fn centre_share(&self) -> f64 {
         if self.ring_edges.is_some() {

@@ -14,13 +14,15 @@ const FIT_MIN_SAMPLES: usize = 6;
 const FIT_MAX_RESIDUAL: f64 = 0.3;
 /// A tail holding more than this share of all energy is a guess, not an extrapolation.
 const MAX_SHARE: f64 = 0.5;
-/// Energy in the fit's window, as a share of all, under which nothing is missing.
+/// The outer samples are halved here to see how fast their energy falls.
+const OUTERMOST: f64 = 0.8;
+/// Share of the energy that may be missing without a word.
 const NEGLIGIBLE: f64 = 1e-5;
 
 /// What was done about the light beyond the last sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tail {
-    /// The samples reach far enough: their outer 40% hold less than 1e-5 of the energy.
+    /// The samples reach far enough: less than 1e-5 of the energy is beyond them, or even in their outer fifth.
     Negligible,
     /// Continued as an exponential.
     Exponential {
@@ -46,10 +48,11 @@ impl Tail {
         let reach = profile.reach_mm();
         let energy = profile.energy();
         let cut = Self::Cut { from_mm: reach };
-        let first = profile.r_mm().partition_point(|r| *r < FIT_FROM * reach);
+        let beyond = |share: f64| profile.r_mm().partition_point(|r| *r < share * reach);
+        let first = beyond(FIT_FROM);
         let values = &profile.value_per_mm2()[first..];
         let radii = &profile.r_mm()[first..];
-        if energy <= 0.0 || outer_energy(profile, first).abs() < NEGLIGIBLE * energy {
+        if energy <= 0.0 || beyond_reach(profile, first, beyond(OUTERMOST)) < NEGLIGIBLE * energy {
             return Self::Negligible;
         }
         if values.len() < FIT_MIN_SAMPLES || values.iter().any(|value| *value <= 0.0) {
@@ -68,6 +71,15 @@ impl Tail {
         }
         Self::Exponential { from_mm: reach, value_per_mm2: value, decay_per_mm: decay, share }
     }
+}
+
+/// Energy to be expected beyond the reach, if it goes on falling as from the samples [first, last) to those from `last` on; no
+/// more than the latter hold if that is next to nothing.
+fn beyond_reach(profile: &RadialProfile, first: usize, last: usize) -> f64 {
+    let outermost = outer_energy(profile, last);
+    let before = outer_energy(profile, first) - outermost;
+    let falling = if before > outermost { outermost * outermost / (before - outermost) } else { f64::INFINITY };
+    falling.min(outermost.abs())
 }
 
 /// Energy of the samples from `first` on.

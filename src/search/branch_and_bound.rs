@@ -5,7 +5,8 @@
 //! 2. In place of R′ = 0 and R′ = 1 stand the darkest and the brightest thing the remaining thickness can be
 //!    ([`super::envelope`]).
 //! 3. A child is bounded before it is composed, and children are visited in the order of their bounds.
-//! 4. Short stackings are searched first (`PROBE_DEPTH`), so that the long search starts from a good incumbent.
+//! 4. No iterative deepening: in that order the search meets good stackings early enough. Evidence: searching short stackings
+//!    first saves no time, see docs/performance.md.
 //!
 //! Depth-first, on one stack of preallocated spectra; a whole search allocates nothing per node.
 
@@ -13,9 +14,6 @@ use rayon::prelude::*;
 
 use super::kernels::{self, Goal, Stack};
 use super::{BlockTable, Match, SearchError, SearchTarget};
-
-/// Depth of the searches that find the first incumbent. Evidence: see docs/performance.md, section "search".
-const PROBE_DEPTH: usize = 2;
 
 /// A block under a partial stacking.
 #[derive(Debug, Clone, Copy)]
@@ -48,7 +46,6 @@ struct Search<'a> {
     /// The best stackings so far, best first, at most `keep`.
     best: Vec<(f64, Vec<(usize, usize)>)>,
     keep: usize,
-    depth: usize,
     nodes: u64,
     max_nodes: u64,
     /// Least bound among the nodes the budget left unexplored.
@@ -113,7 +110,6 @@ impl<'a> Search<'a> {
             path: Vec::with_capacity(depth),
             best: Vec::with_capacity(keep + 1),
             keep,
-            depth,
             nodes: 0,
             max_nodes: table.options().max_nodes.unwrap_or(u64::MAX),
             unexplored: f64::INFINITY,
@@ -125,17 +121,6 @@ impl<'a> Search<'a> {
         if self.table.core_may_start(0) {
             let nothing = kernels::objective(&self.stacks[0], &self.table.base, &self.goal, f64::INFINITY);
             self.offer(nothing, None);
-        }
-        let full = self.depth;
-        if full > PROBE_DEPTH {
-            self.depth = PROBE_DEPTH;
-            self.expand(root);
-            self.depth = full;
-            self.unexplored = f64::INFINITY;
-        }
-        if self.exhausted() {
-            self.unexplored = 0.0; // nothing is known of the longer stackings
-            return;
         }
         self.expand(root);
     }
@@ -155,9 +140,6 @@ impl<'a> Search<'a> {
             return;
         }
         let path: Vec<_> = self.path.iter().copied().chain(last).collect();
-        if self.keep > 1 && self.best.iter().any(|known| known.1 == path) {
-            return; // met by the probe already
-        }
         let at = self.best.partition_point(|known| known.0 <= objective);
         self.best.insert(at, (objective, path));
         self.best.truncate(self.keep);
@@ -184,7 +166,7 @@ impl<'a> Search<'a> {
 
     /// Looks at everything below `node`, whose spectra are `stacks[node.level]`.
     fn expand(&mut self, node: Node) {
-        let remaining = self.depth - node.level;
+        let remaining = self.table.options().depth - node.level;
         let table = self.table;
         self.children[node.level].clear();
         for size in (0..table.sizes.len()).rev() {

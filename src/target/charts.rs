@@ -12,16 +12,17 @@ use crate::mesh::TriangleMesh;
 /// Most charts told apart; the rest share the last number. An atlas of 65,535 charts has a texel or two for each.
 const MAX_CHARTS: u32 = u16::MAX as u32;
 
-/// The chart of every triangle, numbered by first triangle.
-pub fn charts(mesh: &TriangleMesh) -> Vec<u16> {
+/// The chart of every triangle, numbered by first triangle; charts end where the page changes.
+fn charts(mesh: &TriangleMesh, page_of: &[u16]) -> Vec<u16> {
     let mut sets = DisjointSets::new(mesh.triangles.len());
-    let mut edges: HashMap<[(u32, [u32; 2]); 2], u32> = HashMap::with_capacity(mesh.triangles.len() * 2);
+    let mut edges: HashMap<([(u32, [u32; 2]); 2], u16), u32> = HashMap::with_capacity(mesh.triangles.len() * 2);
     for (index, (corners, uvs)) in (0..).zip(mesh.triangles.iter().zip(&mesh.uvs)) {
         // Position and texture coordinate together name one end of an edge.
         let ends: [_; 3] = std::array::from_fn(|i| (corners[i], [uvs[i].x.to_bits(), uvs[i].y.to_bits()]));
         for side in 0..3 {
             let (a, b) = (ends[side], ends[(side + 1) % 3]);
-            let other = *edges.entry([a.min(b), a.max(b)]).or_insert(index);
+            let page = page_of.get(index as usize).copied().unwrap_or(0);
+            let other = *edges.entry(([a.min(b), a.max(b)], page)).or_insert(index);
             sets.join(index, other);
         }
     }
@@ -56,6 +57,45 @@ impl DisjointSets {
     }
 }
 
+/// Where a triangle finds its texels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// Index of the page.
+    pub page: u16,
+    /// Number of the chart.
+    pub chart: u16,
+}
+
+/// How the triangles of a mesh lie on the textures (pages) they use.
+#[derive(Debug, Clone)]
+pub struct Atlas {
+    places: Vec<Place>,
+    pages: Vec<ChartMap>,
+}
+
+impl Atlas {
+    /// Lays the triangles of `mesh`, which must have texture coordinates, onto pages of the given (width, height).
+    /// Triangle t uses page `page_of[t]`; an empty `page_of` means page 0 for all.
+    pub fn new(mesh: &TriangleMesh, page_sizes: &[(u32, u32)], page_of: &[u16]) -> Self {
+        let charts = charts(mesh, page_of);
+        let page_of = |triangle: usize| page_of.get(triangle).copied().unwrap_or(0);
+        let place = |(triangle, &chart)| Place { page: page_of(triangle), chart };
+        let places = charts.iter().enumerate().map(place).collect();
+        let draw = |(page, &(width, height))| ChartMap::new(mesh, &charts, |t| page_of(t) == page, width, height);
+        Self { places, pages: (0..).zip(page_sizes).map(draw).collect() }
+    }
+
+    /// Page and chart of every triangle.
+    pub fn places(&self) -> &[Place] {
+        &self.places
+    }
+
+    /// Owners of the texels of every page.
+    pub fn pages(&self) -> &[ChartMap] {
+        &self.pages
+    }
+}
+
 /// Who owns a texel: the chart that covers its centre, or failing that the nearest one that covers a texel.
 #[derive(Debug, Clone)]
 pub struct ChartMap {
@@ -73,17 +113,24 @@ pub struct ChartMap {
 const NOBODY: u32 = u32::MAX;
 
 impl ChartMap {
-    /// Draws the triangles of `mesh`, whose charts are `charts`, into an image of `width` × `height` texels.
+    /// Draws those triangles of `mesh` that are `on_page`, with their `charts`, into an image of `width` × `height` texels.
     ///
     /// Texture coordinates outside [0, 1] wrap around. Where charts overlap, the triangle drawn first keeps the texel.
-    pub fn new(mesh: &TriangleMesh, charts: &[u16], width: u32, height: u32) -> Self {
+    pub fn new(mesh: &TriangleMesh, charts: &[u16], on_page: impl Fn(usize) -> bool, width: u32, height: u32) -> Self {
         let texels = width as usize * height as usize;
         let mut map = Self { width, height, chart: vec![0; texels], source: vec![NOBODY; texels] };
-        for (uvs, &chart) in mesh.uvs.iter().zip(charts) {
-            map.draw(uvs, chart);
+        for (triangle, (uvs, &chart)) in mesh.uvs.iter().zip(charts).enumerate() {
+            if on_page(triangle) {
+                map.draw(uvs, chart);
+            }
         }
         map.spread();
         map
+    }
+
+    /// Texels that triangles cover, in order; without any, all.
+    pub fn covered(&self) -> impl Iterator<Item = usize> {
+        (0..).zip(&self.source).filter(|(texel, source)| *texel == **source).map(|(texel, _)| texel as usize)
     }
 
     fn draw(&mut self, uvs: &[Vec2; 3], chart: u16) {

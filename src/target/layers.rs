@@ -2,6 +2,8 @@
 //!
 //! A layer owns depth in [top, bottom); below the last one lies the core.
 
+use glam::Vec2;
+
 use super::textured::TexturedLayers;
 use crate::{
     sdf::{BrickSurface, DepthRange},
@@ -58,11 +60,38 @@ impl LayerField {
         }
     }
 
-    /// Writes the materials of the masked voxels of a brick; `exact` gives a voxel's depth in double precision.
-    pub fn fill_brick(&self, query: BrickQuery<'_>, exact: impl Fn(usize) -> f64, out: &mut [u8; BRICK_VOXELS]) {
+    /// The material of every slot that [`Self::bottoms`] bounds, from the surface inwards, then the core's.
+    pub fn slot_ids(&self) -> Vec<MaterialId> {
+        match self {
+            Self::Uniform(stack) => stack.layers.iter().map(|layer| layer.1).chain([stack.core]).collect(),
+            Self::Textured(layers) => layers.slot_ids().to_vec(),
+        }
+    }
+
+    /// Replaces `row` by the depths (mm, ascending) at which the slots end below the surface point with texture coordinates
+    /// `uv` on triangle `triangle`. A slot that ends where the one above it does is not there.
+    pub fn bottoms(&self, triangle: u32, uv: Vec2, row: &mut Vec<f32>) {
+        match self {
+            Self::Uniform(stack) => {
+                row.clear();
+                row.extend(stack.layers.iter().map(|layer| layer.0 as f32));
+            }
+            Self::Textured(layers) => layers.bottoms(triangle, uv, row),
+        }
+    }
+
+    /// Writes the materials of the masked voxels of a brick; `exact` gives a voxel's depth in double precision, `uv` the
+    /// texture coordinates of its nearest point on a candidate.
+    pub fn fill_brick(
+        &self,
+        query: BrickQuery<'_>,
+        exact: impl Fn(usize) -> f64,
+        uv: impl Fn(u32, usize) -> Vec2,
+        out: &mut [u8; BRICK_VOXELS],
+    ) {
         match self {
             Self::Uniform(stack) => stack.fill_brick(query, exact, out),
-            Self::Textured(layers) => layers.fill_brick(query, out),
+            Self::Textured(layers) => layers.fill_brick(query, uv, out),
         }
     }
 }

@@ -3,11 +3,22 @@
 //! **In:** profiles or textures, and the stackings the search found for them. **Out:** a [`LayerField`]: the material at any
 //! surface point and depth.
 
+mod align;
 mod charts;
+mod clusters;
+mod diffusion;
 mod layers;
+mod limits;
 mod slots;
+mod texture;
 mod textured;
 
+pub use align::{AlignedStackings, align};
+pub use charts::{Atlas, ChartMap, Place};
+pub use clusters::{ClusterError, ClusterFit, ClusterOptions, Clusters, cluster};
+pub use diffusion::{DiffusionError, NormalizedDiffusion};
 pub use layers::{BrickQuery, LayerField, LayerStack};
+pub use limits::{SlotLimits, enforce_limits};
 pub use slots::SlotTable;
+pub use texture::{Appearance, AppearancePage, Appearances, distinct_appearances};
 pub use textured::{LabelMap, TexturedLayers};

@@ -1,6 +1,6 @@
 //! Stackings aligned to one sequence of slots, ready for interpolation.
 
-use super::textured::Footprint;
+use super::{align::AlignedStackings, limits::SlotLimits, textured::Footprint};
 use crate::{sdf::DepthRange, search::ResinLimit, voxel::MaterialId};
 
 /// Rows of slot bottoms, one row per stacking.
@@ -8,14 +8,22 @@ use crate::{sdf::DepthRange, search::ResinLimit, voxel::MaterialId};
 pub struct SlotTable {
     /// Material of every slot, then the core's.
     ids: Vec<MaterialId>,
-    /// What the resin of each slot may do.
-    limits: Vec<ResinLimit>,
-    /// Whether any of them forbids anything.
-    limited: bool,
+    limits: SlotLimits,
+    /// Depth to which the limits can change what interpolation gives, mm.
+    reach: f32,
     stride: usize,
     /// Depth at which each slot ends, mm; rows of `stride`, the surplus infinite.
     bottoms: Vec<f32>,
     thickness: f64,
+}
+
+/// Least and greatest bottom of every slot, mm.
+#[derive(Debug, Clone)]
+pub struct SlotRanges {
+    /// Least.
+    pub low: [f32; SlotTable::MAX_STRIDE],
+    /// Greatest.
+    pub high: [f32; SlotTable::MAX_STRIDE],
 }
 
 impl SlotTable {
@@ -24,24 +32,32 @@ impl SlotTable {
     /// Floats per vector; rows are padded to it.
     const LANES: usize = 8;
 
-    /// A table of `bottoms` (mm, ascending in each row of `slots.len()`), where each slot has a material and its limit.
-    /// `None` if there are more slots than [`Self::MAX_STRIDE`].
-    pub fn new(slots: &[(MaterialId, ResinLimit)], bottoms: &[f64], core: MaterialId) -> Option<Self> {
-        let stride = slots.len().max(1).next_multiple_of(Self::LANES);
+    /// A table of `stackings`, whose slots are printed as `ids` and keep `limits` (one per resin), over `core`. `None` if
+    /// there are more slots than [`Self::MAX_STRIDE`].
+    pub fn new(
+        ids: &[MaterialId],
+        stackings: &AlignedStackings,
+        limits: &[ResinLimit],
+        core: MaterialId,
+    ) -> Option<Self> {
+        let stride = ids.len().max(1).next_multiple_of(Self::LANES);
         if stride > Self::MAX_STRIDE {
             return None;
         }
-        let rows = bottoms.chunks(slots.len().max(1));
-        let padded = rows.flat_map(|row| {
-            let surplus = std::iter::repeat_n(f32::INFINITY, stride - row.len());
-            row.iter().map(|&bottom| bottom as f32).chain(surplus)
-        });
+        let bottoms = stackings.bottoms();
+        let mut padded = vec![f32::INFINITY; stackings.len * stride];
+        for (row, bottoms) in padded.chunks_mut(stride).zip(bottoms.chunks(ids.len().max(1))) {
+            for (cell, &bottom) in row.iter_mut().zip(bottoms) {
+                *cell = bottom as f32;
+            }
+        }
+        let limits = SlotLimits::new(&stackings.sequence, limits);
         Some(Self {
-            ids: slots.iter().map(|slot| slot.0).chain([core]).collect(),
-            limits: slots.iter().map(|slot| slot.1).collect(),
-            limited: slots.iter().any(|slot| slot.1.min_depth_mm > 0.0 || slot.1.min_mm > 0.0),
+            ids: ids.iter().copied().chain([core]).collect(),
+            reach: limits.reach(),
+            limits,
             stride,
-            bottoms: padded.collect(),
+            bottoms: padded,
             // In the precision of the table, so that what ends here has ended there.
             thickness: f64::from(bottoms.iter().fold(0.0_f32, |most, &bottom| most.max(bottom as f32))),
         })
@@ -67,14 +83,21 @@ impl SlotTable {
 
     /// What lies below all slots.
     pub fn core(&self) -> MaterialId {
-        self.ids[self.limits.len()]
+        self.ids[self.slots()]
     }
 
     /// The material at `depth` mm where the texels of `footprint` meet; `scratch` holds a row.
     #[inline(always)]
     pub fn material(&self, scratch: &mut [f32; Self::MAX_STRIDE], footprint: &Footprint, depth: f32) -> MaterialId {
+        self.ids[passed(self.row(scratch, footprint, depth), depth)]
+    }
+
+    /// The bottoms where the texels of `footprint` meet, within the limits as far as they matter from `depth` mm on;
+    /// `scratch` may hold them.
+    #[inline(always)]
+    pub fn row<'a>(&'a self, scratch: &'a mut [f32; Self::MAX_STRIDE], footprint: &Footprint, depth: f32) -> &'a [f32] {
         if let Some(label) = footprint.single() {
-            return self.ids[passed(self.bottoms(label), depth)];
+            return self.bottoms(label);
         }
         let rows = footprint.labels.map(|label| self.bottoms(label));
         let blended = &mut scratch[..self.stride];
@@ -82,31 +105,45 @@ impl SlotTable {
         for (slot, bottom) in blended.iter_mut().enumerate() {
             *bottom = a * rows[0][slot] + b * rows[1][slot] + c * rows[2][slot] + d * rows[3][slot];
         }
-        let slots = self.limits.len();
+        let slots = self.slots();
         blended[slots..].fill(f32::INFINITY); // 0 · ∞ is not a number
-        if self.limited {
-            self.enforce(&mut blended[..slots]);
+        // Means of rows that keep their limits break none but a min-depth, and that only above it.
+        if depth <= self.reach {
+            self.limits.enforce(&mut blended[..slots]);
         }
-        self.ids[passed(blended, depth)]
+        blended
     }
 
-    fn enforce(&self, _bottoms: &mut [f32]) {}
+    /// The material of every slot, then the core's.
+    pub fn ids(&self) -> &[MaterialId] {
+        &self.ids
+    }
 
-    /// The material of all depths in `range`, given that the bottom of slot s lies in `low[s]..=high[s]`, if it is certain.
-    pub fn certain(&self, low: &[f32], high: &[f32], range: DepthRange) -> Option<MaterialId> {
-        let slots = self.limits.len();
-        let min = range.min.max(0.0);
-        let slot = high[..slots].iter().take_while(|&&high| f64::from(high) <= min).count();
-        if slot == slots {
-            return Some(self.ids[slots]);
+    /// The material of all depths in `range`, if it is certain.
+    pub fn certain(&self, SlotRanges { low, high }: &SlotRanges, range: DepthRange) -> Option<MaterialId> {
+        let slots = self.slots();
+        let (min, max) = ((range.min.max(0.0) as f32).next_down(), (range.max as f32).next_up());
+        self.limits.certain(&low[..slots], &high[..slots], min, max).map(|slot| self.ids[slot])
+    }
+
+    /// Calls `visit` for stretches of depth, from one (mm) to below another, that certainly are one material.
+    pub fn for_certain_depths(
+        &self,
+        SlotRanges { low, high }: &SlotRanges,
+        mut visit: impl FnMut(f32, f32, MaterialId),
+    ) {
+        let slots = self.slots();
+        for slot in 0..=slots {
+            if let Some((from, to)) = self.limits.certain_depths(&low[..slots], &high[..slots], slot)
+                && from < to
+            {
+                visit(from, to, self.ids[slot]);
+            }
         }
-        if range.max >= f64::from(low[slot]) {
-            return None;
-        }
-        let limit = &self.limits[slot];
-        let top = if slot == 0 { 0.0 } else { f64::from(high[slot - 1]) };
-        let unhindered = min >= limit.min_depth_mm && f64::from(low[slot]) - top >= limit.min_mm;
-        unhindered.then(|| self.ids[slot])
+    }
+
+    fn slots(&self) -> usize {
+        self.ids.len() - 1
     }
 }
 

@@ -12,9 +12,9 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::{
-    charts::{ChartMap, charts, for_covered_texels, wrap},
+    charts::{Atlas, Place, for_covered_texels, wrap},
     layers::BrickQuery,
-    slots::SlotTable,
+    slots::{SlotRanges, SlotTable},
 };
 use crate::{
     mesh::TriangleMesh,
@@ -22,16 +22,9 @@ use crate::{
     voxel::{BRICK_VOXELS, MaterialId},
 };
 
-/// Which stacking every texel has.
+/// Which stacking every texel of a page has, row 0 on top. Texels that no triangle covers do not matter.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LabelMap {
-    /// Texels per row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Index of the stacking per texel, row 0 on top.
-    pub labels: Vec<u16>,
-}
+pub struct LabelMap(pub Vec<u16>);
 
 /// A texel: whose stacking, and whose chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,31 +33,88 @@ struct Texel {
     chart: u16,
 }
 
+/// One texture among the texels of all.
+#[derive(Debug, Clone, Copy)]
+struct Page {
+    width: u32,
+    height: u32,
+    start: usize,
+}
+
 /// The layers of a textured object.
 #[derive(Debug, Clone)]
 pub struct TexturedLayers {
     slots: SlotTable,
-    width: u32,
-    height: u32,
+    pages: Vec<Page>,
     texels: Vec<Texel>,
-    /// Chart of every triangle.
-    chart_of: Vec<u16>,
+    /// Page and chart of every triangle.
+    places: Vec<Place>,
     /// Per triangle the least and then the greatest bottom of every slot, mm.
     ranges: Vec<f32>,
+}
+
+/// The certain stretches of depth under single candidates of a brick, worked out when first asked for.
+struct Stretches {
+    /// Start and end in `list` per candidate; an end of 0 says not yet.
+    of_candidate: [(u16, u16); Self::CANDIDATES],
+    list: Vec<(f32, f32, MaterialId)>,
+}
+
+impl Stretches {
+    /// Candidates it knows; a brick rarely has more, and those are not asked.
+    const CANDIDATES: usize = 64;
+
+    /// The material at `depth` mm under `triangle`, which is number `candidate` of the brick, if it is certain within `error`.
+    #[inline]
+    fn material(
+        &mut self,
+        layers: &TexturedLayers,
+        candidate: u32,
+        triangle: u32,
+        depth: f32,
+        error: f32,
+    ) -> Option<MaterialId> {
+        let range = self.of_candidate.get_mut(candidate as usize)?;
+        if range.1 == 0 {
+            if self.list.is_empty() {
+                self.list.push((0.0, 0.0, MaterialId::BACKGROUND)); // so that no end is 0
+            }
+            let start = self.list.len();
+            layers.slots.for_certain_depths(&layers.ranges_over(&[triangle]), |from, to, id| {
+                self.list.push((from + error, to - error, id));
+            });
+            *range = (start as u16, self.list.len() as u16);
+        }
+        let stretches = &self.list[usize::from(range.0)..usize::from(range.1)];
+        stretches.iter().find(|(from, to, _)| depth >= *from && depth < *to).map(|stretch| stretch.2)
+    }
+}
+
+/// Marks voxels whose texels decide; the background's id, which no slot has.
+const UNCERTAIN: u8 = MaterialId::BACKGROUND.0;
+
+/// A voxel that looks up texels: where its nearest surface point is.
+#[derive(Debug, Clone, Copy, Default)]
+struct SurfaceTexel {
+    voxel: u32,
+    triangle: u32,
+    uv: Vec2,
+    depth: f32,
 }
 
 /// How far outside its triangle, in texels, a point may take a texel from: the diagonal of the bilinear footprint and rounding.
 const FOOTPRINT: f32 = 1.5;
 
 impl TexturedLayers {
-    /// Lays `labels` over the texture coordinates of `mesh`, which must have them; every label is a row of `slots`.
-    pub fn new(mesh: &TriangleMesh, labels: &LabelMap, slots: SlotTable) -> Self {
-        let chart_of = charts(mesh);
-        let map = ChartMap::new(mesh, &chart_of, labels.width, labels.height);
-        let texels = map.source.iter().zip(&map.chart);
-        let texels = texels.map(|(&source, &chart)| Texel { label: labels.labels[source as usize], chart }).collect();
+    /// Lays one label map per page over an atlas of `mesh`; every label is a row of `slots`.
+    pub fn new(mesh: &TriangleMesh, atlas: &Atlas, labels: &[LabelMap], slots: SlotTable) -> Self {
         let mut layers =
-            Self { slots, width: labels.width, height: labels.height, texels, chart_of, ranges: Vec::new() };
+            Self { slots, pages: Vec::new(), texels: Vec::new(), places: atlas.places().to_vec(), ranges: Vec::new() };
+        for (page, labels) in atlas.pages().iter().zip(labels) {
+            layers.pages.push(Page { width: page.width, height: page.height, start: layers.texels.len() });
+            let texels = page.source.iter().zip(&page.chart);
+            layers.texels.extend(texels.map(|(&source, &chart)| Texel { label: labels.0[source as usize], chart }));
+        }
         layers.ranges = layers.triangle_ranges(mesh);
         layers
     }
@@ -82,12 +132,16 @@ impl TexturedLayers {
     fn triangle_ranges(&self, mesh: &TriangleMesh) -> Vec<f32> {
         let stride = self.slots.stride();
         let mut ranges = vec![0.0; mesh.triangles.len() * 2 * stride];
-        let scale = Vec2::new(self.width as f32, self.height as f32);
-        ranges.par_chunks_mut(2 * stride).zip(&mesh.uvs).zip(&self.chart_of).for_each_init(
+        ranges.par_chunks_mut(2 * stride).zip(&mesh.uvs).zip(&self.places).for_each_init(
             Vec::new,
-            |labels, ((range, uvs), &chart)| {
+            |labels, ((range, uvs), &Place { page, chart })| {
                 labels.clear();
-                let texel = |x: i32, y: i32| self.texels[self.index(x, y)];
+                let page = self.pages[usize::from(page)];
+                let scale = Vec2::new(page.width as f32, page.height as f32);
+                let texel = |x: i32, y: i32| {
+                    let (x, y) = (wrap(x, page.width) as usize, wrap(y, page.height) as usize);
+                    self.texels[page.start + x + page.width as usize * y]
+                };
                 let corners = uvs.map(|uv| uv * scale - Vec2::splat(0.5));
                 for_covered_texels(corners, FOOTPRINT, scale, |x, y| {
                     let here = texel(x, y);
@@ -122,13 +176,13 @@ impl TexturedLayers {
         ranges
     }
 
-    #[inline(always)]
-    fn index(&self, x: i32, y: i32) -> usize {
-        wrap(x, self.width) as usize + self.width as usize * wrap(y, self.height) as usize
-    }
-
     /// See [`super::LayerField::uniform_over`].
     pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<MaterialId> {
+        self.slots.certain(&self.ranges_over(triangles), range)
+    }
+
+    /// Least and greatest bottom of every slot under any of `triangles`.
+    fn ranges_over(&self, triangles: &[u32]) -> SlotRanges {
         let stride = self.slots.stride();
         let mut low = [f32::INFINITY; SlotTable::MAX_STRIDE];
         let mut high = [f32::NEG_INFINITY; SlotTable::MAX_STRIDE];
@@ -140,30 +194,76 @@ impl TexturedLayers {
                 high[slot] = high[slot].max(highs[slot]);
             }
         }
-        self.slots.certain(&low[..stride], &high[..stride], range)
+        SlotRanges { low, high }
     }
 
     /// The material at texture coordinates `uv` of triangle `triangle`, `depth` mm below the surface.
     pub fn material(&self, triangle: u32, uv: Vec2, depth: f32) -> MaterialId {
-        let chart = self.chart_of[triangle as usize];
-        self.slots.material(&mut [0.0; SlotTable::MAX_STRIDE], &self.footprint(chart, uv.x, uv.y), depth)
+        self.slots.material(&mut [0.0; SlotTable::MAX_STRIDE], &self.footprint(triangle, uv.x, uv.y), depth)
+    }
+
+    /// See [`super::LayerField::slot_ids`].
+    pub fn slot_ids(&self) -> &[MaterialId] {
+        self.slots.ids()
+    }
+
+    /// See [`super::LayerField::bottoms`].
+    pub fn bottoms(&self, triangle: u32, uv: Vec2, row: &mut Vec<f32>) {
+        let mut scratch = [0.0; SlotTable::MAX_STRIDE];
+        let slots = self.slots.ids().len() - 1;
+        row.clear();
+        row.extend_from_slice(&self.slots.row(&mut scratch, &self.footprint(triangle, uv.x, uv.y), 0.0)[..slots]);
     }
 
     /// See [`super::LayerField::fill_brick`].
-    pub fn fill_brick(&self, query: BrickQuery<'_>, out: &mut [u8; BRICK_VOXELS]) {
-        fill_brick(self, query, out);
+    ///
+    /// Most voxels lie in a stretch of depth that is one material under all candidates; only the others look up texels.
+    pub fn fill_brick(&self, query: BrickQuery<'_>, uv: impl Fn(u32, usize) -> Vec2, out: &mut [u8; BRICK_VOXELS]) {
+        out.fill(UNCERTAIN);
+        let error = query.surface.error;
+        self.slots.for_certain_depths(&self.ranges_over(query.candidates), |from, to, id| {
+            let (from, to) = (from + error, to - error);
+            for (out, &depth) in out.iter_mut().zip(&query.surface.distance) {
+                *out = if depth >= from && depth < to { id.0 } else { *out };
+            }
+        });
+        // The others ask for the stretches under their own triangle before they look up texels.
+        let mut stretches = Stretches { of_candidate: [(0, 0); Stretches::CANDIDATES], list: Vec::new() };
+        let mut points = [SurfaceTexel::default(); BRICK_VOXELS];
+        let mut count = 0;
+        for (row, &mask) in query.mask.iter().enumerate() {
+            let mut rest = mask;
+            while rest != 0 {
+                let voxel = row * 8 + rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                if out[voxel] == UNCERTAIN {
+                    let candidate = query.surface.candidate[voxel];
+                    let triangle = query.candidates[candidate as usize];
+                    let depth = query.surface.distance[voxel];
+                    if let Some(id) = stretches.material(self, candidate, triangle, depth, error) {
+                        out[voxel] = id.0;
+                        continue;
+                    }
+                    points[count] = SurfaceTexel { voxel: voxel as u32, triangle, uv: uv(candidate, voxel), depth };
+                    count += 1;
+                }
+            }
+        }
+        resolve(self, &points[..count], out);
     }
 
     /// The four texels around a point and their weights; texels of other charts weigh nothing, unless all four are.
     #[inline(always)]
-    fn footprint(&self, chart: u16, u: f32, v: f32) -> Footprint {
-        let (x, y) = (u * self.width as f32 - 0.5, v * self.height as f32 - 0.5);
+    fn footprint(&self, triangle: u32, u: f32, v: f32) -> Footprint {
+        let Place { page, chart } = self.places[triangle as usize];
+        let Page { width, height, start } = self.pages[usize::from(page)];
+        let (x, y) = (u * width as f32 - 0.5, v * height as f32 - 0.5);
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
         let (x0, y0) = (x0 as i32, y0 as i32);
-        let (left, right) = (wrap_near(x0, self.width), wrap_near(x0 + 1, self.width));
-        let (top, bottom) = (wrap_near(y0, self.height), wrap_near(y0 + 1, self.height));
-        let row = |y: u32| y as usize * self.width as usize;
+        let (left, right) = (wrap_near(x0, width), wrap_near(x0.wrapping_add(1), width));
+        let (top, bottom) = (wrap_near(y0, height), wrap_near(y0.wrapping_add(1), height));
+        let row = |y: u32| start + y as usize * width as usize;
         let texel = |x: u32, row: usize| self.texels[x as usize + row];
         let texels =
             [texel(left, row(top)), texel(right, row(top)), texel(left, row(bottom)), texel(right, row(bottom))];
@@ -214,18 +314,12 @@ fn wrap_near(index: i32, size: u32) -> u32 {
     if (index as u32) < size { index as u32 } else { wrap(index, size) }
 }
 
+/// Looks up the materials of some voxels; a function of its own so that it is built for several instruction sets.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
-fn fill_brick(layers: &TexturedLayers, query: BrickQuery<'_>, out: &mut [u8; BRICK_VOXELS]) {
+fn resolve(layers: &TexturedLayers, points: &[SurfaceTexel], out: &mut [u8; BRICK_VOXELS]) {
     let mut bottoms = [0.0; SlotTable::MAX_STRIDE];
-    for (row, &mask) in query.mask.iter().enumerate() {
-        let mut rest = mask;
-        while rest != 0 {
-            let voxel = row * 8 + rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            let triangle = query.candidates[query.surface.candidate[voxel] as usize];
-            let chart = layers.chart_of[triangle as usize];
-            let footprint = layers.footprint(chart, query.surface.u[voxel], query.surface.v[voxel]);
-            out[voxel] = layers.slots.material(&mut bottoms, &footprint, query.surface.distance[voxel]).0;
-        }
+    for point in points {
+        let footprint = layers.footprint(point.triangle, point.uv.x, point.uv.y);
+        out[point.voxel as usize] = layers.slots.material(&mut bottoms, &footprint, point.depth).0;
     }
 }

@@ -7,13 +7,16 @@
 use std::sync::Arc;
 
 use glam::{DMat4, DVec3, Vec2};
+use gltf::json::validation::Checked;
 use gltf::mesh::{Mode, Primitive};
-use gltf::{Document, Node};
+use gltf::{Document, Node, Semantic};
 
 use super::accessor;
+use super::gltf_container::{resolve, split};
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::{Source, texture};
 use crate::mesh::error::{Fault, Parsed, one_line, quote};
+use crate::mesh::words::counted;
 use crate::mesh::{SurfaceMaterial, Texture};
 
 /// Required extensions that do not change a shape we could not read: the accessors here read quantised
@@ -28,6 +31,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let mut root = gltf::json::deserialize::from_slice::<gltf::json::Root>(json)
         .map_err(|error| Fault::new("the JSON part", one_line(error), "a glTF 2.0 document"))?;
     root.extensions_required.retain(|name| !HARMLESS.contains(&name.as_str()) && !name.starts_with("KHR_materials_"));
+    check_position_accessors(&root)?;
     let document = Document::from_json(root).map_err(|error| {
         Fault::new("the JSON part", one_line(error), "a valid glTF 2.0 document without other extensions")
     })?;
@@ -66,96 +70,18 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     Ok(walk.finish())
 }
 
-/// JSON and binary chunk of a .glb; a .gltf is all JSON.
-fn split(bytes: &[u8]) -> Parsed<(&[u8], Option<&[u8]>)> {
-    if !bytes.starts_with(b"glTF") {
-        return Ok((bytes, None));
-    }
-    let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
-    if word(4) != Some(2) {
-        return Err(Fault::new("byte 4", format!("version {:?}", word(4).unwrap_or(0)), "version 2"));
-    }
-    let chunk = |at: usize, kind: &[u8; 4]| {
-        let length = word(at)? as usize;
-        if bytes.get(at + 4..at + 8)? != kind {
-            return None;
-        }
-        bytes.get(at + 8..at + 8 + length)
-    };
-    let json = chunk(12, b"JSON").ok_or_else(|| {
-        let found = format!("{:?} bytes claimed in a file of {}", word(12).unwrap_or(0), bytes.len());
-        Fault::new("byte 12", found, "a whole JSON chunk")
-    })?;
-    let next = (20 + json.len()).next_multiple_of(4);
-    let bin = chunk(next, b"BIN\0");
-    if bin.is_none() && bytes.get(next + 4..next + 8) == Some(b"BIN\0") {
-        let found = format!("{} bytes claimed in a file of {}", word(next).unwrap_or(0), bytes.len());
-        return Err(Fault::new(format!("byte {next}"), found, "a whole BIN chunk"));
-    }
-    Ok((json, bin))
-}
-
-/// The bytes behind a URI: embedded, or a file beside this one.
-fn resolve(source: &Source, uri: &str) -> Result<Vec<u8>, String> {
-    if let Some(data) = uri.strip_prefix("data:") {
-        let (kind, payload) = data.split_once(',').ok_or("a data URI without comma")?;
-        if !kind.ends_with(";base64") {
-            return Ok(percent_decode(payload));
-        }
-        return base64(payload.as_bytes()).ok_or_else(|| "bad base64".to_owned());
-    }
-    if uri.contains("://") {
-        return Err("only files beside the mesh are read".to_owned());
-    }
-    let path = source.companion(&String::from_utf8_lossy(&percent_decode(uri)));
-    if !path.is_file() {
-        return Err("there is no such file".to_owned());
-    }
-    std::fs::read(path).map_err(one_line)
-}
-
-fn percent_decode(text: &str) -> Vec<u8> {
-    let bytes = text.as_bytes();
-    let hex = |b: u8| (b as char).to_digit(16);
-    let mut out = Vec::with_capacity(bytes.len());
-    let mut i = 0;
-    while i < bytes.len() {
-        match bytes[i..] {
-            [b'%', high, low, ..] if hex(high).is_some() && hex(low).is_some() => {
-                out.push((hex(high).unwrap_or(0) * 16 + hex(low).unwrap_or(0)) as u8);
-                i += 3;
-            }
-            _ => {
-                out.push(bytes[i]);
-                i += 1;
+/// gltf-json 1.4.1 validates everything but looks positions up before it has checked their index, and panics.
+fn check_position_accessors(root: &gltf::json::Root) -> Parsed<()> {
+    let count = root.accessors.len();
+    for (m, mesh) in root.meshes.iter().enumerate() {
+        for attributes in mesh.primitives.iter().map(|primitive| &primitive.attributes) {
+            if let Some(index) = attributes.get(&Checked::Valid(Semantic::Positions)).filter(|i| i.value() >= count) {
+                let found = format!("POSITION accessor {}", index.value());
+                return Err(Fault::new(format!("mesh {m}"), found, format!("an index below {count}")));
             }
         }
     }
-    out
-}
-
-/// Standard alphabet, padding optional (RFC 4648, section 4).
-fn base64(text: &[u8]) -> Option<Vec<u8>> {
-    let text = text.trim_ascii();
-    let digits = text.strip_suffix(b"==").or_else(|| text.strip_suffix(b"=")).unwrap_or(text);
-    let mut out = Vec::with_capacity(digits.len() / 4 * 3 + 3);
-    for group in digits.chunks(4) {
-        let mut bits = 0u32;
-        for &b in group {
-            let digit = match b {
-                b'A'..=b'Z' => b - b'A',
-                b'a'..=b'z' => b - b'a' + 26,
-                b'0'..=b'9' => b - b'0' + 52,
-                b'+' => 62,
-                b'/' => 63,
-                _ => return None,
-            };
-            bits = bits << 6 | u32::from(digit);
-        }
-        bits <<= 6 * (4 - group.len());
-        out.extend_from_slice(&bits.to_be_bytes()[1..group.len().max(1)]);
-    }
-    Some(out)
+    Ok(())
 }
 
 struct Walk<'a> {
@@ -164,7 +90,7 @@ struct Walk<'a> {
     /// Index into `raw.materials` of the file's materials, and of its default one.
     default_material: Option<u16>,
     visited: Vec<bool>,
-    skipped: [usize; 4],
+    skipped: [usize; 3],
     source: &'a Source<'a>,
 }
 
@@ -172,26 +98,21 @@ struct Walk<'a> {
 const POINTS_OR_LINES: usize = 0;
 const SKINS: usize = 1;
 const MORPHS: usize = 2;
-const NO_POSITIONS: usize = 3;
 
 impl<'a> Walk<'a> {
     fn new(source: &'a Source<'a>, document: &Document, buffers: Vec<Vec<u8>>) -> Parsed<Self> {
         let mut raw = RawMesh::new(1000.0);
         raw.y_up = true;
         let visited = vec![false; document.nodes().len()];
-        let mut walk = Self { buffers, raw, default_material: None, visited, skipped: [0; 4], source };
-        let textures: Vec<Option<Arc<Texture>>> = document
-            .images()
-            .map(|image| match walk.image(&image) {
-                Ok(texture) => Some(texture),
-                Err(reason) => {
-                    let warning =
-                        format!("image {} cannot be read ({reason}): its materials stay plain", image.index());
-                    walk.raw.warnings.push(warning);
-                    None
-                }
-            })
-            .collect();
+        let mut walk = Self { buffers, raw, default_material: None, visited, skipped: [0; 3], source };
+        let mut textures: Vec<Option<Arc<Texture>>> = Vec::new();
+        for (i, image) in document.as_json().images.iter().enumerate() {
+            let texture = walk.image(document, image);
+            if let Err(reason) = &texture {
+                walk.raw.warnings.push(format!("image {i} cannot be read ({reason}): its materials stay plain"));
+            }
+            textures.push(texture.ok());
+        }
         for material in document.materials() {
             let pbr = material.pbr_metallic_roughness();
             let name = material.name().unwrap_or("");
@@ -209,17 +130,16 @@ impl<'a> Walk<'a> {
         Ok(walk)
     }
 
-    fn image(&self, image: &gltf::Image) -> Result<Arc<Texture>, String> {
-        match image.source() {
-            gltf::image::Source::Uri { uri, .. } => texture::decode(&resolve(self.source, uri)?),
-            gltf::image::Source::View { view, .. } => {
-                let bytes = self.buffers.get(view.buffer().index()).map_or(&[][..], Vec::as_slice);
-                let end = view.offset().checked_add(view.length());
-                let bytes =
-                    end.and_then(|end| bytes.get(view.offset()..end)).ok_or("its bytes lie outside the buffer")?;
-                texture::decode(bytes)
-            }
+    /// By the JSON: gltf 1.4.1 panics on an image in a buffer view that states no type, which we need not know.
+    fn image(&self, document: &Document, image: &gltf::json::Image) -> Result<Arc<Texture>, String> {
+        if let Some(uri) = &image.uri {
+            return texture::decode(&resolve(self.source, uri)?);
         }
+        let view = image.buffer_view.and_then(|view| document.views().nth(view.value()));
+        let view = view.ok_or("it has neither URI nor buffer view")?;
+        let bytes = self.buffers.get(view.buffer().index()).map_or(&[][..], Vec::as_slice);
+        let end = view.offset().checked_add(view.length());
+        texture::decode(end.and_then(|end| bytes.get(view.offset()..end)).ok_or("its bytes lie outside the buffer")?)
     }
 
     fn node(&mut self, node: &Node, parent: DMat4, depth: usize) -> Parsed<()> {
@@ -245,9 +165,8 @@ impl<'a> Walk<'a> {
             self.skipped[POINTS_OR_LINES] += 1;
             return Ok(());
         }
-        let Some(positions) = primitive.get(&gltf::Semantic::Positions) else {
-            self.skipped[NO_POSITIONS] += 1;
-            return Ok(());
+        let Some(positions) = primitive.get(&Semantic::Positions) else {
+            return Err(Fault::new(place(), "no POSITION", "that attribute"));
         };
         self.skipped[MORPHS] += usize::from(primitive.morph_targets().next().is_some());
         let base = self.raw.positions.len();
@@ -286,7 +205,7 @@ impl<'a> Walk<'a> {
         let transform = info.as_ref().and_then(|info| info.texture_transform());
         let set = info.as_ref().map_or(0, |info| info.tex_coord());
         let set = transform.as_ref().and_then(|transform| transform.tex_coord()).unwrap_or(set);
-        let Some(accessor) = primitive.get(&gltf::Semantic::TexCoords(set)) else { return Ok(None) };
+        let Some(accessor) = primitive.get(&Semantic::TexCoords(set)) else { return Ok(None) };
         let values = accessor::vectors::<2>(&accessor, &self.buffers)?;
         if values.len() < vertices {
             let found = format!("{} texture coordinates", values.len());
@@ -323,13 +242,12 @@ impl<'a> Walk<'a> {
 
     fn finish(mut self) -> RawMesh {
         let what = [
-            "primitives of points or lines are skipped",
-            "skinned nodes stay in their rest pose",
-            "primitives with morph targets stay in their rest shape",
-            "primitives without positions are skipped",
+            ("primitive", "of points or lines skipped"),
+            ("skinned node", "left in rest pose"),
+            ("primitive", "with morph targets left in rest shape"),
         ];
-        for (count, what) in self.skipped.into_iter().zip(what).filter(|(count, _)| *count > 0) {
-            self.raw.warnings.push(format!("{count} {what}"));
+        for (count, (noun, what)) in self.skipped.into_iter().zip(what).filter(|(count, _)| *count > 0) {
+            self.raw.warnings.push(format!("{} {what}", counted(count, noun)));
         }
         self.raw
     }
@@ -351,19 +269,6 @@ fn triangle(mode: Mode, t: usize) -> [usize; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_agrees_with_the_rfc() {
-        for (text, bytes) in [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYmE", "fooba")] {
-            assert_eq!(base64(text.as_bytes()).as_deref(), Some(bytes.as_bytes()), "{text}");
-        }
-        assert_eq!(base64(b"Z!=="), None);
-    }
-
-    #[test]
-    fn percent_escapes_are_undone() {
-        assert_eq!(percent_decode("a%20b%2"), b"a b%2");
-    }
 
     #[test]
     fn strips_keep_their_orientation() {

@@ -10,6 +10,7 @@
 
 mod accessor;
 mod gltf;
+mod gltf_container;
 mod mtl;
 mod obj;
 mod ply;
@@ -20,6 +21,8 @@ mod texture;
 mod threemf;
 mod threemf_model;
 mod weld;
+
+pub(super) use weld::weld;
 
 use std::path::{Path, PathBuf};
 
@@ -37,8 +40,7 @@ pub const MIN_EXTENT_MM: f64 = 1e-6;
 pub const MAX_TRIANGLES: usize = 100_000_000;
 
 /// The length that 1 stands for in a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
     /// Micrometre.
     Um,
@@ -53,6 +55,21 @@ pub enum Unit {
 }
 
 impl Unit {
+    /// Every unit and its name in jobs.
+    pub const ALL: [(&'static str, Self); 5] =
+        [("mm", Self::Mm), ("cm", Self::Cm), ("m", Self::M), ("inch", Self::Inch), ("um", Self::Um)];
+
+    /// Its name in jobs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Um => "um",
+            Self::Mm => "mm",
+            Self::Cm => "cm",
+            Self::M => "m",
+            Self::Inch => "inch",
+        }
+    }
+
     /// Millimetres per unit.
     pub fn mm(self) -> f64 {
         match self {
@@ -174,7 +191,7 @@ fn finish(mut raw: RawMesh, path: &Path, options: &LoadOptions) -> Result<Loaded
     if raw.triangles.is_empty() {
         return Err(Fault::new("the whole file", "no triangles", "a surface of triangles or polygons").in_file(path));
     }
-    weld::weld(&mut raw.positions, &mut raw.triangles);
+    weld(&mut raw.positions, &mut raw.triangles);
     let mm = options.unit.map_or(raw.mm_per_unit, Unit::mm);
     let turn = if raw.y_up {
         DMat4::from_cols(DVec3::X.extend(0.0), DVec3::Z.extend(0.0), DVec3::NEG_Y.extend(0.0), glam::DVec4::W)

@@ -4,6 +4,7 @@
 //! after x y z are ignored. v is turned to grow downwards.
 
 use std::collections::HashMap;
+use std::path::PathBuf;
 
 use glam::{DVec3, Vec2};
 
@@ -11,6 +12,7 @@ use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::{Source, mtl};
 use crate::mesh::SurfaceMaterial;
 use crate::mesh::error::{Fault, Parsed, quote};
+use crate::mesh::words::counted;
 
 /// Marks a corner without texture coordinate.
 const NO_UV: u32 = u32::MAX;
@@ -179,9 +181,10 @@ impl<'a> Reader<'a> {
         let whole = self.source.companion(names);
         let paths = match names.split_whitespace().count() {
             2.. if !whole.exists() => names.split_whitespace().map(|name| self.source.companion(name)).collect(),
-            _ => vec![whole],
+            _ => Vec::new(),
         };
-        for path in paths {
+        let several = paths.iter().any(|path: &PathBuf| path.exists());
+        for path in if several { paths } else { vec![whole] } {
             mtl::read(&path, &mut self.library, &mut self.raw.warnings);
         }
     }
@@ -197,13 +200,13 @@ impl<'a> Reader<'a> {
             }
         }
         if !missing.is_empty() {
-            let names = missing.join("`, `");
-            self.raw
-                .warnings
-                .push(format!("{} materials are nowhere defined and stay white: `{names}`", missing.len()));
+            let missing = format!("materials nowhere defined stay white: `{}`", missing.join("`, `"));
+            self.raw.warnings.push(missing);
         }
         if self.thin_faces > 0 {
-            self.raw.warnings.push(format!("{} faces have fewer than three corners and are skipped", self.thin_faces));
+            self.raw
+                .warnings
+                .push(format!("{} with fewer than three corners skipped", counted(self.thin_faces, "face")));
         }
         Ok(self.raw)
     }

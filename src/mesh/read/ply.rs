@@ -9,6 +9,7 @@ use super::ply_header::{self, Element, Encoding, Kind, Scalar};
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::{Source, texture};
 use crate::mesh::error::{Fault, Parsed, quote};
+use crate::mesh::words::counted;
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let header = ply_header::parse(source.bytes)?;
@@ -109,7 +110,7 @@ fn faces(element: &Element, body: &mut Body, raw: &mut RawMesh, vertex_uvs: &[Ve
         }
     }
     if thin > 0 {
-        raw.warnings.push(format!("{thin} faces have fewer than three corners and are skipped"));
+        raw.warnings.push(format!("{} with fewer than three corners skipped", counted(thin, "face")));
     }
     Ok(())
 }

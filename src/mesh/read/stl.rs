@@ -8,6 +8,7 @@ use glam::DVec3;
 use super::Source;
 use super::raw::{RawMesh, finite};
 use crate::mesh::error::{Fault, Parsed, quote};
+use crate::mesh::words::counted;
 
 const HEADER: usize = 84;
 const RECORD: usize = 50;
@@ -36,7 +37,7 @@ fn binary(bytes: &[u8], count: usize) -> Parsed<RawMesh> {
     }
     let mut raw = RawMesh::new(1.0);
     if body.len() > RECORD * count {
-        raw.warnings.push(format!("{} bytes after the last triangle are ignored", body.len() - RECORD * count));
+        raw.warnings.push(format!("{} after the last triangle ignored", counted(body.len() - RECORD * count, "byte")));
     }
     raw.positions.reserve(3 * count);
     raw.triangles.reserve(count);

@@ -91,10 +91,10 @@ impl<'a> Package<'a> {
                         let attribute = tag.try_get_attribute(name).ok()??;
                         Some(attribute.normalized_value(XmlVersion::default()).ok()?.into_owned())
                     };
-                    if attribute("Type").is_some_and(|kind| kind.ends_with("/3dmodel")) {
-                        if let Some(target) = attribute("Target") {
-                            return Ok(absolute(&target));
-                        }
+                    if attribute("Type").is_some_and(|kind| kind.ends_with("/3dmodel"))
+                        && let Some(target) = attribute("Target")
+                    {
+                        return Ok(absolute(&target));
                     }
                 }
                 Ok(Event::Eof) => return Ok(CUSTOMARY.to_owned()),

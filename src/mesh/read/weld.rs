@@ -8,7 +8,7 @@ use glam::DVec3;
 const EMPTY: u32 = u32::MAX;
 
 /// Rewrites both lists in place. Every index must be in range.
-pub(super) fn weld(positions: &mut Vec<DVec3>, triangles: &mut [[u32; 3]]) {
+pub(in crate::mesh) fn weld(positions: &mut Vec<DVec3>, triangles: &mut [[u32; 3]]) {
     let mut table = Table::new(positions.len());
     let mut renumbered = vec![EMPTY; positions.len()];
     let mut welded = Vec::new();

@@ -11,7 +11,9 @@ use super::tally::Tally;
 use super::{Layer, Light};
 use crate::optics::VolumeCoefficients;
 
-/// Weight under which a photon plays roulette.
+/// Weight under which a photon plays roulette, with survivors raised to [`REVIVED`]: a compromise in favour of faint transmission;
+/// on 3 mm of white 1/(σ² s) is 6.6e6 for R and 5.0e8 for T; at 0.01 and 0.1 they are 6.2e6 and 5.0e8, at 0.2 and 0.5
+/// 6.3e6 and 4.0e8, at 0.5 and 1 (nearly analog) 9.5e6 and 2.5e8. Thin slabs do not care.
 const FAINT: f64 = 0.05;
 /// Weight a survivor of the roulette is raised to.
 const REVIVED: f64 = 0.25;

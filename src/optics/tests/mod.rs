@@ -1,6 +1,7 @@
 //! Laws of the optics room.
 
 mod hankel;
+mod materials;
 mod monte_carlo;
 mod profile_csv;
 mod reference;

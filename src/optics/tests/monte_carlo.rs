@@ -101,3 +101,24 @@ fn out_of_range_input_is_named() {
     let cancelled = slab(WHITE, 1.0).run_with(|_| ControlFlow::Break(()));
     assert!(matches!(cancelled, Err(OpticsError::Cancelled)));
 }
+
+#[test]
+#[ignore = "a measurement, not a law: photons per second on one thread"]
+fn photons_per_second() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    for (name, coefficients, thickness_mm) in [
+        ("support 0.25 mm", SUPPORT, 0.25),
+        ("support 1 mm", SUPPORT, 1.0),
+        ("white 0.25 mm", WHITE, 0.25),
+        ("white 1 mm", WHITE, 1.0),
+        ("white 3 mm", WHITE, 3.0),
+    ] {
+        let job = MonteCarlo { photons: 2_000_000, rings: RingEdges::fine(), ..slab(coefficients, thickness_mm) };
+        let started = std::time::Instant::now();
+        let result = pool.install(|| job.run().unwrap());
+        let speed = job.photons as f64 / started.elapsed().as_secs_f64() / 1e6;
+        // Photons a second are worth the more the less each varies.
+        let worth = 1.0 / (started.elapsed().as_secs_f64() * result.reflection.standard_error.powi(2));
+        println!("{name}: {speed:.2} M photons/s, 1/(s σ_R²) {worth:.2e}");
+    }
+}

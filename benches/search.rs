@@ -1,0 +1,98 @@
+//! How fast the search is, and how far ahead of Algorithm 1 as printed: `cargo bench --bench search`.
+//!
+//! Resins are the built-in sets, targets random; the numbers in docs/performance.md come from here. Times are the best of three
+//! runs, so that a busy machine does not lie too much.
+#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
+
+use std::time::{Duration, Instant};
+
+use lumislice::optics::{FrequencyGrid, KubelkaMunk, MaterialSet};
+use lumislice::search::{
+    BlockTable, ResinLimit, SearchOptions, SearchTarget, algorithm_1, match_target, match_targets,
+};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::{Rng, SeedableRng};
+
+fn resins(set: &str) -> Vec<Vec<KubelkaMunk>> {
+    MaterialSet::builtin(set).unwrap().resins.into_iter().map(|resin| resin.kubelka_munk).collect()
+}
+
+fn targets(count: usize, channels: usize, seed: u64) -> Vec<SearchTarget> {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let mut unit = move || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+    let mut target = || {
+        let (albedo, width, tail) = (0.05 + 0.6 * unit(), 0.05 + 0.95 * unit().powi(2), 0.5 + unit());
+        let grid = FrequencyGrid::default();
+        grid.as_slice().iter().map(|k| albedo / (1.0 + (k * width).powi(2)).powf(tail / 2.0)).collect()
+    };
+    (0..count).map(|_| SearchTarget { channels: (0..channels).map(|_| target()).collect() }).collect()
+}
+
+fn best_of<T>(runs: usize, mut work: impl FnMut() -> T) -> (Duration, T) {
+    let mut best: Option<(Duration, T)> = None;
+    for _ in 0..runs {
+        let start = Instant::now();
+        let result = work();
+        let time = start.elapsed();
+        if best.as_ref().is_none_or(|b| time < b.0) {
+            best = Some((time, result));
+        }
+    }
+    best.unwrap()
+}
+
+fn ms(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}
+
+/// One line per space: ms a target on one thread.
+fn table(
+    set: &str,
+    channels: usize,
+    count: usize,
+    spaces: &[(usize, usize)],
+    options: impl Fn(usize, usize) -> SearchOptions,
+) {
+    let resins = resins(set);
+    println!("{set}: {} resins, {channels} channels, one thread, {count} random targets; ms a target", resins.len());
+    println!("{:>5} {:>5} {:>9} {:>9} {:>9} {:>10} {:>8}", "n", "depth", "mean", "worst", "table", "nodes", "ns/node");
+    for &(units, depth) in spaces {
+        let (built, table) = best_of(3, || BlockTable::new(&resins, &options(units, depth)).unwrap());
+        let (mut sum, mut worst, mut nodes) = (0.0, 0.0f64, 0);
+        for target in &targets(count, channels, 1) {
+            let (time, found) = best_of(3, || match_target(&table, target).unwrap());
+            (sum, worst, nodes) = (sum + ms(time), worst.max(ms(time)), nodes + found.nodes);
+        }
+        let (mean, per_node) = (sum / count as f64, sum * 1e6 / nodes as f64);
+        let nodes = nodes / count as u64;
+        println!("{units:>5} {depth:>5} {mean:>9.3} {worst:>9.3} {:>9.3} {nodes:>10} {per_node:>8.0}", ms(built));
+    }
+}
+
+fn main() {
+    // As the paper's section 8: support no closer than 0.2 mm to the top, black below.
+    let synthetic = |units, depth| {
+        let limit = ResinLimit { min_depth_mm: 0.2, ..ResinLimit::NONE };
+        let limits = vec![ResinLimit::NONE, ResinLimit::NONE, limit];
+        SearchOptions { units, depth, core: Some(1), limits, ..Default::default() }
+    };
+    let inks = |units, depth| SearchOptions { units, depth, core: Some(1), ..Default::default() };
+    table("synthetic", 1, 20, &[(64, 4), (64, 6), (64, 8), (64, 10), (256, 6), (256, 8)], synthetic);
+    table("inks-rgb", 3, 10, &[(64, 4), (64, 5), (64, 6)], inks);
+
+    let table = BlockTable::new(&resins("synthetic"), &synthetic(64, 6)).unwrap();
+    let (mut printed, mut here, mut nodes) = (0.0, 0.0, (0, 0));
+    for target in &targets(10, 1, 1) {
+        let (slow, a) = best_of(1, || algorithm_1(&table, target).unwrap());
+        let (fast, b) = best_of(3, || match_target(&table, target).unwrap());
+        assert!((a.objective - b.objective).abs() < 1e-12);
+        (printed, here, nodes) = (printed + ms(slow), here + ms(fast), (nodes.0 + a.nodes, nodes.1 + b.nodes));
+    }
+    println!("Algorithm 1 as printed, n 64, depth 6: {:.1} ms, {} nodes a target", printed / 10.0, nodes.0 / 10);
+    println!("  ratio: {:.0} in time, {:.0} in nodes", printed / here, nodes.0 as f64 / nodes.1 as f64);
+
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    let hundred = targets(100, 1, 2);
+    let (time, _) = best_of(3, || pool.install(|| match_targets(&table, &hundred).unwrap()));
+    println!("100 clusters, n 64, depth 6, 2 threads: {:.1} ms", ms(time));
+}

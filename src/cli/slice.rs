@@ -1,0 +1,124 @@
+//! `lumislice slice`: the main job.
+
+use std::{ops::Range, path::PathBuf};
+
+use clap::Args;
+use lumislice::{
+    job::{self, Estimate, Job, Manifest, MaterialRecord, Prepared, RunError, RunOptions},
+    slice::OutputFolder,
+};
+use serde_json::json;
+
+use super::{Answer, INTERRUPT, print, print_json, progress::Bars, say};
+
+/// Slice a job into printer-ready files.
+#[derive(Debug, Args)]
+pub struct SliceArgs {
+    /// The job file, TOML.
+    job: PathBuf,
+    /// Folder to write; default ./<job name>-out.
+    #[arg(short, long, value_name = "OUT", help_heading = "Output")]
+    output: Option<PathBuf>,
+    /// Replace the files of an earlier job in OUT; only those its manifest lists.
+    #[arg(long, help_heading = "Output")]
+    overwrite: bool,
+    /// Write slices A to B−1 only; the same bytes as in a whole run.
+    #[arg(long, value_name = "A..B", value_parser = parse_range, help_heading = "Work")]
+    slices: Option<Range<u32>>,
+    /// Check the job and print what it would take, writing nothing.
+    #[arg(long, conflicts_with_all = ["overwrite", "slices"], help_heading = "Work")]
+    dry_run: bool,
+    /// Print one JSON document instead of words.
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+}
+
+fn parse_range(text: &str) -> Result<Range<u32>, String> {
+    let fault = || format!("found `{text}`, expected A..B with whole numbers A < B");
+    let (start, end) = text.split_once("..").ok_or_else(fault)?;
+    let number = |text: &str| text.trim().parse::<u32>().map_err(|_| fault());
+    let range = number(start)?..number(end)?;
+    if range.is_empty() { Err(fault()) } else { Ok(range) }
+}
+
+/// Runs the command.
+pub fn run(args: &SliceArgs) -> anyhow::Result<Answer> {
+    let job = Job::load(&args.job).map_err(RunError::from)?;
+    let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-out", job.name)));
+    if !args.dry_run {
+        OutputFolder::check(&folder, args.overwrite).map_err(RunError::from)?;
+    }
+    let bars = Bars::new(args.json);
+    let prepared = Prepared::new(job, &bars, &INTERRUPT);
+    if args.dry_run {
+        let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars, &INTERRUPT)?, prepared)));
+        bars.finish();
+        let (estimate, prepared) = result?;
+        return report_estimate(&prepared, &estimate, args.json);
+    }
+    let options = RunOptions { overwrite: args.overwrite, slices: args.slices.clone() };
+    let result = prepared.and_then(|prepared| job::run(&prepared, &folder, &options, &bars, &INTERRUPT));
+    bars.finish();
+    let manifest = result?;
+    if args.json {
+        print_json(&json!({
+            "output": folder,
+            "lattice": manifest.lattice,
+            "slices": manifest.slices,
+            "materials": manifest.materials,
+            "warnings": manifest.warnings,
+        }))?;
+        return Ok(Answer::Yes);
+    }
+    manifest.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    print(&summary(&manifest, &folder.display().to_string()))?;
+    Ok(Answer::Yes)
+}
+
+fn summary(manifest: &Manifest, folder: &str) -> String {
+    let [x, y, z] = manifest.lattice.dims;
+    let slices = manifest.slices[1] - manifest.slices[0];
+    let mut text = format!("{}: {slices} of {z} slices of {x} × {y} voxels in {folder}\n", manifest.name);
+    text += &material_table(&manifest.materials, "");
+    text
+}
+
+/// A line per resin that occurs.
+fn material_table(materials: &[MaterialRecord], about: &str) -> String {
+    let width = materials.iter().map(|material| material.name.len()).max().unwrap_or(0);
+    let used = materials.iter().filter(|material| material.voxels > 0);
+    used.map(|material| {
+        let note = if material.rgba[3] == 0 { "  (background: the printer fills it)" } else { "" };
+        format!(
+            "  {:width$}  {about}{:>11.1} mm³  {about}{:>8.2} g{note}\n",
+            material.name, material.volume_mm3, material.mass_g
+        )
+    })
+    .collect()
+}
+
+fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool) -> anyhow::Result<Answer> {
+    let answer = if estimate.misfits.is_empty() { Answer::Yes } else { Answer::No };
+    if json {
+        print_json(estimate)?;
+        return Ok(answer);
+    }
+    prepared.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    let [x, y, z] = estimate.dims;
+    let size = estimate.size_mm;
+    let mut text = format!(
+        "{}: {:.2} × {:.2} × {:.2} mm, {x} × {y} × {z} = {:.3} G voxels\nmemory: about {} MiB\n",
+        prepared.job.name,
+        size[0],
+        size[1],
+        size[2],
+        estimate.voxels as f64 * 1e-9,
+        estimate.memory_bytes >> 20,
+    );
+    text += &material_table(&estimate.materials, "about ");
+    for misfit in &estimate.misfits {
+        text += &format!("does not fit: {misfit}\n");
+    }
+    print(&text)?;
+    Ok(answer)
+}

@@ -1,0 +1,243 @@
+//! The main job: slab after slab into files, then the manifest.
+
+use std::{ops::Range, path::Path, time::Instant};
+
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::{
+    Interrupt, OutputFormat, Progress, RunError,
+    manifest::{Manifest, MeshRecord, Outcome},
+    prepare::Prepared,
+    report::write_pictures,
+};
+use crate::{
+    slice::{
+        MANIFEST, OutputFolder, RowBuffers, TIMINGS, encode_mask, encode_rgba,
+        meshes::{MaterialMesher, MaterialPart, write_3mf, write_stl},
+        preview::{PreviewBuilder, PreviewMaterial},
+    },
+    voxel::{MaterialId, Slab},
+};
+
+/// Name of the file that holds the stackings.
+pub const STACKINGS: &str = "stackings.json";
+
+/// How to run a job.
+#[derive(Debug, Clone, Default)]
+pub struct RunOptions {
+    /// Replace an earlier job's files.
+    pub overwrite: bool,
+    /// Slices to write, half-open; `None`: all.
+    pub slices: Option<Range<u32>>,
+}
+
+/// Slices a prepared job into `folder`.
+///
+/// # Errors
+/// [`RunError::Output`] when the folder may not or cannot be written, [`RunError::Interrupted`] when asked to stop; in both
+/// cases files under final names are whole, and there is no manifest.
+pub fn run(
+    prepared: &Prepared,
+    folder: &Path,
+    options: &RunOptions,
+    progress: &dyn Progress,
+    interrupt: &Interrupt,
+) -> Result<Manifest, RunError> {
+    let started = Instant::now();
+    prepared.refuse_misfits()?;
+    let dims = prepared.lattice.dims;
+    let slices = prepared.checked_slices(options.slices.clone())?;
+    let output = OutputFolder::create(folder, options.overwrite)?;
+    output.write(STACKINGS, &prepared.stackings_json())?;
+
+    progress.stage("slices", u64::from(slices.end - slices.start));
+    let sinks = Sinks { prepared, output: &output, progress, interrupt };
+    let mut counts = [0; 256];
+    let mut pictures = prepared.job.wants(OutputFormat::Preview).then(|| prepared.preview_builder());
+    prepared.slicer().for_each_slab(slices.clone(), |slab| {
+        if let Some(builder) = &mut pictures {
+            builder.observe(slab);
+        }
+        sinks.take(slab, &slices, &mut counts)
+    })?;
+    let sliced = started.elapsed();
+    let meshes = prepared.write_meshes(&output, progress, interrupt)?;
+    let meshed = started.elapsed() - sliced;
+
+    let mut warnings = prepared.warnings.clone();
+    if let Some(least) = prepared.job.printer.min_slices.filter(|&least| (dims[2] as usize) < least) {
+        warnings.push(format!("{} slices, fewer than the {least} that {} takes", dims[2], prepared.job.printer.name));
+    }
+    let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
+    let mut manifest = Manifest::new(prepared, outcome);
+    if let Some(builder) = pictures {
+        progress.stage("pictures", 0);
+        write_pictures(&output, &manifest, &builder.finish()?)?;
+    }
+    manifest.files = output.files();
+    let timings = json!({
+        "slicing_s": sliced.as_secs_f64(),
+        "meshes_s": meshed.as_secs_f64(),
+        "total_s": started.elapsed().as_secs_f64(),
+    });
+    output.write_unlisted(TIMINGS, &pretty(&timings))?;
+    output.remove_stale()?;
+    // Last: a folder with a manifest is a finished job.
+    output.write_unlisted(MANIFEST, &pretty(&manifest))?;
+    Ok(manifest)
+}
+
+/// JSON as written to files: indented, with a newline at the end.
+fn pretty(value: &impl serde::Serialize) -> Vec<u8> {
+    let mut text = serde_json::to_vec_pretty(value).unwrap_or_default();
+    text.push(b'\n');
+    text
+}
+
+/// Where slabs go.
+struct Sinks<'a> {
+    prepared: &'a Prepared,
+    output: &'a OutputFolder,
+    progress: &'a dyn Progress,
+    interrupt: &'a Interrupt,
+}
+
+/// Buffers of one worker.
+#[derive(Default)]
+struct Buffers {
+    rows: RowBuffers,
+    file: Vec<u8>,
+}
+
+impl Sinks<'_> {
+    /// Writes the slices of `slab` that are in `slices`, adding their voxels to `counts`.
+    fn take(&self, slab: &Slab, slices: &Range<u32>, counts: &mut [u64; 256]) -> Result<(), RunError> {
+        let held = slab.slices();
+        let wanted = held.start.max(slices.start)..held.end.min(slices.end);
+        let written: Vec<[u64; 256]> = wanted
+            .into_par_iter()
+            .map_init(Buffers::default, |buffers, k| self.take_slice(slab, k, buffers))
+            .collect::<Result<_, _>>()?;
+        for slice in written {
+            counts.iter_mut().zip(slice).for_each(|(count, voxels)| *count += voxels);
+        }
+        Ok(())
+    }
+
+    fn take_slice(&self, slab: &Slab, k: u32, buffers: &mut Buffers) -> Result<[u64; 256], RunError> {
+        if self.interrupt.requested() {
+            return Err(RunError::Interrupted);
+        }
+        let encoding = |error: std::io::Error| crate::slice::OutputError::Io {
+            action: "encoding",
+            path: self.output.root().join(format!("slice {k}")),
+            source: error,
+        };
+        let mut counts = [0; 256];
+        let Buffers { rows, file } = buffers;
+        file.clear();
+        // Counting is part of encoding, so slices are encoded even where only masks are wanted.
+        encode_rgba(slab, k, &self.prepared.palette, rows, &mut counts, file).map_err(encoding)?;
+        if self.prepared.job.wants(OutputFormat::Png) {
+            self.output.write(&format!("slices/slice_{k}.png"), file)?;
+        }
+        if self.prepared.job.wants(OutputFormat::Masks) {
+            for (MaterialId(id), resin) in self.prepared.printed() {
+                file.clear();
+                encode_mask(slab, k, id, rows, file).map_err(encoding)?;
+                let name = &self.prepared.materials.resins[resin].name;
+                self.output.write(&format!("masks/{name}/slice_{k}.png"), file)?;
+            }
+        }
+        self.progress.advance(1);
+        Ok(counts)
+    }
+}
+
+impl Prepared {
+    fn preview_builder(&self) -> PreviewBuilder {
+        let material = |(index, resin): (usize, &crate::optics::Resin)| {
+            let id = MaterialId::from_resin(index);
+            PreviewMaterial { id, name: resin.name.clone(), rgba: self.palette[usize::from(id.0)] }
+        };
+        let materials: Vec<_> = self.materials.resins.iter().enumerate().map(material).collect();
+        PreviewBuilder::new(&self.lattice, &materials)
+    }
+
+    /// Writes the material meshes the job asks for. They are of the whole job, whatever slices are written.
+    fn write_meshes(
+        &self,
+        output: &OutputFolder,
+        progress: &dyn Progress,
+        interrupt: &Interrupt,
+    ) -> Result<Vec<MeshRecord>, RunError> {
+        let (stl, assembly) = (self.job.wants(OutputFormat::Stl), self.job.wants(OutputFormat::ThreeMf));
+        if !stl && !assembly {
+            return Ok(Vec::new());
+        }
+        let layers = self.objects.iter().flat_map(|object| &object.stackings.stackings).flat_map(|entry| &entry.layers);
+        let thinnest = layers.map(|layer| layer.thickness_mm).reduce(f64::min);
+        let default = MaterialMesher::default_pitch_mm(thinnest, self.lattice.pitch);
+        let mesher = MaterialMesher { pitch_mm: self.job.output.mesh_pitch_mm.unwrap_or(default) };
+        let resins: Vec<_> =
+            self.printed().map(|(id, resin)| (id, self.materials.resins[resin].name.clone())).collect();
+        progress.stage("meshes", 0);
+        let meshes = match mesher.mesh(self.slicer().objects(), &resins, |_, _| !interrupt.requested()) {
+            Err(_) if interrupt.requested() => return Err(RunError::Interrupted),
+            meshes => meshes?,
+        };
+        let encoding = |error: std::io::Error| crate::slice::OutputError::Io {
+            action: "encoding",
+            path: output.root().join("meshes"),
+            source: error,
+        };
+        let parts = || meshes.parts.iter().filter(|part| !part.triangles.is_empty());
+        if stl {
+            for part in parts() {
+                let mut file = Vec::new();
+                write_stl(&meshes, part, &mut file).map_err(encoding)?;
+                output.write(&format!("meshes/{}.stl", part.name), &file)?;
+            }
+        }
+        if assembly {
+            let mut file = std::io::Cursor::new(Vec::new());
+            write_3mf(&meshes, &self.palette, &mut file).map_err(encoding)?;
+            output.write(&format!("meshes/{}.3mf", self.job.name), file.get_ref())?;
+        }
+        let record = |part: &MaterialPart| MeshRecord {
+            material: part.name.clone(),
+            triangles: part.triangles.len() as u64,
+            volume_mm3: part.volume_mm3,
+            pitch_mm: mesher.pitch_mm,
+        };
+        Ok(parts().map(record).collect())
+    }
+
+    fn refuse_misfits(&self) -> Result<(), RunError> {
+        match self.misfits().into_iter().next() {
+            Some(misfit) => Err(self.job.refuse("printer", misfit, "objects that fit the tray").into()),
+            None => Ok(()),
+        }
+    }
+
+    fn checked_slices(&self, slices: Option<Range<u32>>) -> Result<Range<u32>, RunError> {
+        let all = 0..self.lattice.dims[2];
+        match slices {
+            None => Ok(all),
+            Some(slices) if slices.start < slices.end && slices.end <= all.end => Ok(slices),
+            Some(slices) => Err(RunError::Slices { found: slices, slices: all.end }),
+        }
+    }
+
+    /// The content of `stackings.json`: the stackings of every object, and a digest of what they were made from.
+    pub fn stackings_json(&self) -> Vec<u8> {
+        let objects: Vec<_> = self.objects.iter().map(|object| &object.stackings).collect();
+        let content = json!({ "job": self.job.resolved(), "inputs": self.inputs, "objects": objects });
+        let digest = {
+            use sha2::{Digest, Sha256};
+            crate::slice::hex(&Sha256::digest(content.to_string().as_bytes()))
+        };
+        pretty(&json!({ "sha256": digest, "objects": objects }))
+    }
+}

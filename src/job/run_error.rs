@@ -1,0 +1,91 @@
+//! Why a job was not done.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use super::JobError;
+use crate::{
+    mesh::MeshError,
+    optics::OpticsError,
+    search::SearchError,
+    slice::{OutputError, meshes::MeshingError, preview::PreviewError},
+    voxel::LatticeError,
+};
+
+/// Why a job was not done.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// The job file, or what it asks for.
+    #[error(transparent)]
+    Job(#[from] JobError),
+    /// A mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// A material or a profile.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    /// A texture.
+    #[error("{}: found {found}, expected {expected}", path.display())]
+    Texture {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        found: String,
+        /// What should be there.
+        expected: &'static str,
+    },
+    /// The search for stackings.
+    #[error("{object}: {source}")]
+    Search {
+        /// Which object.
+        object: String,
+        /// Why.
+        source: SearchError,
+    },
+    /// The lattice.
+    #[error("printer: {0}")]
+    Lattice(#[from] LatticeError),
+    /// A range of slices that the job does not have.
+    #[error("--slices: found {}..{}, expected a range within 0..{slices} that is not empty", found.start, found.end)]
+    Slices {
+        /// What was asked for.
+        found: std::ops::Range<u32>,
+        /// Slices of the job.
+        slices: u32,
+    },
+    /// Material meshes.
+    #[error("meshes: {0}")]
+    Meshes(#[from] MeshingError),
+    /// Pictures.
+    #[error(transparent)]
+    Preview(#[from] PreviewError),
+    /// The output folder.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// Somebody asked to stop.
+    #[error("interrupted; files written so far are whole, and manifest.json is missing")]
+    Interrupted,
+}
+
+/// Who is to blame, as the exit code says it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Blame {
+    /// Usage, job or input.
+    Input,
+    /// The disk.
+    Disk,
+    /// Somebody pressed Ctrl-C.
+    Interrupt,
+}
+
+impl RunError {
+    /// Who is to blame.
+    pub fn blame(&self) -> Blame {
+        match self {
+            Self::Output(error) if error.is_io() => Blame::Disk,
+            Self::Interrupted => Blame::Interrupt,
+            _ => Blame::Input,
+        }
+    }
+}

@@ -1,0 +1,457 @@
+//! From what an object should look like to the layers that do it.
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    AlbedoSource, Interrupt, Job, Progress, RunError, TargetSpec,
+    images::{read_labels, read_picture, srgb_to_linear, to_channels},
+};
+use crate::{
+    mesh::Solid,
+    optics::{MaterialSet, ProfileFile},
+    search::{BlockTable, Match, ResinLimit, SearchOptions, SearchTarget, Stacking, match_targets, reflection_of},
+    target::{
+        self, AppearancePage, Atlas, LabelMap, LayerField, LayerStack, NormalizedDiffusion, SlotTable, TexturedLayers,
+        align, cluster, distinct_appearances,
+    },
+    voxel::MaterialId,
+};
+
+/// The stackings of one object and how well they do.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct StackingReport {
+    /// `stacking`, `profile`, `texture` or `clusters`.
+    pub kind: String,
+    /// Resins of the aligned sequence, top first; empty for a single stacking.
+    pub sequence: Vec<String>,
+    /// One entry per stacking, in the order of their labels.
+    pub stackings: Vec<StackingEntry>,
+    /// What fills the inside below all stackings.
+    pub core: String,
+    #[serde(skip)]
+    ids: Vec<MaterialId>,
+}
+
+/// One stacking.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StackingEntry {
+    /// Layers, top first.
+    pub layers: Vec<LayerEntry>,
+    /// Share of the surface's texels that have it, 0 to 1.
+    pub share: f64,
+    /// Albedo asked for per channel; `None` where the stacking was given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_albedo: Option<Vec<f64>>,
+    /// Albedo predicted per channel.
+    pub predicted_albedo: Vec<f64>,
+    /// What the search says; `None` where the stacking was given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search: Option<SearchEntry>,
+    /// Root mean square distance of the cluster's spectra from their mean; `None` without clusters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cluster_rms: Option<f64>,
+}
+
+/// One layer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LayerEntry {
+    /// Its resin.
+    pub resin: String,
+    /// Its thickness, mm.
+    pub thickness_mm: f64,
+}
+
+/// How a search ended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SearchEntry {
+    /// Σ (R̂ − R̂_t)² over coefficients and channels, the first weighted.
+    pub objective: f64,
+    /// Root mean square error of a coefficient.
+    pub rms: f64,
+    /// No stacking of the searched space is better than this.
+    pub bound: f64,
+    /// Whether the objective is proven optimal.
+    pub proven: bool,
+    /// Partial stackings looked at.
+    pub nodes: u64,
+}
+
+/// What a target is turned into layers with.
+pub(super) struct TargetContext<'a> {
+    pub job: &'a Job,
+    pub materials: &'a MaterialSet,
+    /// Texture coordinates are there, if only as zeros.
+    pub solid: &'a Solid,
+    /// Whether the mesh file has texture coordinates.
+    pub has_uvs: bool,
+    pub object: usize,
+    pub progress: &'a dyn Progress,
+    pub interrupt: &'a Interrupt,
+}
+
+impl StackingReport {
+    /// Every material that may occur, the core's among them.
+    pub fn materials(&self) -> impl Iterator<Item = MaterialId> {
+        self.ids.iter().copied()
+    }
+}
+
+/// Turns the target of an object into its layers.
+pub(super) fn object_layers(
+    context: &TargetContext<'_>,
+    target: &TargetSpec,
+    warnings: &mut Vec<String>,
+) -> Result<(LayerField, StackingReport), RunError> {
+    let core = context.core()?;
+    match target {
+        TargetSpec::Stacking { layers } => {
+            let layers = layers.iter().filter_map(|(name, t)| Some((context.materials.resin(name)?.0, *t)));
+            let stacking = Stacking::from_layers(layers);
+            let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking, core));
+            Ok(context.uniform("stacking", &stacking, core, entry))
+        }
+        TargetSpec::Profile { path } => {
+            let target = context.profile_target(path.as_ref())?;
+            let found = context.search(core, std::slice::from_ref(&target))?.remove(0);
+            let entry = context.matched_entry(&found, &target, 1.0, None);
+            Ok(context.uniform("profile", &found.stacking, core, entry))
+        }
+        TargetSpec::Clusters { labels, profiles } => {
+            let (width, height, labels_of) = read_labels(labels.as_ref())?;
+            if let Some(odd) = labels_of.iter().find(|&&label| usize::from(label) >= profiles.len()) {
+                return Err(RunError::Texture {
+                    path: labels.path.clone(),
+                    found: format!("label {odd} with {} profiles", profiles.len()),
+                    expected: "labels from 0 to one less than the number of profiles",
+                });
+            }
+            context.require_uvs("target.labels")?;
+            let targets = profiles.iter().map(|path| context.profile_target(path.as_ref()));
+            let targets = targets.collect::<Result<Vec<_>, _>>()?;
+            let atlas = Atlas::new(&context.solid.mesh, &[(width, height)], &[]);
+            let mut shares = vec![0_u64; profiles.len()];
+            for texel in atlas.pages()[0].covered() {
+                shares[usize::from(labels_of[texel])] += 1;
+            }
+            let matches = context.search(core, &targets)?;
+            let total: u64 = shares.iter().sum();
+            let entries = matches.iter().zip(&targets).zip(&shares).map(|((found, target), &share)| {
+                context.matched_entry(found, target, share as f64 / total.max(1) as f64, None)
+            });
+            context.textured("clusters", &atlas, &[LabelMap(labels_of)], &matches, entries.collect(), core)
+        }
+        TargetSpec::Texture { albedo, mean_free_path, mean_free_path_mm, max_albedo } => {
+            let pages = context.appearance(albedo, mean_free_path.as_ref())?;
+            texture_layers(context, pages, *mean_free_path_mm, *max_albedo, core, warnings)
+        }
+        TargetSpec::Bssrdf { .. } => Err(context.job.refuse("target.kind", "bssrdf", "a kind that is built").into()),
+    }
+}
+
+fn reflection(context: &TargetContext<'_>, stacking: &Stacking, core: usize) -> Vec<Vec<f64>> {
+    reflection_of(&context.parameters(), stacking, Some(core))
+}
+
+/// Pages of appearance with the page of every triangle.
+struct Appearance {
+    pages: Vec<AppearancePage>,
+    page_of: Vec<u16>,
+}
+
+fn texture_layers(
+    context: &TargetContext<'_>,
+    appearance: Appearance,
+    mean_free_path_mm: f64,
+    max_albedo: Option<f64>,
+    core: usize,
+    warnings: &mut Vec<String>,
+) -> Result<(LayerField, StackingReport), RunError> {
+    let channels = context.materials.channels.len();
+    context.progress.stage("clusters", 0);
+    let sizes: Vec<_> = appearance.pages.iter().map(|page| (page.width, page.height)).collect();
+    let atlas = Atlas::new(&context.solid.mesh, &sizes, &appearance.page_of);
+    let scale =
+        max_albedo.map_or(1.0, |most| most / brightest(&atlas, &appearance.pages, channels).max(f64::MIN_POSITIVE));
+    let appearances = distinct_appearances(&atlas, &appearance.pages, channels, scale);
+    let coefficients = context.materials.grid.len();
+    let mut spectra = Vec::with_capacity(appearances.distinct.len() * channels * coefficients);
+    for appearance in &appearances.distinct {
+        for &albedo in &appearance.albedo {
+            let model = NormalizedDiffusion::new(albedo, appearance.mean_free_path * mean_free_path_mm)
+                .map_err(|error| context.refuse("target", error, "an albedo and a mean free path"))?;
+            spectra.extend(model.spectrum(&context.materials.grid));
+        }
+    }
+    let weights: Vec<_> = appearances.distinct.iter().map(|appearance| appearance.texels as f64).collect();
+    let options = target::ClusterOptions {
+        k: context.job.clusters.k,
+        seed: context.job.clusters.seed,
+        coefficients,
+        dc_weight: context.job.stacking.dc_weight,
+        ..Default::default()
+    };
+    let clusters = cluster(&spectra, &weights, &options)
+        .map_err(|error| context.refuse("clusters", error, "profiles that can be grouped"))?;
+    context.stop_if_interrupted()?;
+    let count = clusters.centroids.len();
+    if count < clusters.requested {
+        warnings.push(format!(
+            "object {}: its {} distinct appearances make {count} clusters, not the {} asked for",
+            context.object + 1,
+            appearances.distinct.len(),
+            clusters.requested,
+        ));
+    }
+    let target =
+        |centroid: &Vec<f64>| SearchTarget { channels: centroid.chunks(coefficients).map(<[f64]>::to_vec).collect() };
+    let targets: Vec<_> = clusters.centroids.iter().map(target).collect();
+    let matches = context.search(core, &targets)?;
+    let total: f64 = weights.iter().sum();
+    let entries = matches.iter().zip(&targets).zip(&clusters.fits).map(|((found, target), fit)| {
+        let rms = fit.rms / ((channels * coefficients) as f64).sqrt();
+        context.matched_entry(found, target, fit.weight / total, Some(rms))
+    });
+    let label = |&appearance: &u32| clusters.labels[appearance as usize] as u16; // k is at most 65,535
+    let labels: Vec<_> = appearances.index.iter().map(|page| LabelMap(page.iter().map(label).collect())).collect();
+    context.textured("texture", &atlas, &labels, &matches, entries.collect(), core)
+}
+
+/// The largest albedo of any covered texel and channel.
+fn brightest(atlas: &Atlas, pages: &[AppearancePage], channels: usize) -> f64 {
+    let texels = atlas.pages().iter().zip(pages).flat_map(|(map, page)| {
+        map.covered().flat_map(move |texel| &page.albedo[texel * channels..(texel + 1) * channels])
+    });
+    f64::from(texels.copied().fold(0.0, f32::max))
+}
+
+impl TargetContext<'_> {
+    /// The resin of the core: the job's, else the one named black.
+    fn core(&self) -> Result<usize, RunError> {
+        let name = self.job.stacking.core.as_deref().unwrap_or(DEFAULT_CORE);
+        match self.materials.resin(name) {
+            Some((index, _)) => Ok(index),
+            None => Err(self.refuse("stacking.core", "no core", "the resin that fills the inside below the stacking")),
+        }
+    }
+
+    fn refuse(&self, key: &str, found: impl ToString, expected: &str) -> RunError {
+        self.job.refuse(key, found.to_string(), expected).into()
+    }
+
+    fn stop_if_interrupted(&self) -> Result<(), RunError> {
+        if self.interrupt.requested() { Err(RunError::Interrupted) } else { Ok(()) }
+    }
+
+    fn require_uvs(&self, key: &str) -> Result<(), RunError> {
+        if !self.has_uvs {
+            let mesh = self.job.objects[self.object].mesh.shown();
+            return Err(self.refuse(key, format!("{mesh} without texture coordinates"), "a mesh that has them"));
+        }
+        Ok(())
+    }
+
+    fn parameters(&self) -> Vec<Vec<crate::optics::KubelkaMunk>> {
+        self.materials.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect()
+    }
+
+    fn limits(&self) -> Vec<ResinLimit> {
+        let names: Vec<_> = self.materials.resins.iter().map(|resin| resin.name.as_str()).collect();
+        self.job.stacking.resin_limits(&names)
+    }
+
+    /// The id a resin has in voxels: its own, or that of the resin the job prints in place of the background.
+    fn id(&self, resin: usize) -> MaterialId {
+        let mapped = self.job.output.map_background.as_deref().and_then(|name| self.materials.resin(name));
+        match mapped {
+            Some((mapped, _)) if self.materials.resins[resin].print_as_background => MaterialId::from_resin(mapped),
+            _ => MaterialId::from_resin(resin),
+        }
+    }
+
+    fn search(&self, core: usize, targets: &[SearchTarget]) -> Result<Vec<Match>, RunError> {
+        self.progress.stage("stackings", targets.len() as u64);
+        let stacking = &self.job.stacking;
+        let options = SearchOptions {
+            max_thickness_mm: stacking.max_thickness_mm,
+            units: stacking.units,
+            depth: stacking.depth,
+            dc_weight: stacking.dc_weight,
+            limits: self.limits(),
+            core: Some(core),
+            max_nodes: None,
+        };
+        let fault = |source| RunError::Search { object: self.job.objects[self.object].mesh.shown(), source };
+        let table = BlockTable::new(&self.parameters(), &options).map_err(fault)?;
+        // In batches, so that the user sees progress and can stop.
+        let mut found = Vec::with_capacity(targets.len());
+        for batch in targets.chunks(SEARCH_BATCH) {
+            self.stop_if_interrupted()?;
+            found.extend(match_targets(&table, batch).map_err(fault)?);
+            self.progress.advance(batch.len() as u64);
+        }
+        Ok(found)
+    }
+
+    fn profile_target(&self, path: &std::path::Path) -> Result<SearchTarget, RunError> {
+        let Some(reflection) = ProfileFile::read(path)?.reflection else {
+            let found = format!("{} without reflection_per_mm2", path.display());
+            return Err(self.refuse("target", found, "a profile with a column of reflection"));
+        };
+        let spectrum = reflection.hankel(&self.materials.grid);
+        Ok(SearchTarget { channels: vec![spectrum.values; self.materials.channels.len()] })
+    }
+
+    /// Reads the textures of a texture target.
+    fn appearance(
+        &self,
+        albedo: &AlbedoSource,
+        mean_free_path: Option<&super::InputPath>,
+    ) -> Result<Appearance, RunError> {
+        let channels = self.materials.channels.len();
+        let mean_free_path = mean_free_path.map(|path| read_picture(path.as_ref())).transpose()?;
+        if mean_free_path.is_some() {
+            self.require_uvs("target.mean-free-path")?;
+        }
+        let decode = |rgb: [f32; 3]| rgb.map(srgb_to_linear);
+        // Linear colour at (u, v) and the size of the texture behind it, one per page.
+        type Colour<'a> = Box<dyn Fn(f32, f32) -> [f32; 3] + 'a>;
+        let mut sources: Vec<(u32, u32, Colour<'_>)> = Vec::new();
+        let mut page_of = Vec::new();
+        match albedo {
+            AlbedoSource::Constant(albedo) => {
+                let albedo = *albedo as f32;
+                sources.push((1, 1, Box::new(move |_, _| [albedo; 3])));
+            }
+            AlbedoSource::Texture(path) => {
+                self.require_uvs("target.albedo")?;
+                let picture = read_picture(path.as_ref())?;
+                sources.push((picture.width, picture.height, Box::new(move |u, v| decode(picture.nearest(u, v)))));
+            }
+            AlbedoSource::MeshBaseColor => {
+                let mesh = &self.solid.mesh;
+                if mesh.materials.is_empty() {
+                    let name = self.job.objects[self.object].mesh.shown();
+                    let found = format!("{name} without a base colour of its own");
+                    return Err(self.refuse("target", found, "an albedo or an albedo-value"));
+                }
+                page_of = mesh.material_of.clone();
+                for material in &mesh.materials {
+                    let [r, g, b, _] = material.base_color;
+                    match &material.base_color_texture {
+                        None => sources.push((1, 1, Box::new(move |_, _| [r, g, b]))),
+                        Some(texture) => sources.push((
+                            texture.width,
+                            texture.height,
+                            Box::new(move |u, v| {
+                                let texel = |at: f32, size: u32| ((at * size as f32) as u32).min(size - 1) as usize;
+                                let index = texel(u, texture.width) + texture.width as usize * texel(v, texture.height);
+                                let [tr, tg, tb, _] =
+                                    texture.texels[index].map(|c| srgb_to_linear(f32::from(c) / 255.0));
+                                [tr * r, tg * g, tb * b]
+                            }),
+                        )),
+                    }
+                }
+            }
+        }
+        let pages = sources.into_iter().map(|(width, height, colour)| {
+            let (width, height) = match &mean_free_path {
+                Some(picture) => (width.max(picture.width), height.max(picture.height)),
+                None => (width, height),
+            };
+            let mut page = AppearancePage { width, height, albedo: Vec::new(), mean_free_path: Vec::new() };
+            for y in 0..height {
+                for x in 0..width {
+                    let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
+                    to_channels(colour(u, v), channels, &mut page.albedo);
+                    page.mean_free_path.push(mean_free_path.as_ref().map_or(1.0, |picture| picture.nearest(u, v)[0]));
+                }
+            }
+            page
+        });
+        Ok(Appearance { pages: pages.collect(), page_of })
+    }
+
+    fn entry(&self, stacking: &Stacking, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {
+        let layer = |layer: &crate::search::Layer| LayerEntry {
+            resin: self.materials.resins[layer.resin].name.clone(),
+            thickness_mm: layer.thickness_mm,
+        };
+        StackingEntry {
+            layers: stacking.layers.iter().map(layer).collect(),
+            share,
+            target_albedo: None,
+            predicted_albedo: reflection.iter().map(|channel| channel[0]).collect(),
+            search: None,
+            cluster_rms: None,
+        }
+    }
+
+    fn matched_entry(&self, found: &Match, target: &SearchTarget, share: f64, rms: Option<f64>) -> StackingEntry {
+        let coefficients: usize = target.channels.iter().map(Vec::len).sum();
+        StackingEntry {
+            target_albedo: Some(target.channels.iter().map(|channel| channel[0]).collect()),
+            search: Some(SearchEntry {
+                objective: found.objective,
+                rms: (found.objective / coefficients as f64).sqrt(),
+                bound: found.bound,
+                proven: found.proven,
+                nodes: found.nodes,
+            }),
+            cluster_rms: rms,
+            ..self.entry(&found.stacking, share, &found.reflection)
+        }
+    }
+
+    fn uniform(
+        &self,
+        kind: &'static str,
+        stacking: &Stacking,
+        core: usize,
+        entry: StackingEntry,
+    ) -> (LayerField, StackingReport) {
+        let layers = stacking.layers.iter().map(|layer| (self.id(layer.resin), layer.thickness_mm));
+        let ids = layers.clone().map(|layer| layer.0).chain([self.id(core)]).collect();
+        let report = StackingReport {
+            kind: kind.to_owned(),
+            sequence: Vec::new(),
+            stackings: vec![entry],
+            core: self.materials.resins[core].name.clone(),
+            ids,
+        };
+        (LayerField::Uniform(LayerStack::new(layers, self.id(core))), report)
+    }
+
+    fn textured(
+        &self,
+        kind: &'static str,
+        atlas: &Atlas,
+        labels: &[LabelMap],
+        matches: &[Match],
+        entries: Vec<StackingEntry>,
+        core: usize,
+    ) -> Result<(LayerField, StackingReport), RunError> {
+        self.progress.stage("layers", 0);
+        let stackings: Vec<_> = matches.iter().map(|found| found.stacking.clone()).collect();
+        let aligned = align(&stackings);
+        let ids: Vec<_> = aligned.sequence.iter().map(|&resin| self.id(resin)).collect();
+        let slots = SlotTable::new(&ids, &aligned, &self.limits(), self.id(core)).ok_or_else(|| {
+            let found = format!("stackings that need {} slots", aligned.sequence.len());
+            self.refuse("stacking.depth", found, "stackings that align within 64 slots: a smaller depth")
+        })?;
+        let layers = TexturedLayers::new(&self.solid.mesh, atlas, labels, slots);
+        let report = StackingReport {
+            kind: kind.to_owned(),
+            sequence: aligned.sequence.iter().map(|&resin| self.materials.resins[resin].name.clone()).collect(),
+            stackings: entries,
+            core: self.materials.resins[core].name.clone(),
+            ids: ids.into_iter().chain([self.id(core)]).collect(),
+        };
+        Ok((LayerField::Textured(Box::new(layers)), report))
+    }
+}
+
+/// What fills the inside unless the job says otherwise.
+const DEFAULT_CORE: &str = "black";
+/// Searches between two looks at the clock.
+const SEARCH_BATCH: usize = 16;

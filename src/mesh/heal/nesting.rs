@@ -1,0 +1,198 @@
+//! Shells: connected pieces, which way each faces, and which are cavities.
+//!
+//! A shell is what edges connect. If the shells together hold a negative volume, all turn. A shell that then still holds a
+//! negative volume is a cavity if others surround it (their winding number at one of its vertices is positive) and stays; else it
+//! faces inwards by mistake and turns. Larger shells are judged before the smaller ones they may hold.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::edges::{Edges, triangle_of};
+use super::fill::Cap;
+use super::{HealthReport, TriangleMesh, area};
+use crate::mesh::bounds;
+
+/// Solid angles that the cavity test may compute: about a second on two cores.
+const BUDGET: usize = 50_000_000;
+
+/// Solid angles summed by one task; fixed, so that sums do not depend on the thread count.
+const CHUNK: usize = 1 << 14;
+
+/// Connected pieces of a mesh.
+pub(super) struct Shells {
+    /// Shell of every triangle, numbered in order of first appearance.
+    pub(super) of_triangle: Vec<u32>,
+    pub(super) all: Vec<Shell>,
+}
+
+/// Measures of one piece.
+#[derive(Debug, Clone)]
+pub(super) struct Shell {
+    pub(super) area: f64,
+    pub(super) cap_area: f64,
+    /// Signed, caps included.
+    pub(super) volume: f64,
+    low: DVec3,
+    high: DVec3,
+    /// A triangle of it.
+    first: usize,
+}
+
+impl Shells {
+    pub(super) fn new(mesh: &TriangleMesh, edges: &Edges) -> Self {
+        let mut pieces = UnionFind::new(mesh.triangles.len());
+        for edge in edges.iter() {
+            for pair in edge.half_edges.windows(2) {
+                pieces.join(triangle_of(pair[0]) as u32, triangle_of(pair[1]) as u32);
+            }
+        }
+        const UNNAMED: u32 = u32::MAX;
+        let mut name = vec![UNNAMED; mesh.triangles.len()];
+        let mut all = Vec::new();
+        let of_triangle = (0..mesh.triangles.len())
+            .map(|t| {
+                let root = pieces.root(t as u32) as usize;
+                if name[root] == UNNAMED {
+                    name[root] = all.len() as u32;
+                    let (low, high) = bounds(&[]);
+                    all.push(Shell { area: 0.0, cap_area: 0.0, volume: 0.0, low, high, first: t });
+                }
+                name[root]
+            })
+            .collect();
+        Self { of_triangle, all }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.all.len()
+    }
+
+    /// Sums up areas, volumes and bounds.
+    pub(super) fn measure(&mut self, mesh: &TriangleMesh, caps: &[Cap]) {
+        // Measured from the middle, so that a mesh far from the origin loses no digits.
+        let (low, high) = bounds(&mesh.positions);
+        let middle = 0.5 * (low + high);
+        let volume = |[a, b, c]: [DVec3; 3]| (a - middle).dot((b - middle).cross(c - middle)) / 6.0;
+        for (corners, &shell) in mesh.corners().zip(&self.of_triangle) {
+            let shell = &mut self.all[shell as usize];
+            shell.area += area(corners);
+            shell.volume += volume(corners);
+            for p in corners {
+                (shell.low, shell.high) = (shell.low.min(p), shell.high.max(p));
+            }
+        }
+        for cap in caps {
+            let shell = &mut self.all[cap.shell as usize];
+            shell.cap_area += area(cap.corners);
+            shell.volume += volume(cap.corners);
+        }
+    }
+
+    /// Turns shells that face inwards by mistake, in the mesh and the caps.
+    pub(super) fn turn_outwards(
+        &mut self,
+        mesh: &mut TriangleMesh,
+        caps: Vec<Cap>,
+        health: &mut HealthReport,
+    ) -> Vec<[DVec3; 3]> {
+        let total: f64 = self.all.iter().map(|shell| shell.volume).sum();
+        let mut turned = vec![total < 0.0; self.len()];
+        if total < 0.0 {
+            self.all.iter_mut().for_each(|shell| shell.volume = -shell.volume);
+        }
+        let mut negative: Vec<usize> = (0..self.len()).filter(|&s| self.all[s].volume < 0.0).collect();
+        // A stable sort: equal volumes keep their order.
+        negative.sort_by(|&a, &b| self.all[a].volume.total_cmp(&self.all[b].volume));
+        let mut members = None;
+        let mut spent = 0;
+        for s in negative {
+            let point = mesh.positions[mesh.triangles[self.all[s].first][0] as usize];
+            let around: Vec<usize> = (0..self.len()).filter(|&o| o != s && self.all[o].contains(point)).collect();
+            let winding = if around.is_empty() {
+                0
+            } else {
+                let members: &Vec<Vec<[DVec3; 3]>> = members.get_or_insert_with(|| self.members(mesh, &caps));
+                let cost: usize = around.iter().map(|&o| members[o].len()).sum();
+                if spent + cost > BUDGET {
+                    health.unjudged_shells += 1;
+                    continue;
+                }
+                spent += cost;
+                around.iter().map(|&o| winding(&members[o], point) * if turned[o] { -1 } else { 1 }).sum()
+            };
+            if winding <= 0 {
+                turned[s] = !turned[s];
+                self.all[s].volume = -self.all[s].volume;
+            }
+        }
+        for t in 0..mesh.triangles.len() {
+            if turned[self.of_triangle[t] as usize] {
+                mesh.flip(t);
+            }
+        }
+        health.turned_shells = turned.iter().filter(|&&turned| turned).count();
+        caps.into_iter()
+            .map(|Cap { shell, corners: [a, b, c] }| if turned[shell as usize] { [a, c, b] } else { [a, b, c] })
+            .collect()
+    }
+
+    /// The closed surface of every shell: its triangles and caps.
+    fn members(&self, mesh: &TriangleMesh, caps: &[Cap]) -> Vec<Vec<[DVec3; 3]>> {
+        let mut members = vec![Vec::new(); self.len()];
+        for (corners, &shell) in mesh.corners().zip(&self.of_triangle) {
+            members[shell as usize].push(corners);
+        }
+        for cap in caps {
+            members[cap.shell as usize].push(cap.corners);
+        }
+        members
+    }
+}
+
+impl Shell {
+    fn contains(&self, p: DVec3) -> bool {
+        p.cmpgt(self.low).all() && p.cmplt(self.high).all()
+    }
+}
+
+/// Winding number of a closed surface around a point off it.
+fn winding(surface: &[[DVec3; 3]], p: DVec3) -> i64 {
+    let chunks: Vec<f64> =
+        surface.par_chunks(CHUNK).map(|chunk| chunk.iter().map(|&t| solid_angle(t, p)).sum()).collect();
+    (chunks.iter().sum::<f64>() / (4.0 * std::f64::consts::PI)).round() as i64
+}
+
+/// Signed solid angle of a triangle seen from a point, positive from its inner side (van Oosterom and Strackee, *The solid angle of a plane
+/// triangle*, IEEE Trans. Biomed. Eng. 1983, eq. 8).
+pub(super) fn solid_angle(corners: [DVec3; 3], p: DVec3) -> f64 {
+    let [a, b, c] = corners.map(|corner| corner - p);
+    let [la, lb, lc] = [a.length(), b.length(), c.length()];
+    let numerator = a.dot(b.cross(c));
+    let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+    2.0 * numerator.atan2(denominator)
+}
+
+/// Disjoint sets with path halving; the lowest member is the root.
+pub(super) struct UnionFind {
+    parent: Vec<u32>,
+}
+
+impl UnionFind {
+    pub(super) fn new(count: usize) -> Self {
+        Self { parent: (0..count as u32).collect() }
+    }
+
+    pub(super) fn root(&mut self, mut i: u32) -> u32 {
+        while self.parent[i as usize] != i {
+            let up = self.parent[self.parent[i as usize] as usize];
+            self.parent[i as usize] = up;
+            i = up;
+        }
+        i
+    }
+
+    pub(super) fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parent[a.max(b) as usize] = a.min(b);
+    }
+}

@@ -1,0 +1,79 @@
+//! The health report in sentences.
+
+use super::HealthReport;
+use crate::mesh::words::{counted, is_are, was_were};
+
+impl HealthReport {
+    /// What a user should know, one sentence with counts for each finding; empty for a sound mesh.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut said = Vec::new();
+        let mut say = |count: usize, sentence: String| {
+            if count > 0 {
+                said.push(sentence);
+            }
+        };
+        say(
+            self.holes,
+            format!(
+                "The mesh has {} with {}; closed for the inside test by {} of {:.2} mm² ({:.2}% of the surface). \
+                 Depth is measured from the mesh only, not from what closes it.",
+                counted(self.holes, "hole"),
+                counted(self.open_edges, "open edge"),
+                counted(self.caps, "triangle"),
+                self.cap_area_mm2,
+                100.0 * self.cap_area_mm2 / self.area_mm2
+            ),
+        );
+        say(
+            self.non_manifold_edges,
+            format!("{} joined by more than two triangles.", is_are(self.non_manifold_edges, "edge")),
+        );
+        say(
+            self.flipped_triangles,
+            format!("{} turned to agree with their neighbours.", was_were(self.flipped_triangles, "triangle")),
+        );
+        say(
+            self.twisted_edges,
+            format!(
+                "{} between neighbours that face opposite ways and cannot be made to agree; the surface is one-sided there.",
+                is_are(self.twisted_edges, "edge")
+            ),
+        );
+        say(
+            self.turned_shells,
+            format!("{} facing inwards and turned inside out.", was_were(self.turned_shells, "shell")),
+        );
+        say(
+            self.unjudged_shells,
+            format!(
+                "{} facing inwards and left so, there are too many to check.",
+                is_are(self.unjudged_shells, "shell")
+            ),
+        );
+        say(
+            self.open_shells,
+            format!(
+                "{} of {} open sheets rather than solids; they enclose next to nothing.",
+                self.open_shells,
+                counted(self.shells, "shell")
+            ),
+        );
+        say(
+            self.doubled_triangles,
+            format!("{} dropped because another has the same corners.", was_were(self.doubled_triangles, "triangle")),
+        );
+        say(
+            self.degenerate_triangles,
+            format!("{} without area not measured from.", is_are(self.degenerate_triangles, "triangle")),
+        );
+        let crossings = self.self_intersections.unwrap_or(0);
+        say(
+            crossings,
+            format!(
+                "{} of triangles cross each other; where parts overlap they count as one.",
+                counted(crossings, "pair")
+            ),
+        );
+        said
+    }
+}

@@ -1,0 +1,109 @@
+//! Built-in sets: material files compiled in, with profiles simulated once and stored.
+//!
+//! None is a measurement of a printer's resin, and each says so in its provenance. `cargo run --release --example
+//! regenerate_builtin` writes the stored profiles anew; they depend on nothing but coefficients, thickness, photons and seed.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use super::file::MaterialFile;
+use super::toml_source::Folder;
+use super::{DEFAULT_SEED, MaterialSet, SimulatedProfile};
+use crate::optics::OpticsError;
+use crate::optics::error::nearest;
+
+/// Photons behind each stored profile: R̂(0) within 1.1e-4 (one σ).
+pub const BUILTIN_PHOTONS: u64 = 20_000_000;
+
+/// A set's TOML text.
+const SETS: [(&str, &str); 2] =
+    [("synthetic", include_str!("../data/synthetic.toml")), ("inks-rgb", include_str!("../data/inks-rgb.toml"))];
+
+macro_rules! profiles {
+    ($($name:literal),* $(,)?) => { [$(($name, include_str!(concat!("../data/", $name)))),*] };
+}
+
+/// The profiles the sets name, by file name.
+const PROFILES: [(&str, &str); 18] = profiles![
+    "synthetic-white-y.csv",
+    "synthetic-black-y.csv",
+    "synthetic-support-y.csv",
+    "inks-rgb-cyan-r.csv",
+    "inks-rgb-cyan-g.csv",
+    "inks-rgb-cyan-b.csv",
+    "inks-rgb-magenta-r.csv",
+    "inks-rgb-magenta-g.csv",
+    "inks-rgb-magenta-b.csv",
+    "inks-rgb-yellow-r.csv",
+    "inks-rgb-yellow-g.csv",
+    "inks-rgb-yellow-b.csv",
+    "inks-rgb-black-r.csv",
+    "inks-rgb-black-g.csv",
+    "inks-rgb-black-b.csv",
+    "inks-rgb-white-r.csv",
+    "inks-rgb-white-g.csv",
+    "inks-rgb-white-b.csv",
+];
+
+impl MaterialSet {
+    /// Names of the built-in sets, the default first.
+    pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+        SETS.iter().map(|(name, _)| *name)
+    }
+
+    /// A built-in set; takes a fraction of a second, as its profiles are stored.
+    ///
+    /// # Errors
+    /// [`OpticsError::UnknownSet`] with the nearest name.
+    pub fn builtin(name: &str) -> Result<Self, OpticsError> {
+        MaterialFile::builtin(name)?.into_set(|_, _| ControlFlow::Continue(()))
+    }
+
+    /// The TOML text of a built-in set, to start one's own from.
+    pub fn builtin_toml(name: &str) -> Option<&'static str> {
+        SETS.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
+    }
+}
+
+impl MaterialFile {
+    /// A built-in set as the file it is.
+    ///
+    /// # Errors
+    /// [`OpticsError::UnknownSet`] with the nearest name.
+    pub fn builtin(name: &str) -> Result<Self, OpticsError> {
+        let text = MaterialSet::builtin_toml(name).ok_or_else(|| OpticsError::UnknownSet {
+            name: name.into(),
+            suggestion: nearest(name, MaterialSet::builtin_names()).map(String::from),
+            known: MaterialSet::builtin_names().collect::<Vec<_>>().join(", "),
+        })?;
+        let mut file = Self::parse(text, Path::new(&format!("{name}.toml")), &Folder::Embedded(&PROFILES))?;
+        file.first_seed += PROFILES.iter().position(|(profile, _)| profile.starts_with(name)).unwrap_or(0) as u64;
+        Ok(file)
+    }
+}
+
+/// Simulates the slabs of all built-in resins with `photons` photons each and hands each over with its file name and the
+/// progress of the whole, 0 to 1; `each` may write it, compare it, or break off.
+///
+/// # Errors
+/// [`OpticsError::Cancelled`], or whatever `each` returns.
+pub fn regenerate_builtin(
+    photons: u64,
+    mut each: impl FnMut(&str, &SimulatedProfile, f64) -> Result<ControlFlow<()>, OpticsError>,
+) -> Result<(), OpticsError> {
+    let mut done = 0;
+    for (set, text) in SETS {
+        // Without its profiles, which may be stale or missing.
+        let bare: String =
+            text.lines().filter(|line| !line.starts_with("reflection")).fold(String::new(), |t, l| t + l + "\n");
+        let file = MaterialFile::parse(&bare, Path::new(set), &Folder::Embedded(&[]))?;
+        for plan in file.slab_plans(Some(DEFAULT_SEED + done as u64)) {
+            let profile = plan.simulate(photons, |_| ControlFlow::Continue(()))?;
+            done += 1;
+            if each(&plan.file, &profile, done as f64 / PROFILES.len() as f64)?.is_break() {
+                return Err(OpticsError::Cancelled);
+            }
+        }
+    }
+    Ok(())
+}

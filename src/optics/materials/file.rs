@@ -1,0 +1,226 @@
+//! Material files.
+//!
+//! ```toml
+//! channels = ["R", "G", "B"]            # default ["Y"]
+//! provenance = "measured on our printer, May 2010"
+//! [[resin]]
+//! name = "white"
+//! rgba = [245, 245, 240, 255]
+//! density-g-per-cm3 = 1.18
+//! scattering-per-mm = [5.9, 9.0, 24.0]  # one number, or one per channel
+//! absorption-per-mm = 0.003
+//! g = 0.4                               # default 0
+//! thickness-mm = 3.0                    # of the slab that is simulated; left out: chosen by optical thickness
+//! [[resin]]
+//! name = "support"
+//! rgba = [200, 190, 140, 255]
+//! density-g-per-cm3 = 1.17
+//! reflection = "support-r.csv"          # measured profiles, one file or one per channel
+//! transmission = "support-t.csv"        # left out: the transmission column of the same files
+//! thickness-mm = 5.6
+//! print-as = "background"
+//! ```
+//!
+//! Coefficients and profiles may both be given: Kubelka–Munk parameters then come from the profiles, and whoever needs
+//! coefficients has them.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use super::resin_table::{Draft, is_name};
+use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
+use super::spectra::ResinSpectrum;
+use super::toml_source::{Folder, Keys, Source, Strings, kind};
+use super::{MaterialSet, Resin};
+use crate::optics::{FrequencyGrid, OpticsError, VolumeCoefficients};
+
+const TOP_KEYS: [&str; 4] = ["name", "channels", "provenance", "resin"];
+/// Slices name materials by one byte, of which 0 is the background.
+const MAX_RESINS: usize = 255;
+const MAX_CHANNELS: usize = 16;
+
+/// A material file, read and checked, its slow simulations still to be done.
+#[derive(Debug, Clone)]
+pub struct MaterialFile {
+    pub(super) name: String,
+    path: PathBuf,
+    pub(super) channels: Vec<String>,
+    pub(super) provenance: String,
+    pub(super) resins: Vec<Draft>,
+    /// Seed of the first resin's first channel where slabs are simulated.
+    pub(super) first_seed: u64,
+}
+
+impl MaterialSet {
+    /// Reads a material file and simulates the resins that come without profiles, seconds each.
+    ///
+    /// # Errors
+    /// As [`MaterialFile::read`] and [`MaterialFile::into_set`].
+    pub fn load(path: &Path) -> Result<Self, OpticsError> {
+        MaterialFile::read(path)?.into_set(|_, _| ControlFlow::Continue(()))
+    }
+}
+
+impl MaterialFile {
+    /// Names of the resins, in the order of the file.
+    pub fn resin_names(&self) -> impl Iterator<Item = &str> {
+        self.resins.iter().map(|draft| draft.name.as_str())
+    }
+
+    /// Reads and checks a file and the profiles it names; quick.
+    ///
+    /// # Errors
+    /// [`OpticsError::File`] for a file that cannot be read, [`OpticsError::Entry`] for the first thing in it that is not acceptable.
+    pub fn read(path: &Path) -> Result<Self, OpticsError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?;
+        let folder = Folder::Disk(path.parent().unwrap_or(Path::new("")).to_path_buf());
+        Self::parse(&text, path, &folder)
+    }
+
+    pub(super) fn parse(text: &str, path: &Path, folder: &Folder<'_>) -> Result<Self, OpticsError> {
+        let source = Source { text, path };
+        let document = source.parse()?;
+        let top = Keys { source, table: document.get_ref(), start: 0, prefix: String::new() };
+        top.reject_unknown(&TOP_KEYS)?;
+        let stem = || path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let mut file = Self {
+            name: top.string("name")?.map_or_else(stem, |name| name.value),
+            path: path.to_path_buf(),
+            channels: channels(&top)?,
+            provenance: top.string("provenance")?.map_or("not stated".into(), |text| text.value),
+            resins: Vec::new(),
+            first_seed: DEFAULT_SEED,
+        };
+        let tables = top.get("resin").ok_or_else(|| top.missing("resin", "at least one [[resin]] table"))?;
+        let (at, not_tables) = (tables.span().start, "[[resin]] tables".to_string());
+        let Some(array) = tables.get_ref().as_array() else {
+            return Err(top.error(at, "resin", kind(tables.get_ref()), not_tables));
+        };
+        for (index, item) in array.iter().enumerate() {
+            let Some(table) = item.get_ref().as_table() else {
+                return Err(top.error(item.span().start, "resin", kind(item.get_ref()), not_tables));
+            };
+            let keys = Keys { source, table, start: item.span().start, prefix: format!("resin {}: ", index + 1) };
+            let draft = Draft::read(keys, folder, &file.channels, &file.resins)?;
+            file.resins.push(draft);
+        }
+        if file.resins.is_empty() || file.resins.len() > MAX_RESINS {
+            let found = format!("{} resins", file.resins.len());
+            return Err(top.error(at, "resin", found, format!("1 to {MAX_RESINS}")));
+        }
+        Ok(file)
+    }
+
+    /// Simulates what has no profiles and reads off all parameters. `progress` hears what is being done and how much of the whole
+    /// is, 0 to 1, and may break off.
+    ///
+    /// # Errors
+    /// [`OpticsError::Spectrum`] for profiles that are no slab's; [`OpticsError::Cancelled`].
+    pub fn into_set(self, mut progress: impl FnMut(&str, f64) -> ControlFlow<()>) -> Result<MaterialSet, OpticsError> {
+        let grid = FrequencyGrid::default();
+        let mut warnings: Vec<String> = self.resins.iter().filter_map(Draft::warning).collect();
+        let simulated = self.resins.iter().filter(|draft| draft.profiles.is_none()).count() * self.channels.len();
+        let mut done = 0;
+        let mut order: Vec<(usize, Draft)> = self.resins.into_iter().enumerate().collect();
+        order.sort_by_key(|(_, draft)| draft.profiles.is_none()); // what was measured can be refused before slow work starts
+        let mut resins = BTreeMap::new();
+        for (index, draft) in order {
+            let mut profiles = Vec::new();
+            let mut spectra = Vec::new();
+            for (channel, channel_name) in self.channels.iter().enumerate() {
+                let thickness = draft.thickness_mm[channel];
+                let pair = match (&draft.profiles, &draft.volume) {
+                    (Some(profiles), _) => profiles[channel].clone(),
+                    (None, Some(volume)) => {
+                        let what = format!("simulating {} ({channel_name})", draft.name);
+                        let share =
+                            |photons: u64| (done as f64 + photons as f64 / DEFAULT_PHOTONS as f64) / simulated as f64;
+                        // Resins and channels get random numbers of their own.
+                        let seed = self.first_seed + (index * self.channels.len() + channel) as u64;
+                        let slab = simulate_profile(volume[channel], thickness, DEFAULT_PHOTONS, seed, |photons| {
+                            progress(&what, share(photons))
+                        })?;
+                        done += 1;
+                        (slab.result.reflection_profile, slab.result.transmission_profile)
+                    }
+                    (None, None) => continue, // refused when the file was read
+                };
+                let spectrum = ResinSpectrum::from_profiles(&pair.0, &pair.1, thickness, &grid).map_err(|source| {
+                    OpticsError::Spectrum {
+                        file: self.path.clone(),
+                        line: draft.line,
+                        resin: draft.name.clone(),
+                        channel: channel_name.clone(),
+                        source,
+                    }
+                })?;
+                let remarks = spectrum.remarks().into_iter();
+                warnings
+                    .extend(remarks.map(|remark| format!("resin {}, channel {channel_name}: {remark}", draft.name)));
+                profiles.push(pair);
+                spectra.push(spectrum);
+            }
+            let (slab, kubelka_munk) =
+                spectra.into_iter().map(|spectrum| (spectrum.slab, spectrum.kubelka_munk)).unzip();
+            let resin = Resin {
+                name: draft.name,
+                rgba: draft.rgba,
+                density_g_per_cm3: draft.density,
+                print_as_background: draft.background,
+                volume: draft.volume,
+                kubelka_munk,
+                slab,
+                profiles,
+                representative_thickness_mm: draft.thickness_mm,
+                refractive_index: draft.refractive_index,
+                notes: draft.notes,
+            };
+            resins.insert(index, resin);
+        }
+        Ok(MaterialSet {
+            name: self.name,
+            channels: self.channels,
+            resins: resins.into_values().collect(),
+            provenance: self.provenance,
+            grid,
+            warnings,
+        })
+    }
+
+    /// Where the numbers come from.
+    pub fn provenance(&self) -> &str {
+        &self.provenance
+    }
+
+    /// Names of the channels.
+    pub fn channels(&self) -> &[String] {
+        &self.channels
+    }
+
+    /// The coefficients of a resin per channel; `None` if it has none or does not exist.
+    pub fn volume(&self, resin: &str) -> Option<&[VolumeCoefficients]> {
+        self.resins.iter().find(|draft| draft.name == resin)?.volume.as_deref()
+    }
+
+    /// Names, coefficients and thickness per channel of the resins that have coefficients.
+    #[cfg(test)]
+    pub(in crate::optics) fn coefficients(&self) -> impl Iterator<Item = (&str, &[VolumeCoefficients], &[f64])> {
+        self.resins.iter().filter_map(|draft| Some((&*draft.name, draft.volume.as_deref()?, &*draft.thickness_mm)))
+    }
+}
+
+fn channels(top: &Keys<'_, '_>) -> Result<Vec<String>, OpticsError> {
+    let Some(Strings { items: names, .. }) = top.strings("channels")? else { return Ok(vec!["Y".into()]) };
+    let at = top.get("channels").map_or(0, |value| value.span().start);
+    if names.is_empty() || names.len() > MAX_CHANNELS {
+        return Err(top.error(at, "channels", format!("{} channels", names.len()), format!("1 to {MAX_CHANNELS}")));
+    }
+    for (i, name) in names.iter().enumerate() {
+        if !is_name(&name.value) || names[..i].iter().any(|other| other.value == name.value) {
+            return Err(top.wrong("channels", name, "names, each once"));
+        }
+    }
+    Ok(names.into_iter().map(|name| name.value).collect())
+}

@@ -1,0 +1,239 @@
+//! One `[[resin]]` table of a material file, read and checked.
+
+use std::path::PathBuf;
+
+use super::toml_source::{At, Folder, Keys, Strings};
+use crate::optics::{OpticsError, ProfileFile, RadialProfile, VolumeCoefficients};
+
+const RESIN_KEYS: [&str; 12] = [
+    "name",
+    "rgba",
+    "density-g-per-cm3",
+    "scattering-per-mm",
+    "absorption-per-mm",
+    "g",
+    "refractive-index",
+    "reflection",
+    "transmission",
+    "thickness-mm",
+    "print-as",
+    "notes",
+];
+/// Thickest slab accepted, mm.
+const MAX_THICKNESS_MM: f64 = 100.0;
+/// Densities from foam to tungsten-filled; a value outside is in other units.
+const DENSITY: std::ops::RangeInclusive<f64> = 0.1..=25.0;
+
+/// A resin as the file has it.
+#[derive(Debug, Clone)]
+pub(super) struct Draft {
+    pub(super) name: String,
+    pub(super) rgba: [u8; 4],
+    pub(super) density: f64,
+    pub(super) background: bool,
+    pub(super) volume: Option<Vec<VolumeCoefficients>>,
+    /// R and T per channel.
+    pub(super) profiles: Option<Vec<(RadialProfile, RadialProfile)>>,
+    pub(super) thickness_mm: Vec<f64>,
+    pub(super) refractive_index: f64,
+    pub(super) notes: String,
+    pub(super) line: usize,
+}
+
+impl Draft {
+    /// Reads the table of a resin that comes after those in `earlier`.
+    pub(super) fn read(
+        mut keys: Keys<'_, '_>,
+        folder: &Folder<'_>,
+        channels: &[String],
+        earlier: &[Self],
+    ) -> Result<Self, OpticsError> {
+        if let Ok(Some(name)) = keys.string("name") {
+            keys.prefix = format!("resin {}: ", name.value);
+        }
+        keys.reject_unknown(&RESIN_KEYS)?;
+        let name = keys.string("name")?.ok_or_else(|| keys.missing("name", "a name"))?;
+        if !is_name(&name.value) {
+            return Err(keys.wrong(
+                "name",
+                &name,
+                "letters, digits, spaces, `-`, `_`, `+` or `.`, a letter or digit first",
+            ));
+        }
+        if earlier.iter().any(|other| other.name.to_lowercase() == name.value.to_lowercase()) {
+            return Err(keys.wrong("name", &name, "a name no other resin has"));
+        }
+        let rgba = rgba(&keys)?;
+        if let Some(other) = earlier.iter().find(|other| other.rgba == rgba.value) {
+            let expected = format!("a colour other than that of {}", other.name);
+            return Err(keys.error(rgba.at, "rgba", format!("{:?}", rgba.value), expected));
+        }
+        let density = keys.number("density-g-per-cm3")?;
+        let density = density.ok_or_else(|| keys.missing("density-g-per-cm3", "a number"))?;
+        if !DENSITY.contains(&density.value) {
+            return Err(keys.wrong("density-g-per-cm3", &density, "0.1 to 25"));
+        }
+        let background = match keys.string("print-as")? {
+            None => false,
+            Some(text) if text.value == "resin" => false,
+            Some(text) if text.value == "background" => {
+                if let Some(other) = earlier.iter().find(|other| other.background) {
+                    let expected = format!("one background resin at most, which {} is", other.name);
+                    return Err(keys.error(text.at, "print-as", "background".into(), expected));
+                }
+                true
+            }
+            Some(text) => return Err(keys.wrong("print-as", &text, "\"background\" or \"resin\"")),
+        };
+        if !background && rgba.value[3] != 255 {
+            // Printers blend or reject what is not opaque.
+            let expected = "alpha 255, or none, for a resin that is printed".into();
+            return Err(keys.error(rgba.at, "rgba", format!("{:?}", rgba.value), expected));
+        }
+        let refractive_index = match keys.number("refractive-index")? {
+            None => 1.0,
+            Some(index) if (1.0..=3.0).contains(&index.value) => index.value,
+            Some(index) => return Err(keys.wrong("refractive-index", &index, "1 to 3")),
+        };
+        let volume = volume(&keys, channels.len())?;
+        let profiles = profiles(&keys, folder, channels)?;
+        if volume.is_none() && profiles.is_none() {
+            return Err(keys.missing("scattering-per-mm", "coefficients, or measured profiles under `reflection`"));
+        }
+        let thickness_mm = match (keys.per_channel("thickness-mm", channels.len())?, &volume) {
+            (Some(given), _) => {
+                if let Some(wrong) = given.iter().find(|t| !(t.value > 0.0 && t.value <= MAX_THICKNESS_MM)) {
+                    return Err(keys.wrong("thickness-mm", wrong, "more than 0, at most 100"));
+                }
+                given.iter().map(|thickness| thickness.value).collect()
+            }
+            (None, Some(volume)) if profiles.is_none() => {
+                volume.iter().map(VolumeCoefficients::representative_thickness_mm).collect()
+            }
+            (None, _) => return Err(keys.missing("thickness-mm", "the thickness of the slab whose profiles these are")),
+        };
+        let notes = keys.string("notes")?.map(|notes| notes.value).unwrap_or_default();
+        let line = 1 + keys.source.text[..keys.start].matches('\n').count();
+        let (name, rgba, density) = (name.value, rgba.value, density.value);
+        Ok(Self { name, rgba, density, background, volume, profiles, thickness_mm, refractive_index, notes, line })
+    }
+
+    /// What the user should know of that is noted but not reckoned with.
+    pub(super) fn warning(&self) -> Option<String> {
+        (self.refractive_index != 1.0).then(|| {
+            format!(
+                "resin {}: refractive index {} is noted, but light is reckoned index-matched, without Fresnel reflection",
+                self.name, self.refractive_index
+            )
+        })
+    }
+}
+
+/// Names go into stackings (`white:2.0,…`) and file names.
+pub(super) fn is_name(name: &str) -> bool {
+    name.starts_with(char::is_alphanumeric)
+        && name.ends_with(|c: char| c.is_alphanumeric() || "-_+".contains(c))
+        && name.chars().all(|c| c.is_alphanumeric() || " -_+.".contains(c))
+}
+
+fn rgba(keys: &Keys<'_, '_>) -> Result<At<[u8; 4]>, OpticsError> {
+    let expected = "[red, green, blue] or [red, green, blue, alpha], integers of 0 to 255";
+    let numbers = keys.numbers("rgba")?.ok_or_else(|| keys.missing("rgba", expected))?;
+    let byte = |number: &At<f64>| {
+        (number.value.fract() == 0.0 && (0.0..=255.0).contains(&number.value)).then_some(number.value as u8)
+    };
+    let bytes: Option<Vec<u8>> = numbers.value.iter().map(byte).collect();
+    let value = match bytes.as_deref() {
+        Some(&[r, g, b]) => [r, g, b, 255],
+        Some(&[r, g, b, a]) => [r, g, b, a],
+        _ => {
+            let found: Vec<String> = numbers.value.iter().map(|number| number.value.to_string()).collect();
+            return Err(keys.error(numbers.at, "rgba", format!("[{}]", found.join(", ")), expected.into()));
+        }
+    };
+    if value == [0; 4] {
+        let expected = "any other colour: slices use this one for background";
+        return Err(keys.error(numbers.at, "rgba", "[0, 0, 0, 0]".into(), expected.into()));
+    }
+    Ok(At { value, at: numbers.at })
+}
+
+fn volume(keys: &Keys<'_, '_>, channels: usize) -> Result<Option<Vec<VolumeCoefficients>>, OpticsError> {
+    let [scattering, absorption, g] =
+        ["scattering-per-mm", "absorption-per-mm", "g"].map(|key| keys.per_channel(key, channels));
+    let (scattering, absorption) = match (scattering?, absorption?) {
+        (Some(scattering), Some(absorption)) => (scattering, absorption),
+        (None, None) => return Ok(None),
+        (Some(_), None) => return Err(keys.missing("absorption-per-mm", "a number beside scattering-per-mm")),
+        (None, Some(_)) => return Err(keys.missing("scattering-per-mm", "a number beside absorption-per-mm")),
+    };
+    let g = g?.unwrap_or_else(|| (0..channels).map(|_| At { value: 0.0, at: keys.start }).collect());
+    let coefficients = scattering.iter().zip(&absorption).zip(&g).map(|((sigma_s, sigma_a), g)| {
+        VolumeCoefficients::new(sigma_s.value, sigma_a.value, g.value).map_err(|error| match error {
+            OpticsError::Parameter { name, found, expected } => {
+                let at = match name.as_str() {
+                    "g" => g.at,
+                    "absorption-per-mm" => absorption.first().map_or(keys.start, |_| sigma_a.at),
+                    _ => sigma_s.at,
+                };
+                keys.error(at, &name, found, expected)
+            }
+            other => other,
+        })
+    });
+    let coefficients: Vec<_> = coefficients.collect::<Result<_, _>>()?;
+    if let Some(i) = coefficients.iter().position(|c| c.sigma_t() == 0.0) {
+        let expected = "a resin that scatters or absorbs".into();
+        return Err(keys.error(scattering[i].at, "scattering-per-mm", "0, and no absorption".into(), expected));
+    }
+    Ok(Some(coefficients))
+}
+
+fn profiles(
+    keys: &Keys<'_, '_>,
+    folder: &Folder<'_>,
+    channels: &[String],
+) -> Result<Option<Vec<(RadialProfile, RadialProfile)>>, OpticsError> {
+    let per_channel = |key: &str| -> Result<Option<Vec<At<String>>>, OpticsError> {
+        let Some(Strings { items: names, is_array }) = keys.strings(key)? else { return Ok(None) };
+        let wanted = if is_array { channels.len() } else { 1 };
+        if names.len() != wanted || (!is_array && channels.len() != 1) {
+            let at = names.first().map_or(keys.start, |name| name.at);
+            let expected = format!("{}: one per channel", channels.len());
+            return Err(keys.error(at, key, format!("{} files", names.len()), expected));
+        }
+        Ok(Some(names))
+    };
+    let reflection = per_channel("reflection")?;
+    let transmission = per_channel("transmission")?;
+    let Some(reflection) = reflection else {
+        return match transmission {
+            None => Ok(None),
+            Some(_) => Err(keys.missing("reflection", "a file beside transmission")),
+        };
+    };
+    let lacks = |file: PathBuf, column: &str| OpticsError::Entry {
+        file,
+        line: None,
+        element: "header".into(),
+        found: format!("no {column} column"),
+        expected: format!("one, since {} names the file", keys.prefix.trim_end_matches([':', ' '])),
+    };
+    let mut pairs = Vec::with_capacity(channels.len());
+    for channel in 0..channels.len() {
+        let (r_path, text) = folder.read(&reflection[channel].value)?;
+        let r_file = ProfileFile::parse(&text, &r_path)?;
+        let (t_path, t_file) = match &transmission {
+            Some(names) => {
+                let (path, text) = folder.read(&names[channel].value)?;
+                let file = ProfileFile::parse(&text, &path)?;
+                (path, file)
+            }
+            None => (r_path.clone(), r_file.clone()),
+        };
+        let r = r_file.reflection.ok_or_else(|| lacks(r_path, "reflection_per_mm2"))?;
+        let t = t_file.transmission.ok_or_else(|| lacks(t_path, "transmission_per_mm2"))?;
+        pairs.push((r, t));
+    }
+    Ok(Some(pairs))
+}
