@@ -46,7 +46,7 @@ impl PreviewBuilder {
         Self::planned(lattice, materials, Some(focus), |k| k)
     }
 
-    /// `snap` maps every slice to the one to be read in its place and must not decrease.
+    /// `snap` maps a slice to the one to be read in its place, where many are read, and must not decrease.
     pub(super) fn planned(
         lattice: &Lattice,
         materials: &[PreviewMaterial],
@@ -62,7 +62,7 @@ impl PreviewBuilder {
             Section::new(lattice, axis, index, CUT_PIXELS, snap)
         };
         let slice = |k, pixels| Section::new(lattice, 2, k, pixels, snap);
-        let mut heights: Vec<u32> = middles(SHEET, lattice.dims[2]).map(snap).collect();
+        let mut heights: Vec<u32> = middles(SHEET, lattice.dims[2]).collect();
         heights.dedup();
         let single = |n: usize| heights[n * heights.len() / SHEET];
         let mut large = SINGLES.map(single).to_vec();

@@ -288,8 +288,8 @@ fn draw(canvas: &mut Canvas, top: usize, raster: &Raster, stage: &Stage<'_>) {
                 let (u, v) = (2 * x + n % 2, 2 * y + n / 2);
                 let own = at(u, v);
                 let beside = [(u.wrapping_sub(1), v), (u + 1, v), (u, v.wrapping_sub(1)), (u, v + 1)];
-                let inside = beside.into_iter().filter(|&(u, v)| u < 2 * width && v < 2 * height);
-                let edge = inside.map(|(u, v)| own.edge(&at(u, v), jump)).any(|edge| edge);
+                let mut inside = beside.into_iter().filter(|&(u, v)| u < 2 * width && v < 2 * height);
+                let edge = inside.any(|(u, v)| own.edge(&at(u, v), jump));
                 let colour = if edge { mix(own.colour, ink, OUTLINE) } else { own.colour };
                 sum = std::array::from_fn(|c| sum[c] + 0.25 * colour[c]);
             }

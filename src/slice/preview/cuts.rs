@@ -37,12 +37,30 @@ pub(super) fn cuts(lattice: &Lattice, cuts: &[Section; 3], palette: &Palette, le
 
     // Panels beside each other unless that makes them smaller than below each other.
     let foot_guess = legend.layout(PICTURE[0] - 2 * MARGIN, 1.0).height;
-    let across = (PICTURE[0] - 2 * MARGIN - 2 * AXIS - GAP) as f64;
-    let down = (PICTURE[1] - top - MARGIN - BLOCK_GAP - foot_guess) as f64;
-    let two_rows = (across / (extent[0] + extent[1]))
-        .min((down - (2 * label + 2 * AXIS + GAP / 2) as f64).max(300.0) / (extent[2] + extent[1]));
-    let one_row = ((across - (GAP + AXIS) as f64) / (2.0 * extent[0] + extent[1]))
-        .min((down - (label + AXIS) as f64).max(300.0) / extent[2].max(extent[1]));
+    let room = [PICTURE[0] - 2 * MARGIN, PICTURE[1].saturating_sub(top + MARGIN + BLOCK_GAP + foot_guess).max(500)];
+    let largest = |beside: bool| {
+        // Whether everything fits does not depend on scale alone: titles keep their width.
+        let fits = |scale: f64| {
+            let [x, y, z] = extent.map(|length| length * scale);
+            let column = |width: f64| AXIS as f64 + width.max(title_width as f64);
+            let two = [GAP as f64 + column(x) + column(y), label as f64 + AXIS as f64];
+            let size = if beside {
+                [two[0] + GAP as f64 + column(x), two[1] + z.max(y)]
+            } else {
+                [two[0], 2.0 * two[1] + GAP as f64 + z + y]
+            };
+            size[0] <= room[0] as f64 && size[1] <= room[1] as f64
+        };
+        // Bisection of the logarithm between scales that surely fit and surely do not.
+        let longest = extent.into_iter().fold(0.0, f64::max);
+        let (mut low, mut high) = (1.0 / longest, 2.0 * PICTURE[0] as f64 / longest);
+        for _ in 0..40 {
+            let middle = (low * high).sqrt();
+            *(if fits(middle) { &mut low } else { &mut high }) = middle;
+        }
+        low
+    };
+    let (one_row, two_rows) = (largest(true), largest(false));
     let beside = one_row > two_rows;
     let scale = one_row.max(two_rows);
     let size = |axis: usize| pixels(plane_axes(axis).map(|axis| extent[axis]), scale);
@@ -93,16 +111,12 @@ pub(super) fn cuts(lattice: &Lattice, cuts: &[Section; 3], palette: &Palette, le
     canvas
 }
 
-/// Marks on all four edges at these parts of the width and height.
+/// Marks above and to the right at these parts of the width and height.
 fn draw_marks(canvas: &mut Canvas, rect: Rect, part: [f64; 2]) {
     let x = rect.x + ((part[0] * rect.width as f64) as usize).min(rect.width - 1);
     let y = rect.y + ((part[1] * rect.height as f64) as usize).min(rect.height - 1);
-    let (right, bottom) = (rect.x + rect.width + 2, rect.y + rect.height + 2);
-    let upright = |y| Rect { x: x.saturating_sub(1), y, width: 2, height: MARK };
-    let level = |x| Rect { x, y: y.saturating_sub(1), width: MARK, height: 2 };
-    for mark in [upright(rect.y - 2 - MARK), upright(bottom), level(rect.x - 2 - MARK), level(right)] {
-        canvas.fill(mark, ACCENT);
-    }
+    canvas.fill(Rect { x: x.saturating_sub(1), y: rect.y - 2 - MARK, width: 2, height: MARK }, ACCENT);
+    canvas.fill(Rect { x: rect.x + rect.width + 2, y: y.saturating_sub(1), width: MARK, height: 2 }, ACCENT);
 }
 
 /// The two axes' names beside arrows along the lower left corner.

@@ -3,6 +3,7 @@
 //! A printer's slices show the support as background. In a folder we read it back as what the object encloses: first within
 //! each slice, exactly, then in the volume, where a hollow that opens upwards is told from one that does not.
 //!
+//! Cells that a hollow's wall crosses keep what they were counted to hold, which moves the wall of an open one by up to half a cell.
 //! It fails where the object is open: support that reaches the surface is taken for background. A closed cavity
 //! of the mesh is taken for support, which is what the printer fills it with.
 

@@ -18,6 +18,9 @@ const ROW: usize = 36;
 /// Most pixels of an entry's name, so that one long name cannot fill the picture.
 const NAME_PIXELS: usize = 420;
 
+/// Most entries; a printer holds eight resins.
+const MAX_ENTRIES: usize = 24;
+
 /// The materials of a job, with their volumes.
 #[derive(Debug, Clone)]
 pub(super) struct Legend {
@@ -63,7 +66,13 @@ impl Legend {
             };
             Entry { id, name, volume: format!("{}{}", if exact { "" } else { "~" }, volume_text(mm3)) }
         };
-        Self { entries: volumes.map(entry).collect() }
+        let mut entries: Vec<Entry> = volumes.map(entry).collect();
+        if entries.len() > MAX_ENTRIES {
+            let name = format!("and {} more", entries.len() - (MAX_ENTRIES - 1));
+            entries.truncate(MAX_ENTRIES - 1);
+            entries.push(Entry { id: 0, name, volume: String::new() });
+        }
+        Self { entries }
     }
 
     /// Lays the foot out for a picture of this width inside its margins.
@@ -119,8 +128,9 @@ impl Entry {
                 }
             }
         }
-        let inner = Rect { x: x + 1, y: y + 1, width: SWATCH - 2, height: SWATCH - 2 };
-        canvas.frame(inner, FAINT);
+        if self.id != 0 {
+            canvas.frame(Rect { x: x + 1, y: y + 1, width: SWATCH - 2, height: SWATCH - 2 }, FAINT);
+        }
         let x = x + SWATCH + SWATCH_GAP;
         Font::Strong.draw(canvas, [x, y], &self.name, INK);
         let x = x + Font::Strong.width(&self.name) + SWATCH_GAP;
@@ -189,5 +199,72 @@ fn volume_text(mm3: f64) -> String {
         v if v >= 10.0 => format!("{v:.0} mm³"),
         v if v >= 0.01 || v == 0.0 => format!("{v:.2} mm³"),
         v => format!("{v:.1e} mm³"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{slice::preview::style::PAGE, voxel::MaterialId};
+
+    #[test]
+    fn bars_are_round_and_as_long_as_they_say() {
+        for scale in [0.013, 0.7, 1.0, 3.3, 20.0, 999.0, 1e6] {
+            let bar = ScaleBar::within(300.0, scale).unwrap();
+            assert!(bar.pixels <= 300 && bar.pixels >= 119, "{bar:?}");
+            assert!((bar.mm * scale - bar.pixels as f64).abs() <= 0.5, "{bar:?}");
+            let mantissa = bar.mm / 10_f64.powf(bar.mm.log10().floor());
+            assert!([1.0, 2.0, 5.0, 10.0].iter().any(|round| (mantissa - round).abs() < 1e-9), "{bar:?}");
+        }
+        assert_eq!(ScaleBar::within(100.0, 10.0).unwrap(), ScaleBar { mm: 10.0, pixels: 100 });
+        assert_eq!(ScaleBar::within(100.0, 0.0), None);
+        let label = |mm| ScaleBar { mm, pixels: 1 }.label();
+        assert_eq!([0.1, 0.05, 0.0005, 20.0, 0.5].map(label), ["0.1 mm", "50 µm", "0.5 µm", "20 mm", "0.5 mm"]);
+    }
+
+    #[test]
+    fn the_bar_drawn_is_as_long_as_the_bar_computed() {
+        let bar = ScaleBar::within(200.0, 7.3).unwrap();
+        let mut canvas = Canvas::new(300, 60, PAGE);
+        bar.draw(&mut canvas, [10, 5]);
+        let row = 5 + BAR_HEIGHT - BAR_END / 2;
+        let inked: Vec<usize> = (0..300).filter(|&x| canvas.pixel(x, row) == INK).collect();
+        assert_eq!(inked, (10..10 + bar.pixels).collect::<Vec<_>>());
+        assert_eq!(bar.pixels, (7.3 * bar.mm).round() as usize);
+    }
+
+    #[test]
+    fn entries_stay_inside_the_picture() {
+        let materials: Vec<_> = (1..=200_u8)
+            .map(|id| PreviewMaterial {
+                id: MaterialId(id),
+                name: "a resin with a name ".repeat(usize::from(id % 7) * 4),
+                rgba: [id, 0, 0, id % 3],
+            })
+            .collect();
+        let legend = Legend::new(&materials, (1..=200).map(|id| (id, 1234.5)), true);
+        for width in [legend.min_width(), 900, 1800] {
+            let foot = legend.layout(width, 5.0);
+            assert_eq!(foot.places.len(), MAX_ENTRIES);
+            for (entry, place) in legend.entries.iter().zip(&foot.places) {
+                assert!(place[0] + entry.width() <= width && place[1] + SWATCH <= foot.height, "{entry:?} {place:?}");
+            }
+        }
+        assert_eq!(legend.entries[MAX_ENTRIES - 1].name, "and 177 more");
+    }
+
+    #[test]
+    fn long_words_are_cut_to_fit() {
+        let text = "transparent urethane acrylate";
+        for pixels in 0..500 {
+            let cut = Font::Normal.fit(text, pixels);
+            assert!(Font::Normal.width(&cut) <= pixels && (cut == text || cut.len() < 2 || cut.ends_with("..")));
+        }
+    }
+
+    #[test]
+    fn volumes_read_well() {
+        let texts = [0.0, 0.5, 12.4, 999.0, 24_567.0, 3.4e6, 1e-5].map(volume_text);
+        assert_eq!(texts, ["0.00 mm³", "0.50 mm³", "12 mm³", "999 mm³", "24.6 cm³", "3400 cm³", "1.0e-5 mm³"]);
     }
 }

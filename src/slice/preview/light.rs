@@ -3,14 +3,21 @@
 //! Darkening and shadow are cone-traced: coverage is looked up at growing distances in levels whose cells are as large as the
 //! cone is wide there. It is not a light simulation: nothing here predicts how the print will look.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
-use super::march::Scene;
+use super::{march::Scene, sampling::trilinear};
 
 /// Levels of the pyramid above the cells themselves.
 const LEVELS: usize = 6;
 /// What each level weighs in the darkening of a point: near folds a little more than far walls.
 const DARKENING: [f32; LEVELS] = [0.30, 0.28, 0.26, 0.22, 0.18, 0.12];
+
+/// Tangent of the half angle that the lamp spans: a large one, hence soft shadows.
+const LAMP_SPREAD: f64 = 0.22;
+/// How far a shadow reaches, volume cells.
+const SHADOW: f64 = 128.0;
+/// Part of the light that full coverage along one step takes away.
+const BLOCKED: f32 = 0.8;
 
 /// Coverage at cells of 2, 4, 8 … of the volume's, the quarter taken out.
 #[derive(Debug)]
@@ -19,6 +26,8 @@ pub(super) struct Pyramid {
     /// Mean edge of a volume cell, mm.
     cell: f64,
     edge: DVec3,
+    /// Distances along a ray to the lamp, mm, with the level to look up there.
+    cone: Vec<(f64, usize)>,
 }
 
 #[derive(Debug)]
@@ -48,29 +57,6 @@ impl Level {
         }
         Self { n: half, coverage: out }
     }
-
-    /// Trilinear, 0 to 1; nothing is outside.
-    fn at(&self, cell: Vec3) -> f32 {
-        let cell = cell - 0.5;
-        let low = cell.floor();
-        let part = cell - low;
-        let low = low.as_ivec3();
-        if low.cmplt(glam::IVec3::NEG_ONE).any() || (0..3).any(|axis| low[axis] >= self.n[axis] as i32) {
-            return 0.0;
-        }
-        let value = |x: i32, y: i32, z: i32| {
-            let at = [low.x + x, low.y + y, low.z + z];
-            if (0..3).any(|axis| at[axis] < 0 || at[axis] >= self.n[axis] as i32) {
-                return 0.0;
-            }
-            let [x, y, z] = at.map(|v| v as usize);
-            f32::from(self.coverage[x + self.n[0] * (y + self.n[1] * z)])
-        };
-        let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
-        let along_x = |y, z| mix(value(0, y, z), value(1, y, z), part.x);
-        let along_y = |z| mix(along_x(0, z), along_x(1, z), part.y);
-        mix(along_y(0), along_y(1), part.z) / 255.0
-    }
 }
 
 impl Pyramid {
@@ -89,13 +75,24 @@ impl Pyramid {
             let next = Level::halved(last.n, |[x, y, z]| u32::from(last.coverage[x + last.n[0] * (y + last.n[1] * z)]));
             levels.push(next);
         }
-        Self { levels, cell: edge.element_sum() / 3.0, edge }
+        let cell = edge.element_sum() / 3.0;
+        let mut cone = Vec::new();
+        let mut distance = 2.0;
+        while distance < SHADOW {
+            // The level whose cells are about as wide as the cone.
+            let level =
+                (1..LEVELS).rev().find(|&level| f64::from(2_u32 << level) <= LAMP_SPREAD * distance).unwrap_or(0);
+            cone.push((distance * cell, level));
+            distance += f64::from(2_u32 << level);
+        }
+        Self { levels, cell, edge, cone }
     }
 
     /// Coverage of level `level` (0: two cells) at a position, 0 to 1.
     fn at(&self, level: usize, place: DVec3) -> f32 {
         let Some(found) = self.levels.get(level) else { return 0.0 };
-        found.at((place / (self.edge * f64::from(2_u32 << level))).as_vec3())
+        let position = place / (self.edge * f64::from(2_u32 << level));
+        trilinear(found.n, position.as_vec3(), |cell| f32::from(found.coverage[cell])) / 255.0
     }
 
     /// How open the half-space above a point is, 0 to 1.
@@ -112,18 +109,13 @@ impl Pyramid {
 
     /// Which part of a broad light in direction `light` reaches a point, 0 to 1.
     pub fn lit(&self, place: DVec3, normal: DVec3, light: DVec3) -> f32 {
-        // Tangent of the cone's half angle: a large lamp, hence soft shadows.
-        const SPREAD: f64 = 0.22;
         let origin = place + normal * (2.0 * self.cell);
         let mut through = 1.0_f32;
-        let mut distance = 2.0 * self.cell;
-        let farthest = 128.0 * self.cell;
-        while distance < farthest && through > 0.02 {
-            let width = SPREAD * distance / self.cell;
-            let level = (width.max(2.0).log2() - 1.0).clamp(0.0, (LEVELS - 1) as f64) as usize;
-            let step = f64::from(2_u32 << level) * self.cell;
-            through *= 1.0 - 0.8 * self.at(level, origin + light * distance);
-            distance += step;
+        for &(distance, level) in &self.cone {
+            through *= 1.0 - BLOCKED * self.at(level, origin + light * distance);
+            if through < 0.02 {
+                return 0.0;
+            }
         }
         through
     }

@@ -5,14 +5,18 @@
 //! y < focus is taken out: the one towards the camera. A ray that comes from the camera enters what is left once, so
 //! the quarter ends at one distance.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
-use super::{section::Section, volume::Volume};
+use super::{
+    sampling::{corners, smoothed, trilinear},
+    section::Section,
+    volume::Volume,
+};
 
-/// Cells along an edge of the bricks that empty space is skipped by.
-const SKIP: usize = 8;
-/// Length of a step, cells.
-const STEP: f64 = 0.5;
+/// Cells along an edge of the bricks that empty space is skipped by, fine and coarse.
+const SKIPS: [usize; 2] = [4, 16];
+/// Length of a step, cells: a sheet one cell thick is met.
+const STEP: f64 = 0.7;
 /// Coverage at the surface.
 const SURFACE: f32 = 127.5;
 
@@ -60,36 +64,74 @@ pub(super) struct Scene<'a> {
     /// 1 / edge of a cell.
     per_edge: DVec3,
     extent: DVec3,
-    /// Whether a brick of cells, or one beside it, holds anything.
+    /// Coverage, smoothed for normals.
+    smooth: Vec<u16>,
+    empty: [Bricks; 2],
+}
+
+/// Which bricks of cells hold something, or have such a cell beside them.
+#[derive(Debug)]
+struct Bricks {
+    n: [usize; 3],
     busy: Vec<bool>,
-    bricks: [usize; 3],
+    /// 1 / edge of a brick.
+    per_edge: DVec3,
+    edge: DVec3,
+}
+
+impl Bricks {
+    fn new(volume: &Volume, size: usize) -> Self {
+        let n = volume.n.map(|n| n.div_ceil(size));
+        let mut busy = vec![false; n.iter().product()];
+        // Interpolation reaches one cell further.
+        let around =
+            |cell: usize, axis: usize| cell.saturating_sub(1) / size..=(cell + 1).min(volume.n[axis] - 1) / size;
+        for (row, ids) in volume.ids.chunks_exact(volume.n[0]).enumerate() {
+            let (y, z) = (row % volume.n[1], row / volume.n[1]);
+            for (x, _) in ids.iter().enumerate().filter(|(_, id)| **id != 0) {
+                // A cell inside a brick adds nothing to the one before it in its row.
+                if x % size != 0 && x % size != size - 1 && ids[x - 1] != 0 {
+                    continue;
+                }
+                for (bz, by) in around(z, 2).flat_map(|bz| around(y, 1).map(move |by| (bz, by))) {
+                    around(x, 0).for_each(|bx| busy[bx + n[0] * (by + n[1] * bz)] = true);
+                }
+            }
+        }
+        let edge = DVec3::from(volume.edge) * size as f64;
+        Self { n, busy, per_edge: edge.recip(), edge }
+    }
+
+    /// How far a ray may go from `place` before it leaves the brick; `None` if the brick holds something.
+    fn skip(&self, place: DVec3, direction: DVec3, per_direction: DVec3) -> Option<f64> {
+        let [x, y, z] = (place * self.per_edge).to_array().map(|v| v.max(0.0) as usize);
+        let (x, y, z) = (x.min(self.n[0] - 1), y.min(self.n[1] - 1), z.min(self.n[2] - 1));
+        if self.busy[x + self.n[0] * (y + self.n[1] * z)] {
+            return None;
+        }
+        let low = DVec3::new(x as f64, y as f64, z as f64);
+        let far = DVec3::select(direction.cmpgt(DVec3::ZERO), low + 1.0, low) * self.edge;
+        // Beyond the lattice's end the last brick's far side lies behind; rounding alone does not put it there.
+        let way = (far - place) * per_direction;
+        let behind = way.cmplt(DVec3::splat(-1e-6 * self.edge.min_element()));
+        Some(DVec3::select(behind, DVec3::INFINITY, way).min_element().max(0.0))
+    }
 }
 
 impl<'a> Scene<'a> {
     /// A scene; positions are mm from the lattice's lower corner.
     pub fn new(volume: &'a Volume, faces: [&'a Section; 2], focus: [f64; 2]) -> Self {
-        let bricks = volume.n.map(|n| n.div_ceil(SKIP));
-        let mut busy = vec![false; bricks.iter().product()];
-        let at = |[x, y, z]: [usize; 3]| x + bricks[0] * (y + bricks[1] * z);
-        let [nx, ny, _] = volume.n;
-        for (row, ids) in volume.ids.chunks_exact(nx).enumerate() {
-            let (y, z) = (row % ny, row / ny);
-            for (brick, cells) in ids.chunks(SKIP).enumerate() {
-                if cells.iter().any(|&id| id != 0) {
-                    // Interpolation reaches one cell further.
-                    let range = |cell: usize, n: usize| cell.saturating_sub(1) / SKIP..=(cell + 1).min(n - 1) / SKIP;
-                    for bz in range(z, volume.n[2]) {
-                        for by in range(y, ny) {
-                            for bx in brick.saturating_sub(1)..=(brick + 1).min(bricks[0] - 1) {
-                                busy[at([bx, by, bz])] = true;
-                            }
-                        }
-                    }
-                }
-            }
-        }
         let extent = DVec3::from(volume.extent());
-        Self { volume, faces, focus, per_edge: DVec3::from(volume.edge).recip(), extent, busy, bricks }
+        let smooth = smoothed(volume.n, |cell| volume.coverage(cell));
+        Self {
+            volume,
+            faces,
+            focus,
+            smooth,
+            per_edge: DVec3::from(volume.edge).recip(),
+            extent,
+            empty: SKIPS.map(|size| Bricks::new(volume, size)),
+        }
     }
 
     /// Follows the ray from far along `toward` through `point`: what it meets, and how far on the camera's side of `point`.
@@ -124,11 +166,15 @@ impl<'a> Scene<'a> {
     fn march(&self, point: DVec3, direction: DVec3, start: f64, leave: f64) -> Option<f64> {
         let cell = self.volume.edge.into_iter().fold(f64::INFINITY, f64::min);
         let step = STEP * cell;
+        let per_direction = direction.recip();
         let mut t = start;
         while t < leave {
             let place = point + direction * t;
-            if let Some(skip) = self.skip(place, direction) {
-                t += skip.max(step);
+            let [fine, coarse] = &self.empty;
+            if let Some(skip) = fine.skip(place, direction, per_direction) {
+                let skip = coarse.skip(place, direction, per_direction).unwrap_or(skip);
+                // A touch further, so that rounding cannot leave it in the brick.
+                t += skip + 0.01 * step;
                 continue;
             }
             if self.coverage(place) >= SURFACE {
@@ -148,69 +194,25 @@ impl<'a> Scene<'a> {
         None
     }
 
-    /// How far the ray may go from `place` before it can meet anything; `None` if it may at once.
-    fn skip(&self, place: DVec3, direction: DVec3) -> Option<f64> {
-        let brick = place * self.per_edge / SKIP as f64;
-        let index: [usize; 3] =
-            std::array::from_fn(|axis| (brick[axis].floor().max(0.0) as usize).min(self.bricks[axis] - 1));
-        if self.busy[index[0] + self.bricks[0] * (index[1] + self.bricks[1] * index[2])] {
-            return None;
-        }
-        let mut way = f64::INFINITY;
-        for axis in 0..3 {
-            let edge = index[axis] + usize::from(direction[axis] > 0.0);
-            let plane = edge as f64 * SKIP as f64 * self.volume.edge[axis];
-            let distance = (plane - place[axis]) / direction[axis];
-            if distance >= 0.0 {
-                way = way.min(distance);
-            }
-        }
-        Some(way)
-    }
-
     /// Coverage at a position, 0 to 255; nothing is outside of the lattice.
     pub fn coverage(&self, place: DVec3) -> f32 {
-        let mut sum = 0.0;
-        self.corners(place, |cell, weight| sum += weight * f32::from(self.volume.coverage(cell)));
-        sum
+        trilinear(self.volume.n, (place * self.per_edge).as_vec3(), |cell| f32::from(self.volume.coverage(cell)))
     }
 
     /// The cells around a position, with their trilinear weights.
-    pub fn corners(&self, place: DVec3, mut visit: impl FnMut(usize, f32)) {
-        let cell = place * self.per_edge - 0.5;
-        let low = cell.floor();
-        let part = (cell - low).as_vec3();
-        let low = low.as_i64vec3();
-        let n = self.volume.n;
-        for corner in 0..8_usize {
-            let offset = [corner & 1, corner >> 1 & 1, corner >> 2];
-            let mut weight = 1.0;
-            let mut index = [0; 3];
-            let mut within = true;
-            for axis in 0..3 {
-                let at = low[axis] + offset[axis] as i64;
-                within &= (0..n[axis] as i64).contains(&at);
-                index[axis] = at as usize;
-                weight *= if offset[axis] == 1 { part[axis] } else { 1.0 - part[axis] };
-            }
-            if within {
-                visit(self.volume.index(index), weight);
-            }
-        }
+    pub fn corners(&self, place: DVec3, visit: impl FnMut(usize, f32)) {
+        corners(self.volume.n, (place * self.per_edge).as_vec3(), visit);
     }
 
-    /// Outward unit normal of the surface near a position.
-    ///
-    /// The gradient over a shell of 26 directions around it: differences between neighbouring cells would show the few
-    /// levels of coverage as terraces.
+    /// Outward unit normal of the surface near a position: the gradient of the smoothed coverage, whose plain gradient would
+    /// show voxels as terraces.
     pub fn normal(&self, place: DVec3) -> DVec3 {
-        const REACH: f64 = 2.5;
-        let reach = REACH * self.volume.edge.into_iter().fold(f64::INFINITY, f64::min);
-        let mut slope = DVec3::ZERO;
-        for n in (0..27).filter(|&n| n != 13) {
-            let direction = DVec3::from([n % 3, n / 3 % 3, n / 9].map(|v| f64::from(v) - 1.0)).normalize();
-            slope -= direction * f64::from(self.coverage(place + direction * reach));
-        }
+        let at = (place * self.per_edge).as_vec3();
+        let smooth = |at| trilinear(self.volume.n, at, |cell| f32::from(self.smooth[cell]));
+        let slope = DVec3::from(std::array::from_fn(|axis| {
+            let step = Vec3::AXES[axis];
+            f64::from(smooth(at - step) - smooth(at + step)) * self.per_edge[axis]
+        }));
         slope.try_normalize().unwrap_or(DVec3::Z)
     }
 }

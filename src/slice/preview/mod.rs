@@ -23,6 +23,7 @@ mod legend;
 mod light;
 mod march;
 mod report;
+mod sampling;
 mod section;
 mod sheet;
 mod style;

@@ -188,9 +188,9 @@ fn materials(page: &mut String, data: &ReportData) -> fmt::Result {
     }
     writeln!(page, "</tr></thead>\n<tbody>")?;
     let row = |page: &mut String, swatch: &str, name: &str, voxels: u64, volume: f64, grams: Option<f64>| {
-        let mass = grams.map_or_else(|| "–".to_owned(), |grams| number(grams, 2));
+        let mass = grams.map_or_else(|| "–".to_owned(), |grams| decimals(grams, 2));
         writeln!(page, "<tr><td>{swatch}</td><td>{name}</td>")?;
-        for value in [thousands(voxels), number(volume, 1), mass] {
+        for value in [thousands(voxels), decimals(volume, 1), mass] {
             writeln!(page, "<td class=\"number\">{value}</td>")?;
         }
         writeln!(page, "</tr>")
@@ -242,7 +242,7 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
         writeln!(page, "</td>")?;
         let share = stacking.share.map_or_else(|| "–".to_owned(), |share| format!("{} %", number(100.0 * share, 1)));
         let error = stacking.error.map_or_else(|| "–".to_owned(), significant);
-        let values = [(shares, share), (true, number(thickness(stacking), 3)), (errors, error)];
+        let values = [(shares, share), (true, decimals(thickness(stacking), 3)), (errors, error)];
         for (_, value) in values.iter().filter(|(shown, _)| *shown) {
             writeln!(page, "<td class=\"number\">{value}</td>")?;
         }
@@ -282,10 +282,13 @@ fn bar(page: &mut String, stacking: &ReportStacking, data: &ReportData, scale: f
         left += width;
     }
     if let Some(core) = stacking.core {
-        block(page, [left, CORE - 8.0], colour(core))?;
         // A torn end: the core goes on.
-        let (x, end) = (left + CORE - 8.0, BAR_HEIGHT);
-        write!(page, "<path d=\"M{x:.2} 0l-5 {0:.2}l5 {0:.2}l-5 {0:.2}l5 {0:.2}V0z\" fill=\"#fff\"/>", end / 4.0)?;
+        let [r, g, b, a] = colour(core);
+        let fill = if a == 0 { "#f1dfb6".to_owned() } else { format!("#{r:02x}{g:02x}{b:02x}") };
+        let (tooth, width) = ((BAR_HEIGHT - 1.0) / 4.0, CORE - 8.0);
+        write!(page, "<path d=\"M{:.2} 0.5h{width}", left + 0.5)?;
+        write!(page, "l-5 {tooth}l5 {tooth}l-5 {tooth}l5 {tooth}h-{width}z\"")?;
+        write!(page, " fill=\"{fill}\" stroke=\"#5b6674\" stroke-width=\"0.75\"/>")?;
     }
     writeln!(page, "</svg><span class=\"words\">{}</span>", escape(&words))
 }
@@ -379,6 +382,13 @@ fn number(value: f64, digits: usize) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
+/// Exactly `digits` decimals, for columns; thousands grouped.
+fn decimals(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let (whole, part) = text.split_once('.').unwrap_or((&text, ""));
+    whole.parse().map_or_else(|_| text.clone(), |whole| format!("{}.{part}", thousands(whole)))
+}
+
 fn significant(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || (0.001..1000.0).contains(&size) { number(value, 4) } else { format!("{value:.2e}") }
@@ -389,7 +399,7 @@ fn thousands(value: u64) -> String {
     let digits = value.to_string();
     let mut out = String::new();
     for (n, digit) in digits.chars().enumerate() {
-        if n > 0 && (digits.len() - n) % 3 == 0 {
+        if n > 0 && (digits.len() - n).is_multiple_of(3) {
             out.push('\u{202f}');
         }
         out.push(digit);
@@ -476,6 +486,7 @@ mod tests {
     fn numbers_read_well() {
         assert_eq!(thousands(1_234_567), "1\u{202f}234\u{202f}567");
         assert_eq!([number(2.0, 3), number(0.25, 3), number(100.0, 0)], ["2", "0.25", "100"]);
+        assert_eq!([decimals(24502.41, 1), decimals(0.0, 2), decimals(-1.5, 1)], ["24\u{202f}502.4", "0.00", "-1.5"]);
         assert_eq!([significant(8e-15), significant(0.0123), significant(0.0)], ["8.00e-15", "0.0123", "0"]);
     }
 }

@@ -104,7 +104,7 @@ pub(super) fn side_note(canvas: &mut Canvas, title: &str, note: &str) {
 
 /// Pixels of an extent, at least 1 each.
 pub(super) fn pixels(size_mm: [f64; 2], scale: f64) -> [usize; 2] {
-    size_mm.map(|length| ((length * scale).round() as usize).clamp(1, 4 * PICTURE[0]))
+    size_mm.map(|length| ((length * scale) as usize).clamp(1, 4 * PICTURE[0]))
 }
 
 /// Height of a slice's centre above the build plate's lattice origin.

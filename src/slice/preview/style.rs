@@ -2,6 +2,8 @@
 //!
 //! Mixing is done in linear light; colours are sRGB at the edges.
 
+use std::sync::LazyLock;
+
 use super::PreviewMaterial;
 
 /// An sRGB colour.
@@ -106,9 +108,38 @@ pub(super) fn linear(colour: Rgb) -> Linear {
 
 /// Encodes sRGB.
 pub(super) fn encoded(colour: Linear) -> Rgb {
-    colour.map(|v| {
-        let v = v.clamp(0.0, 1.0);
-        let v = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-        (255.0 * v).round() as u8
-    })
+    // Fine enough that every 8-bit value has entries of its own, even at the steep dark end.
+    const STEPS: usize = 1 << 13;
+    static TABLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
+        let value = |n: usize| {
+            let v = n as f32 / STEPS as f32;
+            let v = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+            (255.0 * v).round() as u8
+        };
+        (0..=STEPS).map(value).collect()
+    });
+    let table = &TABLE[..];
+    colour.map(|v| table[(v.clamp(0.0, 1.0) * STEPS as f32 + 0.5) as usize])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_value_survives_decoding_and_encoding() {
+        for v in 0..=255 {
+            assert_eq!(encoded(linear([v; 3])), [v; 3]);
+        }
+    }
+
+    #[test]
+    fn support_is_hatched_and_the_background_is_nothing() {
+        let support = PreviewMaterial { id: crate::voxel::MaterialId(2), name: "s".into(), rgba: [255, 255, 255, 0] };
+        let palette = Palette::new(&[support]);
+        let shades: Vec<_> = (0..10).map(|n| encoded(palette.at(2, n as f32).unwrap())).collect();
+        assert!(shades.contains(&SUPPORT) && shades.contains(&SUPPORT_HATCH));
+        assert_eq!(palette.at(0, 0.0), None);
+        assert_eq!(palette.paint(9), Paint::Plain(linear(UNKNOWN)));
+    }
 }
