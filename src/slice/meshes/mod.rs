@@ -8,14 +8,15 @@
 //! | --- | --- |
 //! | `nodes`    | the lattice of nodes as sparse bricks |
 //! | `object`   | one object into one block of nodes |
+//! | `taper`    | layers thinner than the pitch, rounded |
 //! | `crossing` | where a boundary crosses an edge |
 //! | `vertices` | the vertices one brick owns |
 //! | `cell`     | marching cubes for many materials, one cell |
 //! | `march`    | layer after layer of bricks |
 //! | `stl`, `threemf` | writers |
 //!
-//! Layers thinner than the pitch are not resolved: nodes that hit them make islands, the rest goes to the neighbours. At half
-//! the thinnest layer no cell sees both sides of a layer. Creases are cut by up to a third of the pitch.
+//! Layers thinner than the pitch are rounded to the pitch or to nothing. At half the thinnest layer no cell sees both sides of one that
+//! does not taper. Creases are cut by up to a third of the pitch.
 
 mod cell;
 mod crossing;
@@ -23,6 +24,7 @@ mod march;
 mod nodes;
 mod object;
 mod stl;
+mod taper;
 #[cfg(test)]
 mod tests;
 mod threemf;

@@ -11,6 +11,7 @@ use glam::DVec3;
 use super::{
     PartOf,
     nodes::{NOBODY, Nearest, Node, NodeBrick, NodeGrid, VOID},
+    taper::{Tapers, is_thin},
 };
 use crate::{
     sdf::{
@@ -45,6 +46,15 @@ pub struct NodeObject<'a> {
     /// Label of every slot of the layers, then of the core.
     labels: Vec<u8>,
     part_of: &'a PartOf,
+    /// Layers thinner than this are rounded, and no boundary moves further; 0 where there are none, mm.
+    rounding: f64,
+}
+
+/// The bottoms of slots, and what it takes to make them.
+#[derive(Debug, Default)]
+pub struct Row {
+    bottoms: Vec<f32>,
+    tapers: Tapers,
 }
 
 /// Buffers of one worker.
@@ -54,7 +64,7 @@ pub struct BlockScratch {
     cull: CullScratch,
     masks: Vec<Mask>,
     surface: BrickSurface,
-    row: Vec<f32>,
+    row: Row,
 }
 
 /// The bricks of a block, and the index of its first node.
@@ -91,6 +101,12 @@ impl Bricks {
 impl<'a> NodeObject<'a> {
     /// Lays object `number` onto `grid`; a material that is no part is a void.
     pub fn new(field: &'a ObjectField, number: u16, grid: &NodeGrid, part_of: &'a PartOf) -> Self {
+        let pitch = grid.lattice.pitch.x;
+        let tapered = field.layers().needs_uv() || {
+            let mut row = Vec::new();
+            field.layers().bottoms(0, Vec2::ZERO, &mut row);
+            is_thin(&row, pitch as f32)
+        };
         Self {
             field,
             number,
@@ -99,6 +115,7 @@ impl<'a> NodeObject<'a> {
             offsets: BrickOffsets::new(&grid.lattice),
             labels: field.layers().slot_ids().into_iter().map(|id| label(part_of, id)).collect(),
             part_of,
+            rounding: if tapered { pitch } else { 0.0 },
         }
     }
 
@@ -118,11 +135,14 @@ impl<'a> NodeObject<'a> {
         Nearest { distance: found.distance as f32, triangle: found.triangle }
     }
 
-    /// Replaces `row` by the bottoms of the slots below the point of `triangle` nearest to `p`.
-    pub fn bottoms(&self, triangle: u32, p: DVec3, row: &mut Vec<f32>) {
+    /// The bottoms of the slots below the point of `triangle` nearest to `p`, as the pitch can show them.
+    pub fn bottoms<'r>(&self, triangle: u32, p: DVec3, row: &'r mut Row) -> &'r [f32] {
         let layers = self.field.layers();
-        let uv = self.field.uv(triangle, p);
-        layers.bottoms(triangle, uv, row);
+        layers.bottoms(triangle, self.field.uv(triangle, p), &mut row.bottoms);
+        if self.rounding > 0.0 {
+            row.tapers.round(&self.labels, self.rounding as f32, &mut row.bottoms);
+        }
+        &row.bottoms
     }
 
     /// Writes this object's nodes into the `bricks` of the block whose first node is `first`; `slices` are the inside runs from
@@ -142,7 +162,7 @@ impl<'a> NodeObject<'a> {
         let mut block = Block { first, bricks };
         let bounds = self.bounds(first, all);
         let (nearest, radius) = (surface.closest(bounds.centre).distance, bounds.radius());
-        if nearest - radius > layers.thickness() + DEPTH_MARGIN {
+        if nearest - radius > layers.thickness() + DEPTH_MARGIN + self.rounding {
             return self.fill_uniform(all, label(self.part_of, layers.core()), &mut block, scratch);
         }
         let mut candidates = std::mem::take(&mut scratch.candidates);
@@ -166,7 +186,8 @@ impl<'a> NodeObject<'a> {
         let bounds = self.bounds(block.first, bricks);
         let start = list.len();
         let range = cull(self.field.surface().triangles(), &bounds, candidates, DEPTH_MARGIN, list, &mut scratch.cull);
-        let range = DepthRange { min: range.min - DEPTH_MARGIN, max: range.max + DEPTH_MARGIN };
+        let margin = DEPTH_MARGIN + self.rounding;
+        let range = DepthRange { min: range.min - margin, max: range.max + margin };
         let kept = start..list.len();
         let solid = bricks.indices().all(|brick| scratch.masks[brick] == [0xff; BRICK_VOXELS / 8]);
         let uniform = if solid { self.field.layers().uniform_over(&list[kept.clone()], range) } else { None };
@@ -225,9 +246,9 @@ impl<'a> NodeObject<'a> {
             node.measured = self.number;
             node.nearest = Nearest { distance: surface.distance[n], triangle };
             if is_set(&masks[index], n) {
-                self.bottoms(triangle, position(n), row);
+                let bottoms = self.bottoms(triangle, position(n), row);
                 node.owner = self.number;
-                node.label = self.labels[slots_passed(row, node.nearest.distance)];
+                node.label = self.labels[slots_passed(bottoms, node.nearest.distance)];
             }
         }
     }
