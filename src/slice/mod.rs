@@ -13,6 +13,8 @@ mod engine;
 mod fill;
 mod output;
 mod png;
+#[cfg(test)]
+mod tests;
 
 pub use depth::{DistanceKind, SlabField};
 pub use engine::Slicer;
