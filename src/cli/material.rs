@@ -169,7 +169,7 @@ fn report(set: &MaterialSet) -> String {
     }
     let light =
         ["resin", "channel", "scattering/mm", "absorption/mm", "g", "slab mm", "reflects", "transmits", "half-space"];
-    let mut text = format!("{}: {}\n", set.name, set.provenance);
+    let mut text = format!("{}\n  from {}\n", set.name, set.provenance);
     text += &table(&light, &rows);
     text += &table(&["resin", "rgb in slices", "g/cm³", "refr. index", "printed as"], &about);
     for resin in set.resins.iter().filter(|resin| !resin.notes.is_empty()) {

@@ -24,7 +24,7 @@ impl Materials {
             return Ok(Self { file: MaterialFile::read(name)?, built_in: false });
         }
         let file = MaterialFile::builtin(&name.to_string_lossy())?;
-        say(&format!("note: {}: {}", file.name(), file.provenance()));
+        say_provenance(file.name(), file.provenance());
         Ok(Self { file, built_in: true })
     }
 
@@ -42,6 +42,11 @@ impl Materials {
         }
         Ok(set)
     }
+}
+
+/// Says where the numbers of a built-in set come from; it must never be taken for a measurement.
+pub fn say_provenance(set: &str, provenance: &str) {
+    say(&format!("note: materials `{set}`: {provenance}"));
 }
 
 /// What to answer a callback: whether Ctrl-C was pressed.

@@ -8,6 +8,7 @@ mod material;
 mod materials;
 mod output_file;
 mod predict;
+mod preview;
 mod printers;
 mod progress;
 mod shell;
@@ -24,7 +25,7 @@ use std::{
 
 use clap::{Parser, Subcommand};
 use lumislice::{
-    job::{Blame, Interrupt, RunError, verify::VerifyError},
+    job::{Blame, Interrupt, RedrawError, RunError, verify::VerifyError},
     optics::OpticsError,
 };
 
@@ -42,6 +43,7 @@ enum Command {
     Predict(predict::PredictArgs),
     Match(match_target::MatchArgs),
     Material(material::MaterialArgs),
+    Preview(preview::PreviewArgs),
     Verify(verify::VerifyArgs),
     Printers(printers::PrintersArgs),
     Completions(shell::CompletionsArgs),
@@ -77,6 +79,7 @@ pub fn run() -> ExitCode {
         Command::Predict(args) => predict::run(args),
         Command::Match(args) => match_target::run(args),
         Command::Material(args) => material::run(args),
+        Command::Preview(args) => preview::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Printers(args) => printers::run(args),
         Command::Completions(args) => shell::completions(args),
@@ -96,6 +99,8 @@ fn exit_code(error: &anyhow::Error) -> u8 {
     let blame = if let Some(error) = error.downcast_ref::<RunError>() {
         error.blame()
     } else if let Some(error) = error.downcast_ref::<VerifyError>() {
+        error.blame()
+    } else if let Some(error) = error.downcast_ref::<RedrawError>() {
         error.blame()
     } else if let Some(OpticsError::Cancelled) = error.downcast_ref() {
         Blame::Interrupt

@@ -17,6 +17,7 @@ mod prepare;
 mod progress;
 mod ranges;
 mod read;
+mod redraw;
 mod report;
 mod resolved;
 mod run;
@@ -48,6 +49,7 @@ pub use options::{
 pub use paths::InputPath;
 pub use prepare::{InputFile, Prepared, PreparedObject};
 pub use progress::{Interrupt, Progress, Silent};
+pub use redraw::{RedrawError, redraw};
 pub use report::{REPORT, draw_again, report_data};
 pub use resolved::ResolvedJob;
 pub use run::{RunOptions, STACKINGS, run};

@@ -89,7 +89,7 @@ pub fn run(
 }
 
 /// JSON as written to files: indented, with a newline at the end.
-fn pretty(value: &impl serde::Serialize) -> Vec<u8> {
+pub(super) fn pretty(value: &impl serde::Serialize) -> Vec<u8> {
     let mut text = serde_json::to_vec_pretty(value).unwrap_or_default();
     text.push(b'\n');
     text

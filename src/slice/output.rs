@@ -125,6 +125,19 @@ impl OutputFolder {
         Ok(Self { root: root.to_path_buf(), replaceable: Mutex::new(replaceable), written: Mutex::default() })
     }
 
+    /// Opens the folder of a finished job to add to it or replace some of its `files`; the rest stays.
+    ///
+    /// # Errors
+    /// A list with a file outside the folder.
+    pub fn reopen(root: &Path, files: &[FileEntry]) -> Result<Self, OutputError> {
+        if let Some(odd) = files.iter().find(|file| !is_plain(&file.path)) {
+            let reason = format!("it lists `{}`, which is not inside the folder", odd.path);
+            return Err(OutputError::BadManifest { path: root.join(MANIFEST), reason });
+        }
+        let replaceable = files.iter().map(|file| file.path.clone()).chain([MANIFEST.to_owned()]).collect();
+        Ok(Self { root: root.to_path_buf(), replaceable: Mutex::new(replaceable), written: Mutex::default() })
+    }
+
     fn replaceable(root: &Path, overwrite: bool) -> Result<BTreeSet<String>, OutputError> {
         let entries = match fs::read_dir(root) {
             Ok(mut entries) => entries.next().is_some(),

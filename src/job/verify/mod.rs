@@ -50,7 +50,7 @@ impl Finding {
         Self { path: escaped(path.chars()), problem: escaped(problem.into().chars()) }
     }
 
-    fn manifest(key: &str, problem: impl Into<String>) -> Self {
+    pub(super) fn manifest(key: &str, problem: impl Into<String>) -> Self {
         Self::new(MANIFEST, format!("{key}: {}", problem.into()))
     }
 }
@@ -177,7 +177,7 @@ impl Check<'_> {
 }
 
 /// Reads the manifest; what is wrong with its text is a finding.
-fn read_manifest(folder: &Path) -> Result<Result<Manifest, Finding>, VerifyError> {
+pub(super) fn read_manifest(folder: &Path) -> Result<Result<Manifest, Finding>, VerifyError> {
     let path = folder.join(MANIFEST);
     let fault = |source| VerifyError::Io { path: path.clone(), source };
     match fs::symlink_metadata(&path) {
