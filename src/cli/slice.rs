@@ -62,9 +62,10 @@ pub fn run(args: &SliceArgs) -> anyhow::Result<Answer> {
     let manifest = result?;
     if args.json {
         print_json(&json!({
-            "output": folder,
+            "output": folder.to_string_lossy(),
             "lattice": manifest.lattice,
             "slices": manifest.slices,
+            "material_set": manifest.material_set,
             "materials": manifest.materials,
             "warnings": manifest.warnings,
         }))?;

@@ -31,11 +31,6 @@ impl BrickOffsets {
             z: std::array::from_fn(|v| offset(2, v / (BRICK * BRICK))),
         }
     }
-
-    /// Position of voxel `voxel` of a brick relative to its centre, mm.
-    pub fn offset(&self, voxel: usize) -> DVec3 {
-        DVec3::new(f64::from(self.x[voxel]), f64::from(self.y[voxel]), f64::from(self.z[voxel]))
-    }
 }
 
 /// The nearest surface point of each voxel of a brick.

@@ -95,9 +95,22 @@ struct OldManifest {
 }
 
 impl OutputFolder {
-    /// Checks that `root` may be written, without touching anything.
+    /// Checks that `root` may be written, leaving no trace.
+    ///
+    /// # Errors
+    /// A folder that may not be replaced, or one that the disk does not let anyone write to.
     pub fn check(root: &Path, overwrite: bool) -> Result<(), OutputError> {
-        Self::replaceable(root, overwrite).map(drop)
+        Self::replaceable(root, overwrite)?;
+        // `""` is the parent of a relative path of one part.
+        let parents = root.ancestors().map(|folder| if folder == Path::new("") { Path::new(".") } else { folder });
+        let existing = parents.clone().find(|folder| folder.exists()).unwrap_or(root);
+        match tempfile::tempfile_in(existing) {
+            Ok(_) => Ok(()),
+            Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
+                Err(OutputError::NotAFolder { path: existing.to_path_buf() })
+            }
+            Err(source) => Err(io_error("writing into the folder", existing, source)),
+        }
     }
 
     /// Opens `root`, creating it if need be.

@@ -15,7 +15,9 @@ const MAX_CHARTS: u32 = u16::MAX as u32;
 /// The chart of every triangle, numbered by first triangle; charts end where the page changes.
 fn charts(mesh: &TriangleMesh, page_of: &[u16]) -> Vec<u16> {
     let mut sets = DisjointSets::new(mesh.triangles.len());
-    let mut edges: HashMap<([(u32, [u32; 2]); 2], u16), u32> = HashMap::with_capacity(mesh.triangles.len() * 2);
+    /// Position and texture coordinates, bit for bit.
+    type End = (u32, [u32; 2]);
+    let mut edges: HashMap<([End; 2], u16), u32> = HashMap::with_capacity(mesh.triangles.len() * 2);
     for (index, (corners, uvs)) in (0..).zip(mesh.triangles.iter().zip(&mesh.uvs)) {
         // Position and texture coordinate together name one end of an edge.
         let ends: [_; 3] = std::array::from_fn(|i| (corners[i], [uvs[i].x.to_bits(), uvs[i].y.to_bits()]));

@@ -122,7 +122,7 @@ impl March<'_> {
             let corner = [block % blocks[0], block / blocks[0]].map(|n| (n * BLOCK_NODES) as u32);
             let mut bricks = vec![NodeBrick::OUTSIDE; BLOCK_BRICKS];
             for (object, slices) in self.objects.iter().zip(&runs) {
-                object.fill_block(self.grid, [corner[0], corner[1], first], slices, &mut bricks, scratch);
+                object.fill_block([corner[0], corner[1], first], slices, &mut bricks, scratch);
             }
             bricks
         };
@@ -158,7 +158,7 @@ impl March<'_> {
         meshes: &mut MaterialMeshes,
     ) -> Result<(), MeshingError> {
         let two = self.two(layers, at, layer);
-        let crossings = || Crossings::new(self.objects, self.bounds);
+        let crossings = || Crossings::new(self.objects, self.bounds, self.grid.lattice.pitch.x);
         let mut vertices: Vec<_> = self
             .columns()
             .map_init(crossings, |crossings, column| {

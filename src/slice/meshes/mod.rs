@@ -8,14 +8,15 @@
 //! | --- | --- |
 //! | `nodes`    | the lattice of nodes as sparse bricks |
 //! | `object`   | one object into one block of nodes |
+//! | `taper`    | layers thinner than the pitch, rounded |
 //! | `crossing` | where a boundary crosses an edge |
 //! | `vertices` | the vertices one brick owns |
 //! | `cell`     | marching cubes for many materials, one cell |
 //! | `march`    | layer after layer of bricks |
 //! | `stl`, `threemf` | writers |
 //!
-//! Layers thinner than the pitch are not resolved: nodes that hit them make islands, the rest goes to the neighbours. At half
-//! the thinnest layer no cell sees both sides of a layer. Creases are cut by up to a third of the pitch.
+//! Layers thinner than the pitch are rounded to the pitch or to nothing. At half the thinnest layer no cell sees both sides of one that
+//! does not taper. Creases are cut by up to a third of the pitch.
 
 mod cell;
 mod crossing;
@@ -23,6 +24,7 @@ mod march;
 mod nodes;
 mod object;
 mod stl;
+mod taper;
 #[cfg(test)]
 mod tests;
 mod threemf;
@@ -118,8 +120,7 @@ pub struct MaterialPart {
 impl MaterialMesher {
     /// Coarsest pitch taken without being asked, mm: a chord of a 10 mm sphere then misses it by 1 µm, a crease is cut by 70 µm.
     const COARSEST_MM: f64 = 0.2;
-    /// Most nodes along an axis. Vertices are kept a hundredth of a pitch apart, which single precision must still tell apart:
-    /// 2²⁴ / 100 / 5.
+    /// Most nodes along an axis: 2¹⁵ of the 2²⁴ steps of single precision leave 512 to a pitch, to tell vertices apart by.
     const MAX_NODES: u32 = 1 << 15;
 
     /// The pitch for a job that states none: half the thinnest layer, so that no layer is lost; but not finer than two of the

@@ -8,7 +8,7 @@
 //! Nodes lie at (index + ½) · pitch, as voxel centres of an isotropic lattice would, so that a face at a multiple of the pitch falls
 //! between two of them. The outermost nodes are outside of every object.
 
-use glam::{DVec3, Vec2};
+use glam::DVec3;
 
 use crate::voxel::{BRICK, BRICK_VOXELS, Lattice};
 
@@ -47,8 +47,6 @@ pub struct Nearest {
     pub distance: f32,
     /// Its triangle.
     pub triangle: u32,
-    /// Its texture coordinates, where the layers need them.
-    pub uv: Vec2,
 }
 
 impl Node {
@@ -56,7 +54,7 @@ impl Node {
     pub const OUTSIDE: Self = Self::unmeasured(VOID, NOBODY);
 
     const fn unmeasured(label: u8, owner: u16) -> Self {
-        let nearest = Nearest { distance: 0.0, triangle: 0, uv: Vec2::ZERO };
+        let nearest = Nearest { distance: 0.0, triangle: 0 };
         Self { label, owner, measured: NOBODY, nearest }
     }
 }

@@ -6,18 +6,19 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec2};
+use glam::DVec3;
 
 use super::{
     PartOf,
     nodes::{NOBODY, Nearest, Node, NodeBrick, NodeGrid, VOID},
+    taper::{Tapers, is_thin},
 };
 use crate::{
     sdf::{
         BlockBox, BrickOffsets, BrickSurface, CullScratch, DepthRange, InsideRows, SliceRuns, cull, nearest_in_brick,
     },
     slice::ObjectField,
-    voxel::{BRICK, BRICK_VOXELS, MaterialId},
+    voxel::{BRICK, BRICK_VOXELS, Lattice, MaterialId},
 };
 
 /// Bricks along each edge of a block. On the 60 mm bunny at 0.1 mm, 8 is no faster and holds twice the nodes at a time.
@@ -39,11 +40,21 @@ pub struct NodeObject<'a> {
     field: &'a ObjectField,
     /// Its number; the lower one owns what two share.
     number: u16,
+    lattice: Lattice,
     inside: InsideRows,
     offsets: BrickOffsets,
     /// Label of every slot of the layers, then of the core.
     labels: Vec<u8>,
     part_of: &'a PartOf,
+    /// Layers thinner than this are rounded, and no boundary moves further; 0 where there are none, mm.
+    rounding: f64,
+}
+
+/// The bottoms of slots, and what it takes to make them.
+#[derive(Debug, Default)]
+pub struct Row {
+    bottoms: Vec<f32>,
+    tapers: Tapers,
 }
 
 /// Buffers of one worker.
@@ -53,7 +64,13 @@ pub struct BlockScratch {
     cull: CullScratch,
     masks: Vec<Mask>,
     surface: BrickSurface,
-    row: Vec<f32>,
+    row: Row,
+}
+
+/// The bricks of a block, and the index of its first node.
+struct Block<'b> {
+    first: [u32; 3],
+    bricks: &'b mut [NodeBrick],
 }
 
 /// A box of bricks within a block.
@@ -67,7 +84,7 @@ impl Bricks {
     fn indices(self) -> impl Iterator<Item = usize> {
         let Self { first, count } = self;
         let axis = move |axis: usize| first[axis]..first[axis] + count[axis];
-        axis(2).flat_map(move |z| axis(1).flat_map(move |y| axis(0).map(move |x| x + BLOCK * (y + BLOCK * z))))
+        axis(2).flat_map(move |z| axis(1).flat_map(move |y| axis(0).map(move |x| brick_index([x, y, z]))))
     }
 
     /// Two halves, cut across the longest edge.
@@ -84,13 +101,21 @@ impl Bricks {
 impl<'a> NodeObject<'a> {
     /// Lays object `number` onto `grid`; a material that is no part is a void.
     pub fn new(field: &'a ObjectField, number: u16, grid: &NodeGrid, part_of: &'a PartOf) -> Self {
+        let pitch = grid.lattice.pitch.x;
+        let tapered = field.layers().needs_uv() || {
+            let mut row = Vec::new();
+            field.layers().bottoms(0, glam::Vec2::ZERO, &mut row);
+            is_thin(&row, pitch as f32)
+        };
         Self {
             field,
             number,
+            lattice: grid.lattice,
             inside: field.inside().resampled(grid.lattice, BLOCK_NODES as u32),
             offsets: BrickOffsets::new(&grid.lattice),
             labels: field.layers().slot_ids().into_iter().map(|id| label(part_of, id)).collect(),
             part_of,
+            rounding: if tapered { pitch } else { 0.0 },
         }
     }
 
@@ -107,23 +132,26 @@ impl<'a> NodeObject<'a> {
     /// The surface point nearest to `p`.
     pub fn nearest(&self, p: DVec3) -> Nearest {
         let found = self.field.surface().closest(p);
-        let uv = self.field.uv(found.triangle, p);
-        Nearest { distance: found.distance as f32, triangle: found.triangle, uv }
+        Nearest { distance: found.distance as f32, triangle: found.triangle }
     }
 
-    /// Replaces `row` by the bottoms of the slots below `nearest`.
-    pub fn bottoms(&self, nearest: &Nearest, row: &mut Vec<f32>) {
-        self.field.layers().bottoms(nearest.triangle, nearest.uv, row);
+    /// The bottoms of the slots below the point of `triangle` nearest to `p`, as the pitch can show them.
+    pub fn bottoms<'r>(&self, triangle: u32, p: DVec3, row: &'r mut Row) -> &'r [f32] {
+        let layers = self.field.layers();
+        layers.bottoms(triangle, self.field.uv(triangle, p), &mut row.bottoms);
+        if self.rounding > 0.0 {
+            row.tapers.round(&self.labels, self.rounding as f32, &mut row.bottoms);
+        }
+        &row.bottoms
     }
 
-    /// Writes this object's nodes into the block whose first node is `first`; `slices` are the inside runs from its lowest
-    /// nodes on. Nodes that another object owns stay.
+    /// Writes this object's nodes into the `bricks` of the block whose first node is `first`; `slices` are the inside runs from
+    /// its lowest nodes on. Nodes that another object owns stay.
     pub fn fill_block(
         &self,
-        grid: &NodeGrid,
         first: [u32; 3],
         slices: &[SliceRuns],
-        block: &mut [NodeBrick],
+        bricks: &mut [NodeBrick],
         scratch: &mut BlockScratch,
     ) {
         if !fill_masks(first, slices, &mut scratch.masks) {
@@ -131,60 +159,54 @@ impl<'a> NodeObject<'a> {
         }
         let (surface, layers) = (self.field.surface(), self.field.layers());
         let all = Bricks { first: [0; 3], count: [BLOCK; 3] };
-        let bounds = bounds(grid, first, all);
+        let mut block = Block { first, bricks };
+        let bounds = self.bounds(first, all);
         let (nearest, radius) = (surface.closest(bounds.centre).distance, bounds.radius());
-        if nearest - radius > layers.thickness() + DEPTH_MARGIN {
-            return self.fill_uniform(all, label(self.part_of, layers.core()), block, scratch);
+        if nearest - radius > layers.thickness() + DEPTH_MARGIN + self.rounding {
+            return self.fill_uniform(all, label(self.part_of, layers.core()), &mut block, scratch);
         }
         let mut candidates = std::mem::take(&mut scratch.candidates);
         surface.within(bounds.centre, nearest + 2.0 * radius + DEPTH_MARGIN, &mut candidates);
         let whole = 0..candidates.len();
-        self.descend(grid, first, all, whole, &mut candidates, block, scratch);
+        self.descend(all, whole, &mut candidates, &mut block, scratch);
         scratch.candidates = candidates;
     }
 
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "a recursion: the box and its candidates change, the rest is passed on"
-    )]
     fn descend(
         &self,
-        grid: &NodeGrid,
-        first: [u32; 3],
         bricks: Bricks,
         candidates: Range<usize>,
         list: &mut Vec<u32>,
-        block: &mut [NodeBrick],
+        block: &mut Block,
         scratch: &mut BlockScratch,
     ) {
         if bricks.indices().all(|brick| scratch.masks[brick] == [0; BRICK_VOXELS / 8]) {
             return;
         }
-        let bounds = bounds(grid, first, bricks);
+        let bounds = self.bounds(block.first, bricks);
         let start = list.len();
-        let range = cull(self.field.surface().triangles(), &bounds, candidates, list, &mut scratch.cull);
-        let range = DepthRange { min: range.min - DEPTH_MARGIN, max: range.max + DEPTH_MARGIN };
+        let range = cull(self.field.surface().triangles(), &bounds, candidates, DEPTH_MARGIN, list, &mut scratch.cull);
+        let margin = DEPTH_MARGIN + self.rounding;
+        let range = DepthRange { min: range.min - margin, max: range.max + margin };
         let kept = start..list.len();
         let solid = bricks.indices().all(|brick| scratch.masks[brick] == [0xff; BRICK_VOXELS / 8]);
         let uniform = if solid { self.field.layers().uniform_over(&list[kept.clone()], range) } else { None };
         if let Some(id) = uniform {
             self.fill_uniform(bricks, label(self.part_of, id), block, scratch);
         } else if bricks.count == [1; 3] {
-            let [x, y, z] = bricks.first;
-            let index = x + BLOCK * (y + BLOCK * z);
-            self.fill_brick(bounds.centre, &list[kept], index, &mut block[index], scratch);
+            self.fill_brick(bricks.first, bounds.centre, &list[kept], block, scratch);
         } else {
             for half in bricks.halves() {
-                self.descend(grid, first, half, kept.clone(), list, block, scratch);
+                self.descend(half, kept.clone(), list, block, scratch);
             }
         }
         list.truncate(start);
     }
 
     /// Gives the inside nodes of some bricks one label.
-    fn fill_uniform(&self, bricks: Bricks, label: u8, block: &mut [NodeBrick], scratch: &BlockScratch) {
+    fn fill_uniform(&self, bricks: Bricks, label: u8, block: &mut Block, scratch: &BlockScratch) {
         for index in bricks.indices() {
-            let (mask, brick) = (&scratch.masks[index], &mut block[index]);
+            let (mask, brick) = (&scratch.masks[index], &mut block.bricks[index]);
             if *mask == [0; BRICK_VOXELS / 8] {
                 continue;
             }
@@ -194,37 +216,52 @@ impl<'a> NodeObject<'a> {
             }
             for (n, node) in brick.dense_mut().iter_mut().enumerate() {
                 if is_set(mask, n) && node.owner == NOBODY {
-                    *node = Node { label, owner: self.number, measured: NOBODY, ..Node::OUTSIDE };
+                    *node = Node { label, owner: self.number, ..Node::OUTSIDE };
                 }
             }
         }
     }
 
-    /// Measures the nodes of one brick that nobody owns yet, and takes those inside.
+    /// Measures the nodes of the brick at `at` that nobody owns yet, and takes those inside.
     fn fill_brick(
         &self,
+        at: [usize; 3],
         centre: DVec3,
         candidates: &[u32],
-        index: usize,
-        brick: &mut NodeBrick,
+        block: &mut Block,
         scratch: &mut BlockScratch,
     ) {
         let BlockScratch { masks, surface, row, .. } = scratch;
         nearest_in_brick(self.field.surface().triangles(), candidates, centre, &self.offsets, surface);
-        for (n, node) in brick.dense_mut().iter_mut().enumerate() {
+        let position = |node: usize| {
+            let index = |axis: usize| block.first[axis] + (at[axis] * BRICK + (node >> (3 * axis) & 7)) as u32;
+            self.lattice.centre(std::array::from_fn(index))
+        };
+        let index = brick_index(at);
+        for (n, node) in block.bricks[index].dense_mut().iter_mut().enumerate() {
             if node.owner != NOBODY {
                 continue;
             }
-            node.measured = self.number;
             let triangle = candidates[surface.candidate[n] as usize];
-            let uv = self.field.uv(triangle, centre + self.offsets.offset(n));
-            node.nearest = Nearest { distance: surface.distance[n], triangle, uv };
+            node.measured = self.number;
+            node.nearest = Nearest { distance: surface.distance[n], triangle };
             if is_set(&masks[index], n) {
-                self.bottoms(&node.nearest, row);
+                let bottoms = self.bottoms(triangle, position(n), row);
                 node.owner = self.number;
-                node.label = self.labels[slots_passed(row, node.nearest.distance)];
+                node.label = self.labels[slots_passed(bottoms, node.nearest.distance)];
             }
         }
+    }
+
+    /// The box around the nodes of some bricks.
+    fn bounds(&self, first: [u32; 3], bricks: Bricks) -> BlockBox {
+        let ends = [0, 1].map(|end| {
+            DVec3::from(std::array::from_fn(|axis| {
+                let node = (bricks.first[axis] + end * bricks.count[axis]) * BRICK - end;
+                self.lattice.coordinate(axis, first[axis] + node as u32)
+            }))
+        });
+        BlockBox { centre: (ends[0] + ends[1]) / 2.0, half: (ends[1] - ends[0]) / 2.0 }
     }
 }
 
@@ -238,20 +275,15 @@ pub fn slots_passed(bottoms: &[f32], depth: f32) -> usize {
     bottoms.iter().filter(|&&bottom| depth >= bottom).count()
 }
 
+/// Index of the brick at (x, y, z) within its block.
+#[inline]
+fn brick_index([x, y, z]: [usize; 3]) -> usize {
+    x + BLOCK * (y + BLOCK * z)
+}
+
 #[inline]
 fn is_set(mask: &Mask, node: usize) -> bool {
     mask[node / 8] >> (node % 8) & 1 != 0
-}
-
-/// The box around the nodes of some bricks.
-fn bounds(grid: &NodeGrid, first: [u32; 3], bricks: Bricks) -> BlockBox {
-    let ends = [0, 1].map(|end| {
-        DVec3::from(std::array::from_fn(|axis| {
-            let node = (bricks.first[axis] + end * bricks.count[axis]) * BRICK - end;
-            grid.lattice.coordinate(axis, first[axis] + node as u32)
-        }))
-    });
-    BlockBox { centre: (ends[0] + ends[1]) / 2.0, half: (ends[1] - ends[0]) / 2.0 }
 }
 
 /// Spreads the inside runs over the bricks of a block; false if the block is all outside.
@@ -266,7 +298,7 @@ fn fill_masks(first: [u32; 3], slices: &[SliceRuns], masks: &mut Vec<Mask>) -> b
                 for node in start.max(low)..end.min(high) {
                     any = true;
                     let x = (node - low) as usize;
-                    let brick = x / BRICK + BLOCK * (y / BRICK + BLOCK * (z / BRICK));
+                    let brick = brick_index([x / BRICK, y / BRICK, z / BRICK]);
                     masks[brick][y % BRICK + BRICK * (z % BRICK)] |= 1 << (x % BRICK);
                 }
             }

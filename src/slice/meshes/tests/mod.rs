@@ -3,11 +3,12 @@
 mod cells;
 mod shapes;
 mod shared;
+mod textured;
 mod writers;
 
 use std::collections::{BTreeSet, HashMap};
 
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 
 use super::{MaterialMesher, MaterialMeshes};
 use crate::{
@@ -81,7 +82,7 @@ fn cuboid(low: DVec3, high: DVec3) -> TriangleMesh {
     }
 }
 
-/// A sphere of stacks and slices; `uv` gives it texture coordinates.
+/// A sphere of stacks and slices, with longitude and latitude as texture coordinates.
 fn sphere(centre: DVec3, radius: f64, stacks: u32) -> TriangleMesh {
     let slices = 2 * stacks;
     let mut mesh = TriangleMesh::default();
@@ -97,13 +98,22 @@ fn sphere(centre: DVec3, radius: f64, stacks: u32) -> TriangleMesh {
     mesh.positions.push(centre + DVec3::Z * radius);
     let (south, north) = (0, mesh.positions.len() as u32 - 1);
     let at = |stack: u32, slice: u32| 1 + (stack - 1) * slices + slice % slices;
-    for slice in 0..slices {
-        mesh.triangles.push([south, at(1, slice + 1), at(1, slice)]);
-        mesh.triangles.push([north, at(stacks - 1, slice), at(stacks - 1, slice + 1)]);
-        for stack in 1..stacks - 1 {
-            let [a, b] = [at(stack, slice), at(stack, slice + 1)];
-            let [c, d] = [at(stack + 1, slice), at(stack + 1, slice + 1)];
-            mesh.triangles.extend([[a, b, d], [a, d, c]]);
+    let vertex = |(stack, slice): (u32, u32)| match stack {
+        0 => south,
+        n if n == stacks => north,
+        n => at(n, slice),
+    };
+    let uv = |(stack, slice): (u32, u32)| Vec2::new(slice as f32 / slices as f32, stack as f32 / stacks as f32);
+    for stack in 0..stacks {
+        for slice in 0..slices {
+            let [a, b] = [(stack, slice), (stack, slice + 1)];
+            let [c, d] = [(stack + 1, slice), (stack + 1, slice + 1)];
+            let lower = (stack > 0).then_some([a, b, d]);
+            let upper = (stack + 1 < stacks).then_some([a, d, c]);
+            for corners in lower.into_iter().chain(upper) {
+                mesh.triangles.push(corners.map(vertex));
+                mesh.uvs.push(corners.map(uv));
+            }
         }
     }
     mesh
