@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec2};
+use glam::DVec3;
 
 use super::{
     PartOf,
