@@ -1,4 +1,5 @@
 //! Previews of a real job, to look at and to time.
+#![allow(clippy::unwrap_used)] // helpers of tests
 
 use std::{fs, path::PathBuf, time::Instant};
 
