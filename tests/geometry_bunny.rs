@@ -65,7 +65,7 @@ fn piped_distance(surface: &Surface, lattice: &Lattice, offsets: &BrickOffsets, 
     let nearest = surface.closest(block.centre).distance;
     surface.within(block.centre, nearest + 2.0 * block.radius() + 1e-7, &mut list);
     let whole = 0..list.len();
-    cull(surface.triangles(), &block, whole.clone(), &mut list, &mut CullScratch::default());
+    cull(surface.triangles(), &block, whole.clone(), 0.0, &mut list, &mut CullScratch::default());
     let mut found = BrickSurface::default();
     nearest_in_brick(surface.triangles(), &list[whole.end..], block.centre, offsets, &mut found);
     let [x, y, z] = index.map(|n| (n % 8) as usize);
