@@ -1,0 +1,21 @@
+//! The command line as a script sees it: exit codes, stdout against stderr, files. Needs nothing but the program.
+//!
+//! | code | means |
+//! | --- | --- |
+//! | 0 | done |
+//! | 1 | done, but the answer is no |
+//! | 2 | bad usage, job or input |
+//! | 3 | I/O failed while writing |
+//! | 130 | interrupted |
+
+mod interrupt;
+mod matching;
+mod material;
+mod predict;
+mod slice_bad;
+mod slice_bytes;
+mod slice_folder;
+mod slice_says;
+mod support;
+mod usage;
+mod verify;
