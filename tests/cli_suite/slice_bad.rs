@@ -15,7 +15,7 @@ const CASES: [(&str, &str, &[&str]); 24] = [
     ("\"cube.stl\"", "\"cube.stl\"\nposition-mm = [-1, 0, 0]", &["job.toml:4", "position-mm", "-1"]),
     ("\"cube.stl\"", "\"cube.stl\"\nunit = \"feet\"", &["job.toml:4", "unit", "feet"]),
     ("[0.2, 0.2, 0.2]", "[0.2, 0.2, 0]", &["job.toml:5", "printer.pitch-mm[2]", "found 0"]),
-    ("pitch-mm = [0.2, 0.2, 0.2]", "preset = \"j750\"", &["job.toml:5", "j750", "did you mean"]),
+    ("pitch-mm = [0.2, 0.2, 0.2]", "preset = \"j750-27\"", &["job.toml:5", "j750-27um", "did you mean"]),
     ("pitch-mm = [0.2, 0.2, 0.2]", "", &["job.toml:4", "printer.pitch-mm", "found nothing"]),
     ("\"synthetic\"", "\"synthetik\"", &["job.toml:7", "did you mean `synthetic`?"]),
     ("set = \"synthetic\"", "file = \"cube.stl\"", &["cube.stl"]),
