@@ -103,7 +103,7 @@ fn positions(block: &BlockBox) -> impl Iterator<Item = DVec3> {
 
 fn assert_cull_keeps(triangles: &[[DVec3; 3]], block: &BlockBox, list: &mut Vec<u32>, from: std::ops::Range<usize>) {
     let start = list.len();
-    let range = cull(triangles, block, from, list, &mut CullScratch::default());
+    let range = cull(triangles, block, from, 0.0, list, &mut CullScratch::default());
     assert!(list[start..].is_sorted() && start < list.len());
     for p in positions(block) {
         let distances: Vec<f64> = triangles.iter().map(|t| closest_point(p, t).distance_squared.sqrt()).collect();
@@ -311,6 +311,6 @@ fn a_range_is_never_empty() {
     let mut list: Vec<u32> = (0..triangles.len() as u32).collect();
     let all = 0..list.len();
     let block = BlockBox { centre: DVec3::new(3.0, 2.0, 1.0), half: DVec3::splat(0.3) };
-    let DepthRange { min, max } = cull(&triangles, &block, all, &mut list, &mut CullScratch::default());
+    let DepthRange { min, max } = cull(&triangles, &block, all, 0.0, &mut list, &mut CullScratch::default());
     assert!(min < max && max - min < 4.0 * block.radius());
 }

@@ -154,7 +154,7 @@ impl ChannelPrediction {
         let edges = reflection.ring_edges().unwrap_or_default();
         let values = reflection.value_per_mm2().iter().zip(transmission.value_per_mm2());
         // Outer rings that no photon reached are left out, not zero.
-        let lit = values.clone().enumerate().filter(|(_, (r, t))| **r > 0.0 || **t > 0.0).map(|(i, _)| i + 1).last();
+        let lit = values.clone().rposition(|(r, t)| *r > 0.0 || *t > 0.0).map(|i| i + 1);
         let rings = edges.windows(2).zip(values).take(lit.unwrap_or(0)).map(|(edge, (r, t))| PredictedRing {
             r_mm: 0.5 * (edge[0] + edge[1]),
             reflection_per_mm2: *r,

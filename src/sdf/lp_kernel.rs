@@ -9,15 +9,23 @@
 //! Single precision, without branches, for several instruction sets with the same bits (see [`super::kernel`]). What is summed is
 //! (d/r)^p with d the position's exact distance, so that nothing overflows, whatever p.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use multiversion::multiversion;
 
 use super::moments::Moments;
 
-/// A piece of surface, ready for the sum. Coordinates are relative to the brick's centre.
+/// Pieces of surface, ready for the sum. Coordinates are relative to the brick's centre.
+#[derive(Debug, Default)]
+pub struct Sources {
+    patches: Vec<Patch>,
+    centres: Vec<[f32; 3]>,
+}
+
+/// Pieces that differ in their centroid only.
 #[derive(Debug, Clone, Copy)]
-pub struct Source {
-    centre: [f32; 3],
+struct Patch {
+    /// End of its centroids, which start where those of the patch before it end.
+    end: u32,
     area: f32,
     /// Second moments times p(p + 2)/2, those off the diagonal twice.
     second: [f32; 6],
@@ -25,17 +33,52 @@ pub struct Source {
     trace: f32,
 }
 
-impl Source {
-    /// `moments`, relative to `origin`.
-    pub fn new(moments: &Moments, origin: DVec3, exponent: f64) -> Self {
+impl Sources {
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.patches.clear();
+        self.centres.clear();
+    }
+
+    /// Adds a piece whose moments are given relative to `origin`.
+    pub fn add(&mut self, moments: &Moments, origin: DVec3, exponent: f64) {
+        self.centres.push((moments.centre - origin).as_vec3().to_array());
+        self.patch(moments, exponent);
+    }
+
+    /// Adds a triangle as `n`² equal ones: cut along lines parallel to its edges they are all translates or mirror images of
+    /// each other, so they have the same second moments.
+    pub fn add_triangle(&mut self, corners: &[Vec3; 3], n: u32, exponent: f64) {
+        let mut moments = Moments::of_triangle(&corners.map(|c| c.as_dvec3()));
+        let share = 1.0 / f64::from(n * n);
+        moments.area *= share;
+        moments.second = moments.second.map(|m| m * share * share);
+        let step = 1.0 / n as f32;
+        let (along, across) = ((corners[1] - corners[0]) * step, (corners[2] - corners[0]) * step);
+        let mut push = |i: u32, j: u32, third: f32| {
+            let centre = corners[0] + along * (i as f32 + third) + across * (j as f32 + third);
+            self.centres.push(centre.to_array());
+        };
+        for j in 0..n {
+            for i in 0..n - j {
+                push(i, j, 1.0 / 3.0);
+                if i + j + 1 < n {
+                    push(i, j, 2.0 / 3.0);
+                }
+            }
+        }
+        self.patch(&moments, exponent);
+    }
+
+    fn patch(&mut self, moments: &Moments, exponent: f64) {
         let scale = exponent * (exponent + 2.0) / 2.0;
         let [xx, yy, zz, xy, yz, zx] = moments.second.map(|m| m * scale);
-        Self {
-            centre: (moments.centre - origin).as_vec3().to_array(),
+        self.patches.push(Patch {
+            end: self.centres.len() as u32,
             area: moments.area as f32,
             second: [xx, yy, zz, 2.0 * xy, 2.0 * yz, 2.0 * zx].map(|m| m as f32),
             trace: (moments.trace() * exponent / 2.0) as f32,
-        }
+        });
     }
 }
 
@@ -55,7 +98,7 @@ pub struct Positions<'a> {
 
 /// Adds `sources` to the sums.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
-pub fn accumulate(sources: &[Source], exponent: f64, positions: &mut Positions<'_>) {
+pub fn accumulate(sources: &Sources, exponent: f64, positions: &mut Positions<'_>) {
     // Even exponents take a few products; `0` stands for all others.
     match exponent {
         4.0 => add::<2>(sources, exponent, positions),
@@ -78,24 +121,52 @@ pub fn finish(exponent: f64, positions: &mut Positions<'_>) {
     }
 }
 
+/// Positions come in powers of 8: 512 and 64 fill the widest vectors, 8 have their own width.
 #[inline(always)]
-fn add<const HALF: u32>(sources: &[Source], exponent: f64, positions: &mut Positions<'_>) {
+fn add<const HALF: u32>(sources: &Sources, exponent: f64, positions: &mut Positions<'_>) {
+    match positions.sum.len() {
+        0..8 => add_lanes::<HALF, 1>(sources, exponent, positions),
+        8..16 => add_lanes::<HALF, 8>(sources, exponent, positions),
+        _ => add_lanes::<HALF, 16>(sources, exponent, positions),
+    }
+}
+
+#[inline(always)]
+fn add_lanes<const HALF: u32, const LANES: usize>(sources: &Sources, exponent: f64, positions: &mut Positions<'_>) {
     let half = (exponent / 2.0) as f32;
-    let count = positions.sum.len();
-    let (x, y, z) = (&positions.x[..count], &positions.y[..count], &positions.z[..count]);
-    let (scale, sum) = (&positions.scale[..count], &mut positions.sum[..count]);
-    for source in sources {
-        let [cx, cy, cz] = source.centre;
-        let [xx, yy, zz, xy, yz, zx] = source.second;
-        for n in 0..count {
-            let (rx, ry, rz) = (x[n] - cx, y[n] - cy, z[n] - cz);
-            let inverse = 1.0 / (rx * rx + ry * ry + rz * rz);
-            let form = rx * (xx * rx + xy * ry) + ry * (yy * ry + yz * rz) + rz * (zz * rz + zx * rx);
-            let weight = source.area + inverse * (inverse * form - source.trace);
-            let ratio = scale[n] * inverse;
-            let falloff = if HALF == 0 { power(ratio, half) } else { whole_power::<HALF>(ratio) };
-            sum[n] += falloff * weight;
+    let (x, y, z) = (positions.x.as_chunks().0, positions.y.as_chunks().0, positions.z.as_chunks().0);
+    let (scale, sum) = (positions.scale.as_chunks().0, positions.sum.as_chunks_mut().0);
+    for ((((x, y), z), scale), sum) in x.iter().zip(y).zip(z).zip(scale).zip(sum) {
+        add_chunk::<HALF, LANES>(sources, half, x, y, z, scale, sum);
+    }
+}
+
+#[inline(always)]
+fn add_chunk<const HALF: u32, const LANES: usize>(
+    sources: &Sources,
+    half: f32,
+    x: &[f32; LANES],
+    y: &[f32; LANES],
+    z: &[f32; LANES],
+    scale: &[f32; LANES],
+    sum: &mut [f32; LANES],
+) {
+    let mut centres = sources.centres.iter();
+    let mut start = 0;
+    for patch in &sources.patches {
+        let [xx, yy, zz, xy, yz, zx] = patch.second;
+        for &[cx, cy, cz] in centres.by_ref().take((patch.end - start) as usize) {
+            for n in 0..LANES {
+                let (rx, ry, rz) = (x[n] - cx, y[n] - cy, z[n] - cz);
+                let inverse = 1.0 / (rx * rx + ry * ry + rz * rz);
+                let form = rx * (xx * rx + xy * ry) + ry * (yy * ry + yz * rz) + rz * (zz * rz + zx * rx);
+                let weight = patch.area + inverse * (inverse * form - patch.trace);
+                let ratio = scale[n] * inverse;
+                let falloff = if HALF == 0 { power(ratio, half) } else { whole_power::<HALF>(ratio) };
+                sum[n] += falloff * weight;
+            }
         }
+        start = patch.end;
     }
 }
 

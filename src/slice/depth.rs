@@ -201,14 +201,7 @@ impl ObjectField {
     pub(super) fn measure_grid(&self, site: Site<'_>, brick: [usize; 3], index: usize, scratch: &mut FillScratch) {
         let FillScratch { measure, masks, surface, .. } = scratch;
         if let Some(reach) = measure.unopened.take() {
-            let reach = Reach { columns: site.slab.voxels.bounds(), distance: reach };
-            let first = IVec3::from(site.first.map(|n| n as i32));
-            let end = self.lattice.dims[2] as usize;
-            let mut size = self.shape.voxels().map(|n| n as usize);
-            size[2] = size[2].min(end - site.first[2] as usize);
-            let nearest = |x, y, z| site.slab.voxels.nearest(x, y, z);
-            measure.window.compute(self.lattice.pitch, first, size, reach, nearest);
-            measure.points.clear();
+            self.open_window(site, reach, masks, measure);
         }
         let (mask, thickness) = (&masks[index], self.layers().thickness());
         measure.triangles.clear();
@@ -231,6 +224,24 @@ impl ObjectField {
             }
         }
         surface.error = 0.0;
+    }
+
+    /// Computes the feature transform of all bricks of a block that hold inside voxels.
+    fn open_window(&self, site: Site<'_>, reach: f64, masks: &[[u8; BRICK_VOXELS / 8]], measure: &mut MeasureScratch) {
+        let [width, height, _] = self.shape.0;
+        let (mut low, mut high) = (IVec3::MAX, IVec3::MIN);
+        for (n, _) in masks.iter().enumerate().filter(|(_, mask)| **mask != [0; BRICK_VOXELS / 8]) {
+            let brick = IVec3::new((n % width) as i32, (n / width % height) as i32, (n / (width * height)) as i32);
+            (low, high) = (low.min(brick), high.max(brick + 1));
+        }
+        let block = IVec3::from(site.first.map(|n| n as i32));
+        let first = block + low * BRICK as i32;
+        let end = (block + high * BRICK as i32).min(IVec3::from(self.lattice.dims.map(|n| n as i32)));
+        let reach = Reach { columns: site.slab.voxels.bounds(), distance: reach };
+        let nearest = |x, y, z| site.slab.voxels.nearest(x, y, z);
+        let size = (end - first).to_array().map(|n| n as usize);
+        measure.window.compute(self.lattice.pitch, first, size, reach, nearest);
+        measure.points.clear();
     }
 
     /// Measures the masked voxels of the brick around `centre` by the Lp-averaged distance; needs their exact ones.

@@ -17,6 +17,8 @@ pub mod meshes;
 mod output;
 mod png;
 pub mod preview;
+#[cfg(test)]
+mod tests;
 
 pub use depth::{DistanceKind, SlabField};
 pub use engine::Slicer;

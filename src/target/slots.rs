@@ -122,7 +122,8 @@ impl SlotTable {
     /// The material of all depths in `range`, if it is certain.
     pub fn certain(&self, SlotRanges { low, high }: &SlotRanges, range: DepthRange) -> Option<MaterialId> {
         let slots = self.slots();
-        let (min, max) = ((range.min.max(0.0) as f32).next_down(), (range.max as f32).next_up());
+        // No depth is negative, and the first slot begins at 0.
+        let (min, max) = ((range.min as f32).next_down().max(0.0), (range.max as f32).next_up());
         self.limits.certain(&low[..slots], &high[..slots], min, max).map(|slot| self.ids[slot])
     }
 

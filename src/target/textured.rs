@@ -104,6 +104,9 @@ struct SurfaceTexel {
 
 /// How far outside its triangle, in texels, a point may take a texel from: the diagonal of the bilinear footprint and rounding.
 const FOOTPRINT: f32 = 1.5;
+/// How far outside its triangle, in texels, the middle of the square of four texels may lie that a point is in: half the diagonal, and
+/// rounding.
+const HALF_CELL: f32 = 0.75;
 
 impl TexturedLayers {
     /// Lays one label map per page over an atlas of `mesh`; every label is a row of `slots`.
@@ -147,12 +150,13 @@ impl TexturedLayers {
                     let here = texel(x, y);
                     if here.chart == chart {
                         labels.push(here.label);
-                        return;
                     }
-                    // Where no texel of the chart is in reach, all four count (see `Footprint`).
-                    let quad = [here, texel(x + 1, y), texel(x, y + 1), texel(x + 1, y + 1)];
-                    if quad.iter().all(|t| t.chart != chart) {
-                        labels.extend(quad.map(|t| t.label));
+                });
+                // Where none of the four texels around a point is of the chart, all count (see `Footprint`).
+                for_covered_texels(corners.map(|c| c - Vec2::splat(0.5)), HALF_CELL, scale, |x, y| {
+                    let four = [texel(x, y), texel(x + 1, y), texel(x, y + 1), texel(x + 1, y + 1)];
+                    if four.iter().all(|t| t.chart != chart) {
+                        labels.extend(four.map(|t| t.label));
                     }
                 });
                 labels.sort_unstable();

@@ -74,29 +74,37 @@ fn a_sphere_has_its_closed_form() {
     }
 }
 
-#[test]
-fn the_error_is_as_stated() {
-    let box_triangles = cuboid(DVec3::ZERO, DVec3::new(8.0, 5.0, 3.0));
+/// The worst relative error at `count` positions in and around a box and a ball, for every exponent.
+fn worst_errors(count: usize) -> [f64; EXPONENTS.len()] {
+    let body = cuboid(DVec3::ZERO, DVec3::new(8.0, 5.0, 3.0));
     let ball = sphere(DVec3::new(4.0, 2.5, 1.5), 2.0, 3);
-    let mut numbers = Numbers(7);
-    let mut worst = 0.0_f64;
-    for triangles in [&box_triangles, &ball] {
-        for exponent in EXPONENTS {
+    EXPONENTS.map(|exponent| {
+        let mut numbers = Numbers(7);
+        let mut worst = 0.0_f64;
+        for triangles in [&body, &ball] {
             let field = LpField::new(triangles, exponent);
-            let mut worst = 0.0_f64;
-            for _ in 0..12 {
+            for _ in 0..count {
                 let p = numbers.point(DVec3::splat(-0.5), DVec3::new(8.5, 5.5, 3.5));
                 let expected = by_quadrature(triangles, p, exponent, 0.5 / exponent);
-                let error = averaged(&field, triangles, p) / expected - 1.0;
-                worst = worst.max(error.abs());
-                if error.abs() > RELATIVE_ERROR {
-                    println!("p {exponent} at {p}: {error:e} d {}", exact(triangles, p));
-                }
+                worst = worst.max((averaged(&field, triangles, p) / expected - 1.0).abs());
             }
-            println!("p {exponent} worst {worst:e}");
         }
-    }
-    println!("worst relative error {worst:e}");
+        worst
+    })
+}
+
+#[test]
+fn the_error_is_as_stated() {
+    let worst = worst_errors(8);
+    assert!(worst.iter().all(|&error| error < RELATIVE_ERROR), "{worst:?}");
+}
+
+#[test]
+#[ignore = "300 positions by brute force take 20 s"]
+fn the_error_is_as_stated_in_many_places() {
+    let worst = worst_errors(150);
+    println!("worst relative errors {worst:?}");
+    assert!(worst.iter().all(|&error| error < RELATIVE_ERROR), "{worst:?}");
 }
 
 #[test]
@@ -177,12 +185,12 @@ fn a_crease_is_rounded() {
     let turn = |distance: &dyn Fn(DVec3) -> f64, step: f64| {
         (distance(at(step)) - 2.0 * distance(at(0.0)) + distance(at(-step))) / step
     };
-    for step in [0.4, 0.2, 0.1, 0.05, 0.025] {
+    // The exact slopes on both sides differ by 2 however near; the averaged ones in proportion to the step.
+    let steps = [0.2, 0.1, 0.05];
+    let turns = steps.map(|step| turn(&|p| averaged(&field, &body, p), step));
+    for (step, turned) in steps.into_iter().zip(turns) {
         assert!((turn(&|p| exact(&body, p), step) + 2.0).abs() < 1e-6);
-        println!("{step} {}", turn(&|p| averaged(&field, &body, p), step));
-        let averaged_turn = turn(&|p| averaged(&field, &body, p), step);
-        // The slopes on both sides differ in proportion to the step.
-        assert!(averaged_turn.abs() < 1.6 * step + 4.0 * RELATIVE_ERROR / step, "step {step}: {averaged_turn}");
+        assert!(turned < 0.0 && turned > -8.0 * step, "step {step}: {turned}");
     }
 }
 

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec2};
+use glam::DVec3;
 
 use super::{
     PartOf,
@@ -104,7 +104,7 @@ impl<'a> NodeObject<'a> {
         let pitch = grid.lattice.pitch.x;
         let tapered = field.layers().needs_uv() || {
             let mut row = Vec::new();
-            field.layers().bottoms(0, Vec2::ZERO, &mut row);
+            field.layers().bottoms(0, glam::Vec2::ZERO, &mut row);
             is_thin(&row, pitch as f32)
         };
         Self {

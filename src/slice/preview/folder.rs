@@ -40,8 +40,9 @@ pub fn from_folder(
     let colours = Colours::new(materials);
     let batch = (BATCH_BYTES / (area as usize).max(1)).clamp(1, 64);
     for slices in needed.chunks(batch) {
-        let images: Vec<Image> =
-            slices.par_iter().map(|&k| read(out, k, lattice, &colours)).collect::<Result<_, _>>()?;
+        // Gathered before the first error is looked for, so that it is always the same one.
+        let images: Vec<Result<Image, _>> = slices.par_iter().map(|&k| read(out, k, lattice, &colours)).collect();
+        let images = images.into_iter().collect::<Result<Vec<_>, _>>()?;
         for image in &images {
             builder.observe_slices(image, image.k..image.k + 1);
         }
