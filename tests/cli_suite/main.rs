@@ -8,6 +8,8 @@
 //! | 3 | I/O failed while writing |
 //! | 130 | interrupted |
 
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
 mod interrupt;
 mod matching;
 mod material;

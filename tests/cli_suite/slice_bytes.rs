@@ -20,14 +20,15 @@ fn threads_and_repetition_change_nothing() {
     let bench = Bench::new();
     full_job(&bench);
     let mut runs: Vec<BTreeMap<String, Vec<u8>>> = Vec::new();
-    for (out, threads) in [("a", "1"), ("b", "2"), ("c", "2")] {
+    for (out, threads) in [("a", "1"), ("b", "2")] {
         let output =
             bench.command(["slice", "job.toml", "-o", out]).env("RAYON_NUM_THREADS", threads).output().unwrap();
         crate::support::Ran::from(output).exits(0);
         runs.push(bench.files(out));
     }
     assert!(runs[0].contains_key("manifest.json") && runs[0].keys().any(|path| path.ends_with(".3mf")));
-    for other in &runs[1..] {
+    {
+        let other = &runs[1];
         assert_eq!(runs[0].keys().collect::<Vec<_>>(), other.keys().collect::<Vec<_>>());
         let odd: Vec<_> =
             runs[0].iter().filter(|(path, bytes)| other[*path] != **bytes).map(|(path, _)| path).collect();
