@@ -37,7 +37,7 @@ impl OutputFile {
     pub fn finish(mut self, content: &[u8]) -> anyhow::Result<()> {
         let place = || format!("{}: writing failed", self.path.display());
         self.partial.write_all(content).with_context(place)?;
-        self.partial.persist(&self.path).map_err(|error| io::Error::from(error)).with_context(place)?;
+        self.partial.persist(&self.path).map_err(io::Error::from).with_context(place)?;
         Ok(())
     }
 }

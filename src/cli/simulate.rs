@@ -114,7 +114,8 @@ impl SimulateArgs {
         if folder.exists() && !folder.is_dir() {
             bail!("{}: found a file, expected a folder", folder.display());
         }
-        for path in files.map(|file| folder.join(file)).filter(|path| path.exists() && !self.overwrite) {
+        let mut paths = files.map(|file| folder.join(file));
+        if let Some(path) = paths.find(|path| path.exists() && !self.overwrite) {
             bail!("{}: found a file of that name, expected none (--overwrite replaces it)", path.display());
         }
         let place = || format!("{}: writing failed", folder.display());

@@ -1,0 +1,23 @@
+//! The command line as a script sees it: exit codes, stdout against stderr, files. Needs nothing but the program.
+//!
+//! | code | means |
+//! | --- | --- |
+//! | 0 | done |
+//! | 1 | done, but the answer is no |
+//! | 2 | bad usage, job or input |
+//! | 3 | I/O failed while writing |
+//! | 130 | interrupted |
+
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
+mod interrupt;
+mod matching;
+mod material;
+mod predict;
+mod slice_bad;
+mod slice_bytes;
+mod slice_folder;
+mod slice_says;
+mod support;
+mod usage;
+mod verify;

@@ -1,0 +1,99 @@
+//! `match`: the stack a prediction came from is found again, and limits are kept.
+
+use serde_json::Value;
+
+use crate::support::{Bench, Ran, keys, run};
+
+fn find(more: &[&str]) -> Ran {
+    run(["match", "--materials", "synthetic"].iter().chain(more))
+}
+
+/// (resin, mm) from the observer down.
+fn stack(json: &Value) -> Vec<(String, f64)> {
+    let layer =
+        |layer: &Value| (layer["material"].as_str().unwrap().to_owned(), layer["thickness_mm"].as_f64().unwrap());
+    json["stack"].as_array().unwrap().iter().map(layer).collect()
+}
+
+#[test]
+fn a_predicted_stack_is_found_again() {
+    let bench = Bench::new();
+    // Whole units of 5/64 mm.
+    let layers = "white:0.46875,support:1.25,black:0.3125";
+    bench.run(["predict", "--materials", "synthetic", "--stack", layers, "--csv", "p.csv"]).exits(0);
+    let json = bench.run(["match", "--materials", "synthetic", "--target", "p.csv", "--json"]).exits(0).json();
+    assert_eq!(keys(&json), ["stack", "objective", "bound", "proven", "nodes"]);
+    assert_eq!(keys(&json["objective"]), ["km", "transport", "monte_carlo"]);
+    assert_eq!((&json["objective"]["transport"], &json["objective"]["monte_carlo"]), (&Value::Null, &Value::Null));
+    assert_eq!(json["proven"], true);
+    assert!(json["nodes"].as_u64().unwrap() > 0);
+    // Six digits and 20 mm of profile are what is lost on the way.
+    let objective = json["objective"]["km"].as_f64().unwrap();
+    assert!(objective < 1e-4 && json["bound"].as_f64().unwrap() <= objective, "{objective}");
+    let found = stack(&json);
+    assert_eq!(found[0], ("white".to_owned(), 0.46875), "{found:?}");
+    assert_eq!(found[1], ("support".to_owned(), 1.25), "{found:?}");
+}
+
+#[test]
+fn an_albedo_and_a_mean_free_path_are_a_target() {
+    let args = ["--albedo", "0.5", "--mean-free-path-mm", "0.3", "--core", "black", "--dc-weight", "100"];
+    let ran = find(&args).exits(0);
+    assert!(
+        ["from the observer down", "0.5000", "rms", "proven"].iter().all(|word| ran.stdout.contains(word)),
+        "{}",
+        ran.stdout
+    );
+    assert!(ran.stderr.starts_with("note: ") && ran.stderr.contains("not a measurement"));
+    let colours =
+        ["match", "--materials", "inks-rgb", "--albedo", "0.5,0.4,0.3", "--mean-free-path-mm", "0.5", "--depth", "3"];
+    assert!(run(colours).exits(0).stdout.contains("0.3000"));
+}
+
+#[test]
+fn support_keeps_its_depth_unless_told_otherwise() {
+    // A target as bright and as wide as support alone: it would lie bare.
+    let bench = Bench::new();
+    bench.run(["predict", "--materials", "synthetic", "--stack", "support:5", "--csv", "s.csv"]).exits(0);
+    let find = |more: &[&str]| {
+        let args = ["match", "--materials", "synthetic", "--target", "s.csv", "--depth", "4", "--json"];
+        stack(&bench.run(args.iter().chain(more)).exits(0).json())
+    };
+    let limited = find(&[]);
+    let above: f64 = limited.iter().take_while(|layer| layer.0 != "support").map(|layer| layer.1).sum();
+    assert!(above >= 0.2, "{limited:?}");
+    assert_eq!(find(&["--min-depth", "support:0"])[0].0, "support");
+    let deep = find(&["--min-depth", "support:0", "--min-depth", "white:1.0"]);
+    let above: f64 = deep.iter().take_while(|layer| layer.0 != "white").map(|layer| layer.1).sum();
+    assert!(above >= 1.0, "{deep:?}");
+}
+
+#[test]
+fn an_infeasible_target_is_answered_no() {
+    let target = ["--albedo", "0.5", "--mean-free-path-mm", "1", "--core", "black"];
+    let limits = ["--min-depth", "white:5", "--min-depth", "black:5", "--min-depth", "support:5"];
+    let ran = find(&[&target[..], &limits].concat()).exits(1);
+    assert_eq!(ran.stdout, "");
+    assert!(ran.stderr.contains("no: no stacking"), "{}", ran.stderr);
+    let json = find(&[&target[..], &limits, &["--json"]].concat()).exits(1).json();
+    assert_eq!(json["stack"], Value::Null);
+}
+
+#[test]
+fn bad_targets_are_refused() {
+    let with = |more: &[&str]| find(&[&["--albedo", "0.5", "--mean-free-path-mm", "1"], more].concat());
+    find(&["--albedo", "1.5", "--mean-free-path-mm", "1"]).refuses(2, &["albedo is 1.5", "0 to 1"]);
+    find(&["--albedo", "0.5", "--mean-free-path-mm", "-1"]).exits(2);
+    find(&["--albedo", "0.5,0.4", "--mean-free-path-mm", "1"]).refuses(2, &["--albedo: found 2 values"]);
+    find(&["--target", "none.csv"]).refuses(2, &["none.csv"]);
+    with(&["--core", "blakc"]).refuses(2, &["did you mean `black`?"]);
+    with(&["--min-depth", "suport:1"]).refuses(2, &["did you mean `support`?"]);
+    with(&["--min-depth", "white:1", "--min-depth", "white:2"]).refuses(2, &["a second time"]);
+    with(&["--units", "5000"]).refuses(2, &["units", "4096"]);
+    with(&["--max-thickness-mm", "0"]).refuses(2, &["max-thickness-mm"]);
+    for usage in [&["--depth", "13"][..], &["--target", "p.csv"], &["--min-depth", "white"], &["--units", "-1"]] {
+        assert_eq!(with(usage).exits(2).stdout, "");
+    }
+    find(&["--albedo", "0.5"]).exits(2);
+    find(&[]).exits(2);
+}

@@ -1,0 +1,101 @@
+//! What `slice` says where: data to stdout, words to stderr.
+
+use std::{ffi::OsStr, fs};
+
+use crate::support::{Bench, cube, keys, stl};
+
+#[test]
+fn a_job_is_done_and_told() {
+    let bench = Bench::new();
+    let ran = bench.run(["slice", "job.toml"]).exits(0);
+    assert!(ran.stdout.starts_with("job: 20 of 20 slices of 20 × 20 voxels in job-out\n"), "{}", ran.stdout);
+    let note = ran.stderr.lines().next().unwrap();
+    assert!(note.starts_with("note: materials `synthetic`: ") && note.contains("not a measurement"), "{note}");
+    assert!(!ran.stderr.contains("warning: materials"), "{}", ran.stderr);
+    assert!(!ran.stderr.contains(['\r', '\u{1b}']), "no bars in a pipe");
+    let manifest = bench.manifest("job-out");
+    let notes = manifest["material_set"]["notes"].as_array().unwrap();
+    assert!(notes.iter().any(|note| note.as_str().unwrap().contains("extrapolated")));
+    for file in manifest["files"].as_array().unwrap() {
+        assert!(bench.path("job-out").join(file["path"].as_str().unwrap()).is_file());
+    }
+    // Support prints as a hole, and no one else's voxels are lost.
+    let voxels = |index: usize| manifest["materials"][index]["voxels"].as_u64().unwrap();
+    assert_eq!(voxels(0) + voxels(1) + voxels(2), 8000);
+}
+
+#[test]
+fn json_is_one_document() {
+    let bench = Bench::new();
+    let json = bench.run(["slice", "job.toml", "-o", "out", "--json"]).exits(0).json();
+    assert_eq!(keys(&json), ["output", "lattice", "slices", "material_set", "materials", "warnings"]);
+    assert_eq!(json["output"], "out");
+    assert_eq!(json["lattice"]["dims"], serde_json::json!([20, 20, 20]));
+    let json = bench.run(["slice", "job.toml", "--dry-run", "--json"]).exits(0).json();
+    assert_eq!((json["voxels"].as_u64(), json["misfits"].as_array().unwrap().len()), (Some(8000), 0));
+}
+
+#[test]
+fn a_dry_run_tells_and_writes_nothing() {
+    let bench = Bench::new();
+    let before = bench.files("");
+    let ran = bench.run(["slice", "job.toml", "-o", "out", "--dry-run"]).exits(0);
+    for word in ["4.00 × 4.00 × 4.00 mm", "20 × 20 × 20", "memory: about", " g"] {
+        assert!(ran.stdout.contains(word), "{word}: {}", ran.stdout);
+    }
+    bench.job_with("pitch-mm = [0.2, 0.2, 0.2]", "pitch-mm = [0.2, 0.2, 0.2]\ntray-mm = [5, 3, 5]");
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(1);
+    assert!(ran.stdout.contains("does not fit: cube.stl reaches 4.000 mm in y"), "{}", ran.stdout);
+    bench.run(["slice", "job.toml"]).refuses(2, &["job.toml:4", "reaches 4.000 mm in y"]);
+    bench.write("job.toml", &before["job.toml"]);
+    assert_eq!(bench.files(""), before);
+    bench.run(["slice", "job.toml", "--dry-run", "--overwrite"]).exits(2);
+}
+
+#[test]
+fn layers_thinner_than_a_voxel_are_counted() {
+    let bench = Bench::new();
+    bench.job_with("0.2, 0.2, 0.2", "0.1, 0.2, 0.1");
+    let thin = |stack: &str| {
+        let job = fs::read_to_string(bench.path("job.toml")).unwrap();
+        bench.write("job.toml", job.replace("white:0.5,support:0.6", stack).as_bytes());
+        let words = bench.run(["slice", "job.toml", "-o", "out", "--dry-run"]).exits(0).stderr;
+        words.lines().filter(|line| line.contains("thinner")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(thin("white:0.5,support:0.6"), Vec::<String>::new());
+    let found = thin("white:0.15,support:0.6,white:0.19");
+    let expected =
+        "warning: layers thinner than a voxel along y (0.2000 mm), not resolved on walls that face y: 2 of 3";
+    assert!(found.len() == 1 && found[0].starts_with(expected), "{found:?}");
+}
+
+#[test]
+fn a_material_files_remarks_are_warnings() {
+    let bench = Bench::new();
+    bench.run(["material", "simulate", "synthetic", "--photons", "40000", "-o", "m"]).exits(0);
+    bench.job_with("set = \"synthetic\"", "file = \"m/synthetic.toml\"");
+    let words = bench.slice("out").stderr;
+    assert!(words.contains("warning: materials: resin white, channel Y: "), "{words}");
+    assert!(!words.contains("note: "), "{words}");
+}
+
+#[cfg(unix)]
+#[test]
+fn paths_need_not_be_utf_8() {
+    use std::os::unix::ffi::OsStrExt;
+    let bench = Bench::new();
+    let name = |bytes: &'static [u8]| OsStr::from_bytes(bytes);
+    let (job, out) = (name(b"j\xffb.toml"), name(b"o\xfft"));
+    fs::rename(bench.path("job.toml"), bench.path(job)).unwrap();
+    bench.run([name(b"slice"), job, name(b"-o"), out]).exits(0);
+    bench.run([name(b"verify"), out]).exits(0);
+    bench.run([name(b"slice"), job, name(b"-o"), out, name(b"--overwrite"), name(b"--json")]).exits(0).json();
+    bench.run([name(b"slice"), name(b"n\xffne.toml")]).refuses(2, &["n\u{fffd}ne.toml"]);
+    fs::remove_dir_all(bench.path(out)).unwrap();
+    let folder = name(b"f\xfflder");
+    fs::create_dir(bench.path(folder)).unwrap();
+    fs::write(bench.path(folder).join("cube.stl"), stl(&cube(2.0))).unwrap();
+    fs::rename(bench.path(job), bench.path(folder).join("job.toml")).unwrap();
+    bench.run([name(b"slice"), name(b"f\xfflder/job.toml")]).exits(0);
+    assert!(bench.path("job-out/manifest.json").is_file());
+}

@@ -1,0 +1,197 @@
+//! A folder with a mesh and a job, the program, and what it said.
+
+use std::{
+    collections::BTreeMap,
+    ffi::OsStr,
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A job on a cube of 4 mm: 20 × 20 × 20 voxels.
+pub const JOB: &str = r#"
+[[object]]
+mesh = "cube.stl"
+[printer]
+pitch-mm = [0.2, 0.2, 0.2]
+[materials]
+set = "synthetic"
+[target]
+kind = "stacking"
+stack = "white:0.5,support:0.6"
+[stacking]
+core = "black"
+[output]
+formats = ["png", "masks"]
+"#;
+
+/// What the program did.
+pub struct Ran {
+    pub code: Option<i32>,
+    pub stdout: String,
+    pub stderr: String,
+}
+
+impl Ran {
+    pub fn from(output: Output) -> Self {
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8 only");
+        Self { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    }
+
+    /// The same, after checking the exit code.
+    #[track_caller]
+    pub fn exits(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "stdout:\n{}\nstderr:\n{}", self.stdout, self.stderr);
+        self
+    }
+
+    /// Checks that a refusal is one `error:` line that holds every one of `parts`, with no data.
+    #[track_caller]
+    pub fn refuses(self, code: i32, parts: &[&str]) {
+        let ran = self.exits(code);
+        assert_eq!(ran.stdout, "");
+        let errors: Vec<_> = ran.stderr.lines().filter(|line| line.starts_with("error: ")).collect();
+        assert_eq!(errors.len(), 1, "{}", ran.stderr);
+        let others = ran.stderr.lines().filter(|line| !line.starts_with("error: ") && !line.starts_with("note: "));
+        assert_eq!(others.collect::<Vec<_>>(), Vec::<&str>::new());
+        for part in parts {
+            assert!(errors[0].contains(part), "{}\nlacks: {part}", errors[0]);
+        }
+    }
+
+    /// stdout as the one JSON document it must be.
+    #[track_caller]
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}:\n{}", self.stdout))
+    }
+}
+
+pub fn lumislice() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_lumislice"))
+}
+
+/// Runs the program in no particular folder.
+pub fn run<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Ran {
+    Ran::from(lumislice().args(args).output().unwrap())
+}
+
+/// Keys of a JSON object in their order.
+pub fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().expect("an object").keys().map(String::as_str).collect()
+}
+
+/// A folder of its own for a test.
+pub struct Bench(TempDir);
+
+impl Bench {
+    /// With `cube.stl` and `job.toml`.
+    pub fn new() -> Self {
+        let bench = Self(tempfile::tempdir().unwrap());
+        bench.write("cube.stl", &stl(&cube(4.0)));
+        bench.write("job.toml", JOB.as_bytes());
+        bench
+    }
+
+    pub fn path(&self, name: impl AsRef<Path>) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    pub fn write(&self, name: impl AsRef<Path>, content: &[u8]) {
+        let path = self.path(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, content).unwrap();
+    }
+
+    /// `job.toml` with some text replaced.
+    pub fn job_with(&self, from: &str, to: &str) {
+        assert!(JOB.contains(from), "{from}");
+        self.write("job.toml", JOB.replacen(from, to, 1).as_bytes());
+    }
+
+    /// The program, to run in the folder.
+    pub fn command<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Command {
+        let mut command = lumislice();
+        command.current_dir(self.0.path()).args(args);
+        command
+    }
+
+    pub fn run<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Ran {
+        Ran::from(self.command(args).output().unwrap())
+    }
+
+    /// Slices `job.toml` into `out`.
+    #[track_caller]
+    pub fn slice(&self, out: &str) -> Ran {
+        self.run(["slice", "job.toml", "-o", out]).exits(0)
+    }
+
+    pub fn manifest(&self, out: &str) -> Value {
+        serde_json::from_slice(&fs::read(self.path(out).join("manifest.json")).unwrap()).unwrap()
+    }
+
+    /// Every file of a folder but the timings, by path.
+    pub fn files(&self, folder: &str) -> BTreeMap<String, Vec<u8>> {
+        let root = self.path(folder);
+        let mut found = BTreeMap::new();
+        let mut folders = vec![root.clone()];
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
+                let relative = entry.path().strip_prefix(&root).unwrap().to_str().unwrap().to_owned();
+                if entry.file_type().unwrap().is_dir() {
+                    folders.push(entry.path());
+                } else if relative != "timings.json" {
+                    found.insert(relative, fs::read(entry.path()).unwrap());
+                }
+            }
+        }
+        found
+    }
+}
+
+pub type Triangle = [[f32; 3]; 3];
+
+/// An axis-aligned cube with a corner at the origin.
+pub fn cube(edge: f32) -> Vec<Triangle> {
+    let corner = |n: usize| [n & 1, n >> 1 & 1, n >> 2].map(|bit| bit as f32 * edge);
+    let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).map(|corners| corners.map(corner)).collect()
+}
+
+/// A sphere of `2·steps` meridians and `steps` parallels.
+pub fn sphere(radius: f32, steps: usize) -> Vec<Triangle> {
+    use std::f32::consts::PI;
+    let point = |i: usize, j: usize| {
+        let (polar, azimuth) = (PI * i as f32 / steps as f32, PI * (j % (2 * steps)) as f32 / steps as f32);
+        // The poles are one point each.
+        let ring = if i == 0 || i == steps { 0.0 } else { polar.sin() };
+        [ring * azimuth.cos(), ring * azimuth.sin(), polar.cos()].map(|c| radius * (1.0 + c))
+    };
+    let mut triangles = Vec::new();
+    for i in 0..steps {
+        for j in 0..2 * steps {
+            let [a, b, c, d] = [point(i, j), point(i + 1, j), point(i + 1, j + 1), point(i, j + 1)];
+            if i + 1 < steps {
+                triangles.push([a, b, c]);
+            }
+            if i > 0 {
+                triangles.push([a, c, d]);
+            }
+        }
+    }
+    triangles
+}
+
+/// A binary STL file.
+pub fn stl(triangles: &[Triangle]) -> Vec<u8> {
+    let mut file = vec![b' '; 80];
+    file.extend((triangles.len() as u32).to_le_bytes());
+    for triangle in triangles {
+        file.extend([0; 12]);
+        file.extend(triangle.as_flattened().iter().flat_map(|value| value.to_le_bytes()));
+        file.extend([0; 2]);
+    }
+    file
+}
