@@ -3,17 +3,31 @@
 //! Only this room prints. Exit codes: 0 done; 1 done, but the answer is no; 2 bad usage, job or input; 3 reading or writing
 //! the output failed; 130 interrupted.
 
+mod match_target;
+mod material;
+mod materials;
+mod output_file;
+mod predict;
+mod preview;
+mod printers;
 mod progress;
+mod shell;
+mod simulate;
 mod slice;
+mod table;
+mod verify;
 
 use std::{
     io::{self, Write},
     process::ExitCode,
-    sync::atomic::{AtomicUsize, Ordering},
+    sync::atomic::{AtomicBool, AtomicUsize, Ordering},
 };
 
 use clap::{Parser, Subcommand};
-use lumislice::job::{Blame, Interrupt, RunError};
+use lumislice::{
+    job::{Blame, Interrupt, RedrawError, RunError, verify::VerifyError},
+    optics::OpticsError,
+};
 
 /// Slices meshes into voxels of resin that scatter light as specified.
 #[derive(Debug, Parser)]
@@ -26,6 +40,14 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Slice(slice::SliceArgs),
+    Predict(predict::PredictArgs),
+    Match(match_target::MatchArgs),
+    Material(material::MaterialArgs),
+    Preview(preview::PreviewArgs),
+    Verify(verify::VerifyArgs),
+    Printers(printers::PrintersArgs),
+    Completions(shell::CompletionsArgs),
+    Man(shell::ManArgs),
 }
 
 /// What a command ends with when nothing failed.
@@ -54,6 +76,14 @@ pub fn run() -> ExitCode {
     install_interrupt();
     let result = match &cli.command {
         Command::Slice(args) => slice::run(args),
+        Command::Predict(args) => predict::run(args),
+        Command::Match(args) => match_target::run(args),
+        Command::Material(args) => material::run(args),
+        Command::Preview(args) => preview::run(args),
+        Command::Verify(args) => verify::run(args),
+        Command::Printers(args) => printers::run(args),
+        Command::Completions(args) => shell::completions(args),
+        Command::Man(args) => shell::man(args),
     };
     match result {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
@@ -66,15 +96,38 @@ pub fn run() -> ExitCode {
 }
 
 fn exit_code(error: &anyhow::Error) -> u8 {
-    if let Some(error) = error.downcast_ref::<RunError>() {
-        return match error.blame() {
-            Blame::Input => 2,
-            Blame::Disk => 3,
-            Blame::Interrupt => 130,
-        };
+    let blame = if let Some(error) = error.downcast_ref::<RunError>() {
+        error.blame()
+    } else if let Some(error) = error.downcast_ref::<VerifyError>() {
+        error.blame()
+    } else if let Some(error) = error.downcast_ref::<RedrawError>() {
+        error.blame()
+    } else if let Some(OpticsError::Cancelled) = error.downcast_ref() {
+        Blame::Interrupt
+    } else if error.downcast_ref::<io::Error>().is_some() {
+        // What is left of plain I/O errors comes from writing to stdout or a file the user named.
+        Blame::Disk
+    } else {
+        Blame::Input
+    };
+    match blame {
+        Blame::Input => 2,
+        Blame::Disk => 3,
+        Blame::Interrupt => INTERRUPTED,
     }
-    // What is left of plain I/O errors comes from writing to stdout or a file the user named.
-    if error.downcast_ref::<io::Error>().is_some() { 3 } else { 2 }
+}
+
+/// Exit code after Ctrl-C, as shells have it.
+const INTERRUPTED: u8 = 130;
+/// Whether the first Ctrl-C may end the process where it stands.
+static AT_ONCE: AtomicBool = AtomicBool::new(false);
+
+/// From here on nothing is being written, and Ctrl-C need not wait for anyone to look.
+fn leave_at_once() {
+    AT_ONCE.store(true, Ordering::Relaxed);
+    if INTERRUPT.requested() {
+        std::process::exit(i32::from(INTERRUPTED));
+    }
 }
 
 /// The first Ctrl-C asks to stop, the third one insists.
@@ -83,18 +136,21 @@ fn install_interrupt() {
     // Without a handler Ctrl-C ends the process at once, and files are whole all the same.
     let _ = ctrlc::set_handler(|| {
         INTERRUPT.request();
-        if PRESSED.fetch_add(1, Ordering::Relaxed) >= 2 {
-            std::process::exit(130);
+        if PRESSED.fetch_add(1, Ordering::Relaxed) >= 2 || AT_ONCE.load(Ordering::Relaxed) {
+            say("error: interrupted");
+            std::process::exit(i32::from(INTERRUPTED));
         }
     });
 }
 
-/// Writes data to stdout.
+/// Writes data to stdout. A reader that has seen enough, as `head`, is no error.
 fn print(text: &str) -> anyhow::Result<()> {
     let mut stdout = io::stdout().lock();
-    stdout.write_all(text.as_bytes())?;
-    stdout.flush()?;
-    Ok(())
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        Err(error) => Err(anyhow::Error::new(error).context("stdout: writing failed")),
+        Ok(()) => Ok(()),
+    }
 }
 
 /// Writes one JSON document to stdout.

@@ -11,6 +11,9 @@ pub struct Bars {
     current: Mutex<ProgressBar>,
 }
 
+/// Steps a share is counted in.
+const SHARE_STEPS: u64 = 1000;
+
 impl Bars {
     /// Bars on a terminal, nothing elsewhere or when `quiet`.
     pub fn new(quiet: bool) -> Self {
@@ -28,6 +31,17 @@ impl Bars {
     pub fn finish(&self) {
         self.replace(ProgressBar::hidden());
     }
+
+    /// A stage that tells its share done, 0 to 1.
+    pub fn share(&self, name: &str) -> impl FnMut(f64) + use<'_> {
+        self.stage(name, SHARE_STEPS);
+        let mut done = 0;
+        move |share| {
+            let now = (share.clamp(0.0, 1.0) * SHARE_STEPS as f64) as u64;
+            self.advance(now.saturating_sub(done));
+            done = done.max(now);
+        }
+    }
 }
 
 impl Progress for Bars {
@@ -37,7 +51,8 @@ impl Progress for Bars {
         }
         let bar = if total == 0 { ProgressBar::new_spinner() } else { ProgressBar::new(total) };
         let template = match total {
-            0 => "{spinner} {msg:10} {elapsed}",
+            0 => "  {spinner} {msg:10} {elapsed}",
+            SHARE_STEPS => "  {msg:10} [{bar:40}] {percent}%  {eta} left",
             _ => "  {msg:10} [{bar:40}] {pos}/{len}  {eta} left",
         };
         if let Ok(style) = ProgressStyle::with_template(template) {

@@ -4,12 +4,12 @@ use std::{ops::Range, path::PathBuf};
 
 use clap::Args;
 use lumislice::{
-    job::{self, Estimate, Job, Manifest, MaterialRecord, Prepared, RunError, RunOptions},
+    job::{self, Estimate, Job, Manifest, MaterialRecord, MaterialSource, Prepared, RunError, RunOptions},
     slice::OutputFolder,
 };
 use serde_json::json;
 
-use super::{Answer, INTERRUPT, print, print_json, progress::Bars, say};
+use super::{Answer, INTERRUPT, materials::say_provenance, print, print_json, progress::Bars, say};
 
 /// Slice a job into printer-ready files.
 #[derive(Debug, Args)]
@@ -49,7 +49,12 @@ pub fn run(args: &SliceArgs) -> anyhow::Result<Answer> {
         OutputFolder::check(&folder, args.overwrite).map_err(RunError::from)?;
     }
     let bars = Bars::new(args.json);
+    let built_in = matches!(job.materials, MaterialSource::Set(_));
     let prepared = Prepared::new(job, &bars, &INTERRUPT);
+    if let Some(set) = prepared.as_ref().ok().map(|prepared| &prepared.materials).filter(|_| built_in) {
+        bars.finish();
+        say_provenance(&set.name, &set.provenance);
+    }
     if args.dry_run {
         let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars, &INTERRUPT)?, prepared)));
         bars.finish();
@@ -62,9 +67,10 @@ pub fn run(args: &SliceArgs) -> anyhow::Result<Answer> {
     let manifest = result?;
     if args.json {
         print_json(&json!({
-            "output": folder,
+            "output": folder.to_string_lossy(),
             "lattice": manifest.lattice,
             "slices": manifest.slices,
+            "material_set": manifest.material_set,
             "materials": manifest.materials,
             "warnings": manifest.warnings,
         }))?;

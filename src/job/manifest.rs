@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::prepare::Prepared;
+use super::{prepare::Prepared, stackings::StackingReport};
 use crate::slice::FileEntry;
 
 /// Version of the manifest's form; raised when readers must change.
@@ -33,7 +33,7 @@ pub struct Manifest {
     /// Resins in the order of the set.
     pub materials: Vec<MaterialRecord>,
     /// Stackings of each object.
-    pub stackings: Vec<Value>,
+    pub stackings: Vec<StackingReport>,
     /// Material meshes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshRecord>,
@@ -76,6 +76,9 @@ pub struct MaterialSetRecord {
     pub provenance: String,
     /// Its channels.
     pub channels: Vec<String>,
+    /// What was assumed, ignored or extrapolated when its data were read.
+    #[serde(default)]
+    pub notes: Vec<String>,
 }
 
 /// A resin.
@@ -104,6 +107,8 @@ pub struct MeshRecord {
     pub triangles: u64,
     /// Enclosed volume, mm³.
     pub volume_mm3: f64,
+    /// Distance of the nodes it was made from, mm.
+    pub pitch_mm: f64,
 }
 
 /// What slicing adds to what was prepared.
@@ -111,7 +116,6 @@ pub(super) struct Outcome {
     pub slices: [u32; 2],
     pub counts: [u64; 256],
     pub meshes: Vec<MeshRecord>,
-    pub files: Vec<FileEntry>,
     pub warnings: Vec<String>,
 }
 
@@ -121,6 +125,7 @@ fn json(value: &impl Serialize) -> Value {
 }
 
 impl Manifest {
+    /// The manifest of a job, its list of files still empty.
     pub(super) fn new(prepared: &Prepared, outcome: Outcome) -> Self {
         let lattice = &prepared.lattice;
         let objects = prepared.objects.iter().map(|object| ObjectRecord {
@@ -146,11 +151,12 @@ impl Manifest {
                 name: prepared.materials.name.clone(),
                 provenance: prepared.materials.provenance.clone(),
                 channels: prepared.materials.channels.clone(),
+                notes: prepared.materials.warnings.clone(),
             },
             materials: prepared.material_records(&outcome.counts, lattice.voxel_volume()),
-            stackings: prepared.objects.iter().map(|object| json(&object.stackings)).collect(),
+            stackings: prepared.objects.iter().map(|object| object.stackings.clone()).collect(),
             meshes: outcome.meshes,
-            files: outcome.files,
+            files: Vec::new(),
             warnings: outcome.warnings,
         }
     }

@@ -5,6 +5,7 @@
 //! expected. Nothing slow happens here and nothing is read but the job: whether the resins it names exist is asked
 //! later ([`Job::check_resins`]), when the materials are known. `docs/job.md` lists every key.
 
+mod checks;
 mod error;
 mod estimate;
 mod images;
@@ -16,6 +17,8 @@ mod prepare;
 mod progress;
 mod ranges;
 mod read;
+mod redraw;
+mod report;
 mod resolved;
 mod run;
 mod run_error;
@@ -25,6 +28,7 @@ mod stackings;
 mod target;
 #[cfg(test)]
 mod tests;
+pub mod verify;
 
 use std::fs::File;
 use std::io::Read;
@@ -45,6 +49,8 @@ pub use options::{
 pub use paths::InputPath;
 pub use prepare::{InputFile, Prepared, PreparedObject};
 pub use progress::{Interrupt, Progress, Silent};
+pub use redraw::{RedrawError, redraw};
+pub use report::{REPORT, draw_again, report_data};
 pub use resolved::ResolvedJob;
 pub use run::{RunOptions, STACKINGS, run};
 pub use run_error::{Blame, RunError};

@@ -7,13 +7,13 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::{
-    Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError, Scaling, TargetSpec,
+    Distance, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError, Scaling, TargetSpec, checks,
     stackings::{StackingReport, TargetContext, object_layers},
 };
 use crate::{
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
     optics::{MaterialFile, MaterialSet, OpticsError},
-    slice::{ObjectField, Palette, Slicer, hex},
+    slice::{DistanceKind, ObjectField, Palette, Slicer, hex},
     voxel::{Lattice, MaterialId},
 };
 
@@ -82,7 +82,18 @@ impl Prepared {
 
         progress.stage("materials", 0);
         let materials = finish_materials(draft, interrupt)?;
-        warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));
+        // What was done to the data of a built-in set is the same in every job, and stands in the manifest.
+        if let MaterialSource::File(_) = job.materials {
+            warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));
+        }
+        let distance = match job.field.distance {
+            Distance::Exact => DistanceKind::Exact,
+            Distance::Grid => DistanceKind::Grid,
+            Distance::Lp { exponent } => DistanceKind::Lp { exponent },
+        };
+        if distance != DistanceKind::Exact && (job.wants(OutputFormat::Stl) || job.wants(OutputFormat::ThreeMf)) {
+            warnings.push("material meshes use the exact distance, whatever field.distance says".to_owned());
+        }
         let mut objects = Vec::new();
         let mut fields = Vec::new();
         for (index, ((mut solid, transform), object)) in solids.into_iter().zip(&job.objects).enumerate() {
@@ -103,10 +114,11 @@ impl Prepared {
             let bounds = bounds(&solid);
             let field = ObjectField::new(&solid, lattice, layers)
                 .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
-            fields.push(field);
+            fields.push(field.with_distance(distance));
             let (mesh, health) = (object.mesh.shown(), solid.health);
             objects.push(PreparedObject { mesh, transform, health, bounds, stackings });
         }
+        warnings.extend(checks::thin_layers(&objects, &lattice));
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);
         let prepared = Self { job, materials, lattice, objects, palette, inputs, warnings, slicer };

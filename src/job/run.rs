@@ -7,11 +7,16 @@ use serde_json::json;
 
 use super::{
     Interrupt, OutputFormat, Progress, RunError,
-    manifest::{Manifest, Outcome},
+    manifest::{Manifest, MeshRecord, Outcome},
     prepare::Prepared,
+    report::write_pictures,
 };
 use crate::{
-    slice::{MANIFEST, OutputFolder, RowBuffers, TIMINGS, encode_mask, encode_rgba},
+    slice::{
+        MANIFEST, OutputFolder, RowBuffers, TIMINGS, encode_mask, encode_rgba,
+        meshes::{MaterialMesher, MaterialPart, write_3mf, write_stl},
+        preview::{PreviewBuilder, PreviewMaterial},
+    },
     voxel::{MaterialId, Slab},
 };
 
@@ -49,17 +54,33 @@ pub fn run(
     progress.stage("slices", u64::from(slices.end - slices.start));
     let sinks = Sinks { prepared, output: &output, progress, interrupt };
     let mut counts = [0; 256];
-    prepared.slicer().for_each_slab(slices.clone(), |slab| sinks.take(slab, &slices, &mut counts))?;
+    let mut pictures = prepared.job.wants(OutputFormat::Preview).then(|| prepared.preview_builder());
+    prepared.slicer().for_each_slab(slices.clone(), |slab| {
+        if let Some(builder) = &mut pictures {
+            builder.observe(slab);
+        }
+        sinks.take(slab, &slices, &mut counts)
+    })?;
     let sliced = started.elapsed();
+    let meshes = prepared.write_meshes(&output, progress, interrupt)?;
+    let meshed = started.elapsed() - sliced;
 
     let mut warnings = prepared.warnings.clone();
     if let Some(least) = prepared.job.printer.min_slices.filter(|&least| (dims[2] as usize) < least) {
         warnings.push(format!("{} slices, fewer than the {least} that {} takes", dims[2], prepared.job.printer.name));
     }
-    let outcome =
-        Outcome { slices: [slices.start, slices.end], counts, meshes: Vec::new(), files: output.files(), warnings };
-    let manifest = Manifest::new(prepared, outcome);
-    let timings = json!({ "slicing_s": sliced.as_secs_f64(), "total_s": started.elapsed().as_secs_f64() });
+    let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
+    let mut manifest = Manifest::new(prepared, outcome);
+    if let Some(builder) = pictures {
+        progress.stage("pictures", 0);
+        write_pictures(&output, &manifest, &builder.finish()?)?;
+    }
+    manifest.files = output.files();
+    let timings = json!({
+        "slicing_s": sliced.as_secs_f64(),
+        "meshes_s": meshed.as_secs_f64(),
+        "total_s": started.elapsed().as_secs_f64(),
+    });
     output.write_unlisted(TIMINGS, &pretty(&timings))?;
     output.remove_stale()?;
     // Last: a folder with a manifest is a finished job.
@@ -68,7 +89,7 @@ pub fn run(
 }
 
 /// JSON as written to files: indented, with a newline at the end.
-fn pretty(value: &impl serde::Serialize) -> Vec<u8> {
+pub(super) fn pretty(value: &impl serde::Serialize) -> Vec<u8> {
     let mut text = serde_json::to_vec_pretty(value).unwrap_or_default();
     text.push(b'\n');
     text
@@ -135,6 +156,64 @@ impl Sinks<'_> {
 }
 
 impl Prepared {
+    fn preview_builder(&self) -> PreviewBuilder {
+        let material = |(index, resin): (usize, &crate::optics::Resin)| {
+            let id = MaterialId::from_resin(index);
+            PreviewMaterial { id, name: resin.name.clone(), rgba: self.palette[usize::from(id.0)] }
+        };
+        let materials: Vec<_> = self.materials.resins.iter().enumerate().map(material).collect();
+        PreviewBuilder::new(&self.lattice, &materials)
+    }
+
+    /// Writes the material meshes the job asks for. They are of the whole job, whatever slices are written.
+    fn write_meshes(
+        &self,
+        output: &OutputFolder,
+        progress: &dyn Progress,
+        interrupt: &Interrupt,
+    ) -> Result<Vec<MeshRecord>, RunError> {
+        let (stl, assembly) = (self.job.wants(OutputFormat::Stl), self.job.wants(OutputFormat::ThreeMf));
+        if !stl && !assembly {
+            return Ok(Vec::new());
+        }
+        let layers = self.objects.iter().flat_map(|object| &object.stackings.stackings).flat_map(|entry| &entry.layers);
+        let thinnest = layers.map(|layer| layer.thickness_mm).reduce(f64::min);
+        let default = MaterialMesher::default_pitch_mm(thinnest, self.lattice.pitch);
+        let mesher = MaterialMesher { pitch_mm: self.job.output.mesh_pitch_mm.unwrap_or(default) };
+        let resins: Vec<_> =
+            self.printed().map(|(id, resin)| (id, self.materials.resins[resin].name.clone())).collect();
+        progress.stage("meshes", 0);
+        let meshes = match mesher.mesh(self.slicer().objects(), &resins, |_, _| !interrupt.requested()) {
+            Err(_) if interrupt.requested() => return Err(RunError::Interrupted),
+            meshes => meshes?,
+        };
+        let encoding = |error: std::io::Error| crate::slice::OutputError::Io {
+            action: "encoding",
+            path: output.root().join("meshes"),
+            source: error,
+        };
+        let parts = || meshes.parts.iter().filter(|part| !part.triangles.is_empty());
+        if stl {
+            for part in parts() {
+                let mut file = Vec::new();
+                write_stl(&meshes, part, &mut file).map_err(encoding)?;
+                output.write(&format!("meshes/{}.stl", part.name), &file)?;
+            }
+        }
+        if assembly {
+            let mut file = std::io::Cursor::new(Vec::new());
+            write_3mf(&meshes, &self.palette, &mut file).map_err(encoding)?;
+            output.write(&format!("meshes/{}.3mf", self.job.name), file.get_ref())?;
+        }
+        let record = |part: &MaterialPart| MeshRecord {
+            material: part.name.clone(),
+            triangles: part.triangles.len() as u64,
+            volume_mm3: part.volume_mm3,
+            pitch_mm: mesher.pitch_mm,
+        };
+        Ok(parts().map(record).collect())
+    }
+
     fn refuse_misfits(&self) -> Result<(), RunError> {
         match self.misfits().into_iter().next() {
             Some(misfit) => Err(self.job.refuse("printer", misfit, "objects that fit the tray").into()),

@@ -5,7 +5,13 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::JobError;
-use crate::{mesh::MeshError, optics::OpticsError, search::SearchError, slice::OutputError, voxel::LatticeError};
+use crate::{
+    mesh::MeshError,
+    optics::OpticsError,
+    search::SearchError,
+    slice::{OutputError, meshes::MeshingError, preview::PreviewError},
+    voxel::LatticeError,
+};
 
 /// Why a job was not done.
 #[derive(Debug, Error)]
@@ -48,6 +54,12 @@ pub enum RunError {
         /// Slices of the job.
         slices: u32,
     },
+    /// Material meshes.
+    #[error("meshes: {0}")]
+    Meshes(#[from] MeshingError),
+    /// Pictures.
+    #[error(transparent)]
+    Preview(#[from] PreviewError),
     /// The output folder.
     #[error(transparent)]
     Output(#[from] OutputError),

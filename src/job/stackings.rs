@@ -1,6 +1,6 @@
 //! From what an object should look like to the layers that do it.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{
     AlbedoSource, Interrupt, Job, Progress, RunError, TargetSpec,
@@ -18,10 +18,10 @@ use crate::{
 };
 
 /// The stackings of one object and how well they do.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct StackingReport {
     /// `stacking`, `profile`, `texture` or `clusters`.
-    pub kind: &'static str,
+    pub kind: String,
     /// Resins of the aligned sequence, top first; empty for a single stacking.
     pub sequence: Vec<String>,
     /// One entry per stacking, in the order of their labels.
@@ -33,27 +33,27 @@ pub struct StackingReport {
 }
 
 /// One stacking.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StackingEntry {
     /// Layers, top first.
     pub layers: Vec<LayerEntry>,
     /// Share of the surface's texels that have it, 0 to 1.
     pub share: f64,
     /// Albedo asked for per channel; `None` where the stacking was given.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target_albedo: Option<Vec<f64>>,
     /// Albedo predicted per channel.
     pub predicted_albedo: Vec<f64>,
     /// What the search says; `None` where the stacking was given.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchEntry>,
     /// Root mean square distance of the cluster's spectra from their mean; `None` without clusters.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cluster_rms: Option<f64>,
 }
 
 /// One layer.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LayerEntry {
     /// Its resin.
     pub resin: String,
@@ -62,7 +62,7 @@ pub struct LayerEntry {
 }
 
 /// How a search ended.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SearchEntry {
     /// Σ (R̂ − R̂_t)² over coefficients and channels, the first weighted.
     pub objective: f64,
@@ -413,7 +413,7 @@ impl TargetContext<'_> {
         let layers = stacking.layers.iter().map(|layer| (self.id(layer.resin), layer.thickness_mm));
         let ids = layers.clone().map(|layer| layer.0).chain([self.id(core)]).collect();
         let report = StackingReport {
-            kind,
+            kind: kind.to_owned(),
             sequence: Vec::new(),
             stackings: vec![entry],
             core: self.materials.resins[core].name.clone(),
@@ -441,7 +441,7 @@ impl TargetContext<'_> {
         })?;
         let layers = TexturedLayers::new(&self.solid.mesh, atlas, labels, slots);
         let report = StackingReport {
-            kind,
+            kind: kind.to_owned(),
             sequence: aligned.sequence.iter().map(|&resin| self.materials.resins[resin].name.clone()).collect(),
             stackings: entries,
             core: self.materials.resins[core].name.clone(),

@@ -63,6 +63,18 @@ pub enum OpticsError {
         /// All built-in names.
         known: String,
     },
+    /// No resin of this name in a set.
+    #[error("unknown resin `{name}`{}; {set} has: {known}", did_you_mean(suggestion.as_deref()))]
+    UnknownResin {
+        /// The name asked for.
+        name: String,
+        /// The nearest name of the set, if one is near.
+        suggestion: Option<String>,
+        /// Name of the set.
+        set: String,
+        /// All its resins.
+        known: String,
+    },
     /// The caller stopped a simulation.
     #[error("simulation cancelled")]
     Cancelled,

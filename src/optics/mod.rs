@@ -19,6 +19,7 @@ mod inverse;
 mod kubelka_munk;
 mod materials;
 mod monte_carlo;
+mod prediction;
 mod profile;
 mod profile_csv;
 mod quadrature;
@@ -34,9 +35,10 @@ pub use inverse::InverseHankel;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
 pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinSpectrum,
-    SimulatedProfile, SpectrumError, regenerate_builtin, simulate_profile,
+    SimulatedProfile, SlabPlan, SpectrumError, regenerate_builtin, simulate_profile,
 };
 pub use monte_carlo::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges};
+pub use prediction::{ChannelPrediction, PhotonOptions, PredictedRing, Prediction};
 pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERANCE, ProfileError, RadialProfile};
 pub use profile_csv::ProfileFile;
 pub use repair::{LostInNoise, TransmissionRepair, repair_transmission};

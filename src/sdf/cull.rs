@@ -5,7 +5,7 @@
 //! block's 8 corners it is ≤ 0 in the whole block, the rival is nearer everywhere, and T cannot win. The plain Lipschitz
 //! rule (keep T if d ≤ d_min + 2r) keeps some twenty times as many.
 //!
-//! Guarantee: for every position of the block, the nearest triangle (and every triangle as near within [`SLACK`]) is kept.
+//! Guarantee: for every position of the block, the nearest triangle (and every triangle as near within the slack) is kept.
 //! Not guaranteed: that what is kept is minimal; one rival is tried per round, [`ROUNDS`] rounds.
 
 use glam::DVec3;
@@ -14,7 +14,7 @@ use super::triangle::closest_point;
 
 /// Triangles are dropped only when beaten by more than this, mm: far above the rounding of a distance, so that ties reach the
 /// comparison that breaks them by index.
-const SLACK: f64 = 1e-7;
+pub const SLACK: f64 = 1e-7;
 
 /// Rivals tried per block. A second and third rival (those nearest at the corner where the first is weakest) drop a further
 /// fifth of the candidates at brick level; a fourth costs more than it saves.
@@ -67,11 +67,13 @@ struct Plane {
 }
 
 /// Moves the candidates that can be nearest somewhere in `block` from `candidates` to the end of `kept`, in order, and
-/// bounds the distance over the block. `candidates` must hold every triangle that can be nearest, and not be empty.
+/// bounds the distance over the block. `candidates` must hold every triangle that can be nearest, and not be empty. Every triangle
+/// that is within `slack` mm, at least [`SLACK`], of being nearest is kept as well.
 pub fn cull(
     triangles: &[[DVec3; 3]],
     block: &BlockBox,
     candidates: std::ops::Range<usize>,
+    slack: f64,
     list: &mut Vec<u32>,
     scratch: &mut CullScratch,
 ) -> DepthRange {
@@ -111,7 +113,7 @@ pub fn cull(
             if !alive[index] || index == rival {
                 continue;
             }
-            if plane.low > highest + SLACK {
+            if plane.low > highest + slack {
                 alive[index] = false;
                 continue;
             }
@@ -120,7 +122,7 @@ pub fn cull(
             for (ceiling, offset) in ceiling.iter().zip(offsets) {
                 behind = behind.max(ceiling - (plane.value + plane.gradient.dot(offset)));
             }
-            if behind < -SLACK {
+            if behind < -slack {
                 alive[index] = false;
             } else if behind > weakest.0 {
                 weakest = (behind, index);

@@ -11,7 +11,8 @@
 //! boundary: [`crate::mesh::Solid`] brings caps that close its holes.
 //!
 //! Where a vertex lies exactly in the plane or a crossing exactly on the row, both readings of "above" are taken and the
-//! union kept, so that the surface itself (depth 0) is inside.
+//! union kept, so that the surface itself (depth 0) is inside. A tip or a ridge that only touches the row has no crossing in
+//! either reading; vertices and edges on the row are inside by themselves.
 
 use std::sync::Arc;
 
@@ -59,6 +60,9 @@ struct Crossing {
     turn: i8,
     x: f64,
 }
+
+/// The reading of what only touches a row; 0 to 3 are those of crossings.
+const TOUCHING: u8 = 4;
 
 /// How a vertex exactly in the plane, and a crossing exactly on the row, is read.
 #[derive(Clone, Copy)]
@@ -145,7 +149,9 @@ impl InsideRows {
         }
         if touched {
             for &member in members {
-                self.cross(&self.triangles[member as usize], z, Above::Exclusive, 2, &mut crossings);
+                let triangle = &self.triangles[member as usize];
+                self.cross(triangle, z, Above::Exclusive, 2, &mut crossings);
+                self.touch(triangle, z, &mut crossings);
             }
         }
         // Ties in x only reorder crossings of the same place; entering first keeps touching solids together.
@@ -182,11 +188,28 @@ impl InsideRows {
                     (true, false) => -1,
                     _ => return,
                 };
-                let x = start[0] + (y - start[1]) / (end[1] - start[1]) * (end[0] - start[0]);
-                crossings.push(Crossing { row, reading, turn, x });
+                crossings.push(Crossing { row, reading, turn, x: crossing_at(start, end, y) });
             };
             push(Above::Inclusive, reading);
             push(Above::Exclusive, reading + 1);
+        }
+    }
+
+    /// Adds what of a triangle's edges lies on a row, a vertex at least, as a reading of its own: in and out again.
+    fn touch(&self, triangle: &[DVec3; 3], z: f64, crossings: &mut Vec<Crossing>) {
+        for corner in 0..3 {
+            let (from, to) = (triangle[corner], triangle[(corner + 1) % 3]);
+            let row = ((from.y - self.lattice.origin.y) / self.lattice.pitch.y - 0.5).round();
+            if from.z != z || !(row >= 0.0 && row < f64::from(self.lattice.dims[1])) {
+                continue;
+            }
+            let row = row as u32;
+            if self.lattice.coordinate(1, row) == from.y {
+                let end = if to.z == z && to.y == from.y { to.x } else { from.x };
+                let (low, high) = if from.x <= end { (from.x, end) } else { (end, from.x) };
+                crossings.push(Crossing { row, reading: TOUCHING, turn: 1, x: low });
+                crossings.push(Crossing { row, reading: TOUCHING, turn: -1, x: high });
+            }
         }
     }
 
@@ -250,8 +273,18 @@ impl InsideRows {
 fn edge_at(p: DVec3, q: DVec3, z: f64) -> [f64; 2] {
     let ordered = (p.z, p.y, p.x) <= (q.z, q.y, q.x);
     let (p, q) = if ordered { (p, q) } else { (q, p) };
+    if z == q.z {
+        return [q.x, q.y]; // p + (q − p) need not be q
+    }
     let t = (z - p.z) / (q.z - p.z);
     [p.x + t * (q.x - p.x), p.y + t * (q.y - p.y)]
+}
+
+/// Where the segment (p, q) in a plane meets the row at `y`: x, the same bits whichever way the segment is given.
+#[inline]
+fn crossing_at(p: [f64; 2], q: [f64; 2], y: f64) -> f64 {
+    let (p, q) = if (p[1], p[0]) <= (q[1], q[0]) { (p, q) } else { (q, p) };
+    if y == q[1] { q[0] } else { p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0]) }
 }
 
 /// Sorts and joins the runs from index `first` on.

@@ -10,15 +10,30 @@
 //! | `inside`   | runs of inside voxels per row, by signed crossings |
 //! | `cull`     | which triangles can be nearest somewhere in a block |
 //! | `kernel`   | nearest of a few triangles for the 512 voxels of a brick, in SIMD |
+//! | `voxelize`, `surface_voxels` | which voxels the surface passes through |
+//! | `grid`     | distance from voxel to surface voxel, as the paper has it |
+//! | `moments`, `lp_kernel`, `lp` | the Lp-averaged distance |
 
 mod cull;
+mod grid;
 mod inside;
 mod kernel;
+mod lp;
+mod lp_kernel;
+mod moments;
 mod surface;
+mod surface_voxels;
+#[cfg(test)]
+mod tests;
 mod triangle;
+mod voxelize;
 
-pub use cull::{BlockBox, CullScratch, DepthRange, cull};
+pub use cull::{BlockBox, CullScratch, DepthRange, SLACK, cull};
+pub use grid::{FeatureWindow, Reach};
 pub use inside::{InsideRows, SliceRuns};
 pub use kernel::{BrickOffsets, BrickSurface, nearest_in_brick};
+pub use lp::{LpField, LpOffsets, LpScratch, RELATIVE_ERROR};
 pub use surface::{Surface, SurfacePoint};
+pub use surface_voxels::SurfaceVoxels;
 pub use triangle::{ClosestPoint, closest_point};
+pub use voxelize::{Cells, cell_centre, for_cells};

@@ -1,9 +1,14 @@
 //! Closest point of a triangle: Ericson, *Real-Time Collision Detection* (2005), section 5.1.5.
 //!
-//! The seven Voronoi regions of a triangle are told apart by signs of dot products. Needs a triangle with area; positions
-//! within about 10⁶ mm of each other keep the distance within 10⁻⁹ mm.
+//! The seven Voronoi regions of a triangle are told apart by signs of dot products. Needs a triangle with area. The products cancel
+//! as the square of height over length, so thin triangles are projected in a frame along their longest edge instead. A distance
+//! is off by at most 10⁻⁶ mm on triangles 60 mm long, however thin; by 10⁻¹³ mm on those that are not.
 
 use glam::DVec3;
+
+/// Height over longest edge below which a triangle is thin. Worst errors over 60 mm by Ericson's products alone: at 10⁻³ 3e-14 mm, at
+/// 10⁻⁵ 1e-5 mm, at 10⁻⁷ 0.15 mm, at 10⁻⁹ 24 mm.
+const THIN: f64 = 1e-3;
 
 /// The point of a triangle nearest to a position.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,9 +63,46 @@ fn closest_barycentric(p: DVec3, a: DVec3, b: DVec3, c: DVec3) -> [f64; 3] {
         let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
         return [0.0, 1.0 - w, w]; // edge bc
     }
-    let scale = 1.0 / (va + vb + vc);
+    let longest_squared = ab.length_squared().max(ac.length_squared()).max((c - b).length_squared());
+    let normal_squared = va + vb + vc;
+    if normal_squared < (THIN * longest_squared).powi(2) {
+        return thin_barycentric(p, [a, b, c]);
+    }
+    let scale = 1.0 / normal_squared;
     let (v, w) = (vb * scale, vc * scale);
     [1.0 - v - w, v, w]
+}
+
+/// The same for a thin triangle: in the plane with x along the longest edge a point of it is (x, y), the third corner (foot, height).
+#[cold]
+fn thin_barycentric(p: DVec3, corners: [DVec3; 3]) -> [f64; 3] {
+    let edges: [DVec3; 3] = std::array::from_fn(|i| corners[(i + 1) % 3] - corners[i]);
+    let length = |i: usize| edges[i].length_squared();
+    let start = (0..3).fold(0, |longest, i| if length(i) > length(longest) { i } else { longest });
+    let (end, third) = ((start + 1) % 3, (start + 2) % 3);
+    let along = edges[start] / length(start).sqrt();
+    let up = edges[start].cross(corners[third] - corners[start]).cross(edges[start]).normalize_or_zero();
+    let (to_third, to_p) = (corners[third] - corners[start], p - corners[start]);
+    let weight_of_third = to_p.dot(up) / to_third.dot(up);
+    let weight_of_end = (to_p.dot(along) - weight_of_third * to_third.dot(along)) / length(start).sqrt();
+    let mut weights = [0.0; 3];
+    (weights[third], weights[end]) = (weight_of_third, weight_of_end);
+    weights[start] = 1.0 - weight_of_third - weight_of_end;
+    if weights.iter().all(|weight| *weight >= 0.0) {
+        return weights;
+    }
+    // It projects next to the triangle after all: the nearest point of the edges. (Not a number, without height: likewise.)
+    let mut best = (f64::INFINITY, [1.0, 0.0, 0.0]);
+    for i in 0..3 {
+        let t = ((p - corners[i]).dot(edges[i]) / length(i)).clamp(0.0, 1.0);
+        let distance_squared = (p - corners[i] - edges[i] * t).length_squared();
+        if distance_squared < best.0 {
+            let mut weights = [0.0; 3];
+            (weights[i], weights[(i + 1) % 3]) = (1.0 - t, t);
+            best = (distance_squared, weights);
+        }
+    }
+    best.1
 }
 
 #[cfg(test)]

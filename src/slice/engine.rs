@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::fill::{FillScratch, ObjectField};
-use crate::{
-    sdf::SliceRuns,
-    voxel::{BlockShape, Lattice, Slab},
+use super::{
+    depth::SlabField,
+    fill::{FillScratch, ObjectField},
 };
+use crate::voxel::{BlockShape, Lattice, Slab};
 
 /// Computes a lattice of material ids from objects, slab by slab.
 #[derive(Debug)]
@@ -46,15 +46,14 @@ impl Slicer {
             return Ok(());
         }
         let mut slab = Slab::new(self.lattice);
-        let mut runs = vec![SliceRuns::default(); height as usize];
+        let mut field = SlabField::default();
         for index in slices.start / height..slices.end.div_ceil(height) {
             slab.reset(index);
             let range = slab.slices();
             for object in &self.objects {
-                let runs = &mut runs[..range.len()];
-                object.fill_inside(range.start, runs);
+                field.prepare(object, range.clone());
                 slab.blocks_mut().for_each_init(FillScratch::default, |scratch, (first, block)| {
-                    object.fill_block(first, runs, block, scratch);
+                    object.fill_block(first, &field, block, scratch);
                 });
             }
             sink(&slab)?;

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec2};
 
+use super::depth::{DistanceKind, Measure, MeasureScratch, SlabField};
 use crate::{
     mesh::Solid,
     sdf::{
@@ -18,18 +19,19 @@ use crate::{
 };
 
 /// Rounding margin when a depth range decides for a whole box, mm.
-const DEPTH_MARGIN: f64 = 1e-7;
+pub(super) const DEPTH_MARGIN: f64 = 1e-7;
 
 /// An object on the lattice: where it is, how deep, and what its layers are.
 #[derive(Debug)]
 pub struct ObjectField {
     surface: Arc<Surface>,
     inside: InsideRows,
-    uvs: Arc<[[Vec2; 3]]>,
     layers: Arc<LayerField>,
-    lattice: Lattice,
-    shape: BlockShape,
     offsets: BrickOffsets,
+    pub(super) uvs: Arc<[[Vec2; 3]]>,
+    pub(super) lattice: Lattice,
+    pub(super) shape: BlockShape,
+    pub(super) measure: Measure,
 }
 
 /// Buffers of one worker.
@@ -37,8 +39,16 @@ pub struct ObjectField {
 pub struct FillScratch {
     candidates: Vec<u32>,
     cull: CullScratch,
-    masks: Vec<[u8; BRICK_VOXELS / 8]>,
-    surface: BrickSurface,
+    pub(super) measure: MeasureScratch,
+    pub(super) masks: Vec<[u8; BRICK_VOXELS / 8]>,
+    pub(super) surface: BrickSurface,
+}
+
+/// Where a block is: its first voxel, and what is known of its slab.
+#[derive(Clone, Copy)]
+pub(super) struct Site<'a> {
+    pub(super) first: [u32; 3],
+    pub(super) slab: &'a SlabField,
 }
 
 /// A box of bricks within a block: first brick and number of bricks per axis.
@@ -49,7 +59,7 @@ struct Bricks {
 }
 
 impl ObjectField {
-    /// Prepares an object; `None` for a mesh without triangles.
+    /// Prepares an object, its layers laid by the exact distance; `None` for a mesh without triangles.
     pub fn new(solid: &Solid, lattice: Lattice, layers: LayerField) -> Option<Self> {
         let shape = BlockShape::for_lattice(&lattice);
         Some(Self {
@@ -60,6 +70,7 @@ impl ObjectField {
             lattice,
             shape,
             offsets: BrickOffsets::new(&lattice),
+            measure: Measure::Exact,
         })
     }
 
@@ -74,7 +85,14 @@ impl ObjectField {
             lattice,
             shape,
             offsets: BrickOffsets::new(&lattice),
+            measure: self.measure.resampled(&lattice),
         }
+    }
+
+    /// Lays the layers by another distance.
+    pub fn with_distance(mut self, kind: DistanceKind) -> Self {
+        self.measure = Measure::new(kind, &self.surface, &self.lattice);
+        self
     }
 
     /// The closest-point structure.
@@ -87,12 +105,11 @@ impl ObjectField {
         &self.layers
     }
 
-    /// Texture coordinates of the point of `triangle` nearest to `p`; needs layers that need them.
-    #[inline]
+    /// Texture coordinates of the point of a triangle nearest to `p`; 0 where the layers need none.
     pub(super) fn uv(&self, triangle: u32, p: DVec3) -> Vec2 {
+        let Some(&[a, b, c]) = self.uvs.get(triangle as usize) else { return Vec2::ZERO };
         let weights = closest_point(p, &self.surface.triangles()[triangle as usize]).barycentric;
-        let corners = &self.uvs[triangle as usize];
-        corners.iter().zip(weights).map(|(&uv, weight)| uv * weight as f32).sum()
+        a + (b - a) * weights[1] as f32 + (c - a) * weights[2] as f32
     }
 
     /// The closed surface that tells inside from outside.
@@ -105,23 +122,23 @@ impl ObjectField {
         self.inside.fill(first, slices);
     }
 
-    /// Writes this object's voxels into the block whose first voxel is `first`; `slices` are the inside runs of the slab.
+    /// Writes this object's voxels into the block whose first voxel is `first`; `slab` has been prepared for this object.
     /// Voxels that another object has taken stay.
-    pub fn fill_block(&self, first: [u32; 3], slices: &[SliceRuns], block: &mut Block, scratch: &mut FillScratch) {
-        if !self.fill_masks(first, slices, &mut scratch.masks) {
+    pub fn fill_block(&self, first: [u32; 3], slab: &SlabField, block: &mut Block, scratch: &mut FillScratch) {
+        if !self.fill_masks(first, &slab.runs, &mut scratch.masks) {
             return;
         }
         let all = Bricks { first: [0; 3], count: self.shape.0 };
         let bounds = self.bounds(first, all);
         let nearest = self.surface.closest(bounds.centre).distance;
         let radius = bounds.radius();
-        if nearest - radius > self.layers.thickness() + DEPTH_MARGIN {
+        if !self.enter_block(&bounds, nearest, &mut scratch.measure) {
             return self.fill_uniform(all, self.layers.core(), block, scratch);
         }
         let mut candidates = std::mem::take(&mut scratch.candidates);
-        self.surface.within(bounds.centre, nearest + 2.0 * radius + DEPTH_MARGIN, &mut candidates);
+        self.surface.within(bounds.centre, nearest + 2.0 * radius + self.measure.slack(), &mut candidates);
         let whole = 0..candidates.len();
-        self.descend(first, all, whole, &mut candidates, block, scratch);
+        self.descend(Site { first, slab }, all, whole, &mut candidates, block, scratch);
         scratch.candidates = candidates;
     }
 
@@ -167,7 +184,7 @@ impl ObjectField {
 
     fn descend(
         &self,
-        first: [u32; 3],
+        site: Site<'_>,
         bricks: Bricks,
         candidates: std::ops::Range<usize>,
         list: &mut Vec<u32>,
@@ -177,15 +194,16 @@ impl ObjectField {
         if self.all_outside(bricks, &scratch.masks) {
             return;
         }
-        let bounds = self.bounds(first, bricks);
+        let bounds = self.bounds(site.first, bricks);
         let start = list.len();
-        let range = cull(self.surface.triangles(), &bounds, candidates, list, &mut scratch.cull);
+        let range = cull(self.surface.triangles(), &bounds, candidates, self.measure.slack(), list, &mut scratch.cull);
         let range = DepthRange { min: range.min - DEPTH_MARGIN, max: range.max + DEPTH_MARGIN };
         let kept = start..list.len();
-        if let Some(id) = self.layers.uniform_over(&list[kept.clone()], range) {
+        let measured = self.measured(range, &bounds, &list[kept.clone()], &mut scratch.measure);
+        if let Some(id) = measured.and_then(|range| self.layers.uniform_over(&list[kept.clone()], range)) {
             self.fill_uniform(bricks, id, block, scratch);
         } else if bricks.count == [1; 3] {
-            self.fill_brick(first, bounds.centre, bricks.first, &list[kept], block, scratch);
+            self.fill_brick(site, bounds.centre, bricks.first, &list[kept], block, scratch);
         } else {
             let longest = (0..3)
                 .filter(|&axis| bricks.count[axis] > 1)
@@ -196,7 +214,7 @@ impl ObjectField {
             halves[1].first[longest] += halves[0].count[longest];
             halves[1].count[longest] -= halves[0].count[longest];
             for half in halves {
-                self.descend(first, half, kept.clone(), list, block, scratch);
+                self.descend(site, half, kept.clone(), list, block, scratch);
             }
         }
         list.truncate(start);
@@ -234,7 +252,7 @@ impl ObjectField {
     /// Gives the inside voxels of one brick their materials one by one.
     fn fill_brick(
         &self,
-        first: [u32; 3],
+        site: Site<'_>,
         centre: DVec3,
         at: [usize; 3],
         candidates: &[u32],
@@ -242,19 +260,38 @@ impl ObjectField {
         scratch: &mut FillScratch,
     ) {
         let triangles = self.surface.triangles();
-        nearest_in_brick(triangles, candidates, centre, &self.offsets, &mut scratch.surface);
         let brick = self.shape.brick_index(at);
+        if !matches!(self.measure, Measure::Grid { .. }) {
+            nearest_in_brick(triangles, candidates, centre, &self.offsets, &mut scratch.surface);
+        }
+        let candidates = match &self.measure {
+            Measure::Exact => candidates,
+            Measure::Lp { .. } => {
+                self.measure_lp(centre, brick, scratch);
+                candidates
+            }
+            Measure::Grid { .. } => {
+                self.measure_grid(site, at, brick, scratch);
+                &scratch.measure.triangles
+            }
+        };
         let mask = &scratch.masks[brick];
         let position = |voxel: usize| {
-            let index = |axis: usize| first[axis] + (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32;
+            let index = |axis: usize| site.first[axis] + (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32;
             self.lattice.centre(std::array::from_fn(index))
         };
         let exact = |voxel: usize| {
+            if !matches!(self.measure, Measure::Exact) {
+                return f64::from(scratch.surface.distance[voxel]);
+            }
             let p = position(voxel);
             let squared = |&t: &u32| closest_point(p, &triangles[t as usize]).distance_squared;
             candidates.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
         };
-        let uv = |triangle: u32, voxel: usize| self.uv(triangle, position(voxel));
+        let uv = |candidate: u32, voxel: usize| match self.measure {
+            Measure::Grid { .. } => scratch.measure.uvs[voxel],
+            _ => self.uv(candidates[candidate as usize], position(voxel)),
+        };
         let mut ids = [0; BRICK_VOXELS];
         let query = BrickQuery { surface: &scratch.surface, candidates, mask };
         self.layers.fill_brick(query, exact, uv, &mut ids);

@@ -4,18 +4,25 @@
 //!
 //! | file | what it does |
 //! | --- | --- |
+//! | `depth`  | the distances that layers can be laid by |
 //! | `fill`   | one object into one block: descent by halves, uniform tiles, bricks |
 //! | `engine` | slab after slab, blocks in parallel |
 //! | `meshes` | material meshes from the same field |
+//! | `preview` | pictures of the result, and a page to read |
 
+mod depth;
 mod engine;
 mod fill;
 pub mod meshes;
 mod output;
 mod png;
+pub mod preview;
+#[cfg(test)]
+mod tests;
 
+pub use depth::{DistanceKind, SlabField};
 pub use engine::Slicer;
 pub use fill::ObjectField;
-pub(crate) use output::hex;
 pub use output::{FileEntry, MANIFEST, OutputError, OutputFolder, TIMINGS};
+pub(crate) use output::{hex, is_plain};
 pub use png::{Palette, RowBuffers, encode_mask, encode_rgba};

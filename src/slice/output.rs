@@ -95,9 +95,22 @@ struct OldManifest {
 }
 
 impl OutputFolder {
-    /// Checks that `root` may be written, without touching anything.
+    /// Checks that `root` may be written, leaving no trace.
+    ///
+    /// # Errors
+    /// A folder that may not be replaced, or one that the disk does not let anyone write to.
     pub fn check(root: &Path, overwrite: bool) -> Result<(), OutputError> {
-        Self::replaceable(root, overwrite).map(drop)
+        Self::replaceable(root, overwrite)?;
+        // `""` is the parent of a relative path of one part.
+        let parents = root.ancestors().map(|folder| if folder == Path::new("") { Path::new(".") } else { folder });
+        let existing = parents.clone().find(|folder| folder.exists()).unwrap_or(root);
+        match tempfile::tempfile_in(existing) {
+            Ok(_) => Ok(()),
+            Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
+                Err(OutputError::NotAFolder { path: existing.to_path_buf() })
+            }
+            Err(source) => Err(io_error("writing into the folder", existing, source)),
+        }
     }
 
     /// Opens `root`, creating it if need be.
@@ -109,6 +122,19 @@ impl OutputFolder {
             // From here on the folder does not claim to be a finished job.
             fs::remove_file(&manifest).map_err(|source| io_error("removing", &manifest, source))?;
         }
+        Ok(Self { root: root.to_path_buf(), replaceable: Mutex::new(replaceable), written: Mutex::default() })
+    }
+
+    /// Opens the folder of a finished job to add to it or replace some of its `files`; the rest stays.
+    ///
+    /// # Errors
+    /// A list with a file outside the folder.
+    pub fn reopen(root: &Path, files: &[FileEntry]) -> Result<Self, OutputError> {
+        if let Some(odd) = files.iter().find(|file| !is_plain(&file.path)) {
+            let reason = format!("it lists `{}`, which is not inside the folder", odd.path);
+            return Err(OutputError::BadManifest { path: root.join(MANIFEST), reason });
+        }
+        let replaceable = files.iter().map(|file| file.path.clone()).chain([MANIFEST.to_owned()]).collect();
         Ok(Self { root: root.to_path_buf(), replaceable: Mutex::new(replaceable), written: Mutex::default() })
     }
 

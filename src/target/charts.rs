@@ -15,7 +15,9 @@ const MAX_CHARTS: u32 = u16::MAX as u32;
 /// The chart of every triangle, numbered by first triangle; charts end where the page changes.
 fn charts(mesh: &TriangleMesh, page_of: &[u16]) -> Vec<u16> {
     let mut sets = DisjointSets::new(mesh.triangles.len());
-    let mut edges: HashMap<([(u32, [u32; 2]); 2], u16), u32> = HashMap::with_capacity(mesh.triangles.len() * 2);
+    /// Position and texture coordinates, bit for bit.
+    type End = (u32, [u32; 2]);
+    let mut edges: HashMap<([End; 2], u16), u32> = HashMap::with_capacity(mesh.triangles.len() * 2);
     for (index, (corners, uvs)) in (0..).zip(mesh.triangles.iter().zip(&mesh.uvs)) {
         // Position and texture coordinate together name one end of an edge.
         let ends: [_; 3] = std::array::from_fn(|i| (corners[i], [uvs[i].x.to_bits(), uvs[i].y.to_bits()]));
@@ -175,6 +177,11 @@ impl ChartMap {
     }
 }
 
+/// Repetitions of the image within one triangle up to which only texels under it are visited.
+const MAX_REPEATS: f32 = 8.0;
+/// Texels from the origin up to which coordinates are within 1/32 of a texel.
+const RESOLVED_TEXELS: f32 = (1 << 18) as f32;
+
 /// Index of a texel after wrapping around.
 #[inline]
 pub fn wrap(index: i32, size: u32) -> u32 {
@@ -182,14 +189,21 @@ pub fn wrap(index: i32, size: u32) -> u32 {
 }
 
 /// Calls `visit` for the texels (x, y), not yet wrapped, whose centres lie in the triangle grown by about `margin` texels. `corners` are in
-/// texels, with centres at whole numbers. A triangle more than one image wide visits each texel of the image once.
+/// texels, with centres at whole numbers; a triangle wider than an image visits some texels again in each repetition. One that
+/// repeats more than [`MAX_REPEATS`] times, or lies where single precision no longer resolves texels, visits all.
 pub fn for_covered_texels(corners: [Vec2; 3], margin: f32, size: Vec2, mut visit: impl FnMut(i32, i32)) {
     let low = corners[0].min(corners[1]).min(corners[2]) - margin;
     let high = corners[0].max(corners[1]).max(corners[2]) + margin;
     if !(low.is_finite() && high.is_finite()) {
         return;
     }
-    let high = high.min(low + size - 1.0);
+    let far = low.abs().max(high.abs()).max_element() > RESOLVED_TEXELS;
+    if far || (high - low).cmpgt(size * MAX_REPEATS).any() {
+        for y in 0..size.y as i32 {
+            (0..size.x as i32).for_each(|x| visit(x, y));
+        }
+        return;
+    }
     let edges: [(Vec2, Vec2); 3] = std::array::from_fn(|i| {
         let edge = corners[(i + 1) % 3] - corners[i];
         (corners[i], Vec2::new(-edge.y, edge.x).normalize_or_zero())

@@ -92,6 +92,15 @@ impl SlotLimits {
         (from <= min && max < to).then_some(slot)
     }
 
+    /// Depth in mm below which [`SlotLimits::enforce`] changes nothing in means of rows that keep the limits. Min-depths act above
+    /// themselves only; a thickness limit can shift everything.
+    pub fn reach(&self) -> f32 {
+        if self.max_limited || self.growth > 0.0 {
+            return f32::INFINITY;
+        }
+        self.min_depth.iter().fold(0.0, |reach: f32, &depth| reach.max(depth))
+    }
+
     /// The depths, from one (mm) to below another, that certainly belong to `slot`; see [`Self::certain`]. `slot` may be one past the
     /// last, for what lies below all.
     pub fn certain_depths(&self, low: &[f32], high: &[f32], slot: usize) -> Option<(f32, f32)> {

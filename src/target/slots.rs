@@ -9,10 +9,21 @@ pub struct SlotTable {
     /// Material of every slot, then the core's.
     ids: Vec<MaterialId>,
     limits: SlotLimits,
+    /// Depth to which the limits can change what interpolation gives, mm.
+    reach: f32,
     stride: usize,
     /// Depth at which each slot ends, mm; rows of `stride`, the surplus infinite.
     bottoms: Vec<f32>,
     thickness: f64,
+}
+
+/// Least and greatest bottom of every slot, mm.
+#[derive(Debug, Clone)]
+pub struct SlotRanges {
+    /// Least.
+    pub low: [f32; SlotTable::MAX_STRIDE],
+    /// Greatest.
+    pub high: [f32; SlotTable::MAX_STRIDE],
 }
 
 impl SlotTable {
@@ -40,9 +51,11 @@ impl SlotTable {
                 *cell = bottom as f32;
             }
         }
+        let limits = SlotLimits::new(&stackings.sequence, limits);
         Some(Self {
             ids: ids.iter().copied().chain([core]).collect(),
-            limits: SlotLimits::new(&stackings.sequence, limits),
+            reach: limits.reach(),
+            limits,
             stride,
             bottoms: padded,
             // In the precision of the table, so that what ends here has ended there.
@@ -76,12 +89,13 @@ impl SlotTable {
     /// The material at `depth` mm where the texels of `footprint` meet; `scratch` holds a row.
     #[inline(always)]
     pub fn material(&self, scratch: &mut [f32; Self::MAX_STRIDE], footprint: &Footprint, depth: f32) -> MaterialId {
-        self.ids[passed(self.row(scratch, footprint), depth)]
+        self.ids[passed(self.row(scratch, footprint, depth), depth)]
     }
 
-    /// The bottoms where the texels of `footprint` meet, within the limits; `scratch` may hold them.
+    /// The bottoms where the texels of `footprint` meet, within the limits as far as they matter from `depth` mm on;
+    /// `scratch` may hold them.
     #[inline(always)]
-    pub fn row<'a>(&'a self, scratch: &'a mut [f32; Self::MAX_STRIDE], footprint: &Footprint) -> &'a [f32] {
+    pub fn row<'a>(&'a self, scratch: &'a mut [f32; Self::MAX_STRIDE], footprint: &Footprint, depth: f32) -> &'a [f32] {
         if let Some(label) = footprint.single() {
             return self.bottoms(label);
         }
@@ -93,7 +107,10 @@ impl SlotTable {
         }
         let slots = self.slots();
         blended[slots..].fill(f32::INFINITY); // 0 · ∞ is not a number
-        self.limits.enforce(&mut blended[..slots]);
+        // Means of rows that keep their limits break none but a min-depth, and that only above it.
+        if depth <= self.reach {
+            self.limits.enforce(&mut blended[..slots]);
+        }
         blended
     }
 
@@ -102,15 +119,20 @@ impl SlotTable {
         &self.ids
     }
 
-    /// The material of all depths in `range`, given that the bottom of slot s lies in `low[s]..=high[s]`, if it is certain.
-    pub fn certain(&self, low: &[f32], high: &[f32], range: DepthRange) -> Option<MaterialId> {
+    /// The material of all depths in `range`, if it is certain.
+    pub fn certain(&self, SlotRanges { low, high }: &SlotRanges, range: DepthRange) -> Option<MaterialId> {
         let slots = self.slots();
-        let (min, max) = ((range.min.max(0.0) as f32).next_down(), (range.max as f32).next_up());
+        // No depth is negative, and the first slot begins at 0.
+        let (min, max) = ((range.min as f32).next_down().max(0.0), (range.max as f32).next_up());
         self.limits.certain(&low[..slots], &high[..slots], min, max).map(|slot| self.ids[slot])
     }
 
     /// Calls `visit` for stretches of depth, from one (mm) to below another, that certainly are one material.
-    pub fn for_certain_depths(&self, low: &[f32], high: &[f32], mut visit: impl FnMut(f32, f32, MaterialId)) {
+    pub fn for_certain_depths(
+        &self,
+        SlotRanges { low, high }: &SlotRanges,
+        mut visit: impl FnMut(f32, f32, MaterialId),
+    ) {
         let slots = self.slots();
         for slot in 0..=slots {
             if let Some((from, to)) = self.limits.certain_depths(&low[..slots], &high[..slots], slot)

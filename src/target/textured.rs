@@ -8,12 +8,13 @@
 //! its candidates has one material, whatever the texels in detail.
 
 use glam::Vec2;
+use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::{
     charts::{Atlas, Place, for_covered_texels, wrap},
     layers::BrickQuery,
-    slots::SlotTable,
+    slots::{SlotRanges, SlotTable},
 };
 use crate::{
     mesh::TriangleMesh,
@@ -52,17 +53,60 @@ pub struct TexturedLayers {
     ranges: Vec<f32>,
 }
 
-/// Least and greatest bottom of every slot, mm.
-struct SlotRanges {
-    low: [f32; SlotTable::MAX_STRIDE],
-    high: [f32; SlotTable::MAX_STRIDE],
+/// The certain stretches of depth under single candidates of a brick, worked out when first asked for.
+struct Stretches {
+    /// Start and end in `list` per candidate; an end of 0 says not yet.
+    of_candidate: [(u16, u16); Self::CANDIDATES],
+    list: Vec<(f32, f32, MaterialId)>,
+}
+
+impl Stretches {
+    /// Candidates it knows; a brick rarely has more, and those are not asked.
+    const CANDIDATES: usize = 64;
+
+    /// The material at `depth` mm under `triangle`, which is number `candidate` of the brick, if it is certain within `error`.
+    #[inline]
+    fn material(
+        &mut self,
+        layers: &TexturedLayers,
+        candidate: u32,
+        triangle: u32,
+        depth: f32,
+        error: f32,
+    ) -> Option<MaterialId> {
+        let range = self.of_candidate.get_mut(candidate as usize)?;
+        if range.1 == 0 {
+            if self.list.is_empty() {
+                self.list.push((0.0, 0.0, MaterialId::BACKGROUND)); // so that no end is 0
+            }
+            let start = self.list.len();
+            layers.slots.for_certain_depths(&layers.ranges_over(&[triangle]), |from, to, id| {
+                self.list.push((from + error, to - error, id));
+            });
+            *range = (start as u16, self.list.len() as u16);
+        }
+        let stretches = &self.list[usize::from(range.0)..usize::from(range.1)];
+        stretches.iter().find(|(from, to, _)| depth >= *from && depth < *to).map(|stretch| stretch.2)
+    }
 }
 
 /// Marks voxels whose texels decide; the background's id, which no slot has.
 const UNCERTAIN: u8 = MaterialId::BACKGROUND.0;
 
+/// A voxel that looks up texels: where its nearest surface point is.
+#[derive(Debug, Clone, Copy, Default)]
+struct SurfaceTexel {
+    voxel: u32,
+    triangle: u32,
+    uv: Vec2,
+    depth: f32,
+}
+
 /// How far outside its triangle, in texels, a point may take a texel from: the diagonal of the bilinear footprint and rounding.
 const FOOTPRINT: f32 = 1.5;
+/// How far outside its triangle, in texels, the middle of the square of four texels may lie that a point is in: half the diagonal, and
+/// rounding.
+const HALF_CELL: f32 = 0.75;
 
 impl TexturedLayers {
     /// Lays one label map per page over an atlas of `mesh`; every label is a row of `slots`.
@@ -106,12 +150,13 @@ impl TexturedLayers {
                     let here = texel(x, y);
                     if here.chart == chart {
                         labels.push(here.label);
-                        return;
                     }
-                    // Where no texel of the chart is in reach, all four count (see `Footprint`).
-                    let quad = [here, texel(x + 1, y), texel(x, y + 1), texel(x + 1, y + 1)];
-                    if quad.iter().all(|t| t.chart != chart) {
-                        labels.extend(quad.map(|t| t.label));
+                });
+                // Where none of the four texels around a point is of the chart, all count (see `Footprint`).
+                for_covered_texels(corners.map(|c| c - Vec2::splat(0.5)), HALF_CELL, scale, |x, y| {
+                    let four = [texel(x, y), texel(x + 1, y), texel(x, y + 1), texel(x + 1, y + 1)];
+                    if four.iter().all(|t| t.chart != chart) {
+                        labels.extend(four.map(|t| t.label));
                     }
                 });
                 labels.sort_unstable();
@@ -137,9 +182,7 @@ impl TexturedLayers {
 
     /// See [`super::LayerField::uniform_over`].
     pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<MaterialId> {
-        let SlotRanges { low, high } = self.ranges_over(triangles);
-        let stride = self.slots.stride();
-        self.slots.certain(&low[..stride], &high[..stride], range)
+        self.slots.certain(&self.ranges_over(triangles), range)
     }
 
     /// Least and greatest bottom of every slot under any of `triangles`.
@@ -173,7 +216,7 @@ impl TexturedLayers {
         let mut scratch = [0.0; SlotTable::MAX_STRIDE];
         let slots = self.slots.ids().len() - 1;
         row.clear();
-        row.extend_from_slice(&self.slots.row(&mut scratch, &self.footprint(triangle, uv.x, uv.y))[..slots]);
+        row.extend_from_slice(&self.slots.row(&mut scratch, &self.footprint(triangle, uv.x, uv.y), 0.0)[..slots]);
     }
 
     /// See [`super::LayerField::fill_brick`].
@@ -181,27 +224,36 @@ impl TexturedLayers {
     /// Most voxels lie in a stretch of depth that is one material under all candidates; only the others look up texels.
     pub fn fill_brick(&self, query: BrickQuery<'_>, uv: impl Fn(u32, usize) -> Vec2, out: &mut [u8; BRICK_VOXELS]) {
         out.fill(UNCERTAIN);
-        let SlotRanges { low, high } = self.ranges_over(query.candidates);
-        self.slots.for_certain_depths(&low, &high, |from, to, id| {
-            let (from, to) = (from + query.surface.error, to - query.surface.error);
+        let error = query.surface.error;
+        self.slots.for_certain_depths(&self.ranges_over(query.candidates), |from, to, id| {
+            let (from, to) = (from + error, to - error);
             for (out, &depth) in out.iter_mut().zip(&query.surface.distance) {
                 *out = if depth >= from && depth < to { id.0 } else { *out };
             }
         });
-        let mut bottoms = [0.0; SlotTable::MAX_STRIDE];
+        // The others ask for the stretches under their own triangle before they look up texels.
+        let mut stretches = Stretches { of_candidate: [(0, 0); Stretches::CANDIDATES], list: Vec::new() };
+        let mut points = [SurfaceTexel::default(); BRICK_VOXELS];
+        let mut count = 0;
         for (row, &mask) in query.mask.iter().enumerate() {
             let mut rest = mask;
             while rest != 0 {
                 let voxel = row * 8 + rest.trailing_zeros() as usize;
                 rest &= rest - 1;
                 if out[voxel] == UNCERTAIN {
-                    let triangle = query.candidates[query.surface.candidate[voxel] as usize];
-                    let Vec2 { x: u, y: v } = uv(triangle, voxel);
-                    let footprint = self.footprint(triangle, u, v);
-                    out[voxel] = self.slots.material(&mut bottoms, &footprint, query.surface.distance[voxel]).0;
+                    let candidate = query.surface.candidate[voxel];
+                    let triangle = query.candidates[candidate as usize];
+                    let depth = query.surface.distance[voxel];
+                    if let Some(id) = stretches.material(self, candidate, triangle, depth, error) {
+                        out[voxel] = id.0;
+                        continue;
+                    }
+                    points[count] = SurfaceTexel { voxel: voxel as u32, triangle, uv: uv(candidate, voxel), depth };
+                    count += 1;
                 }
             }
         }
+        resolve(self, &points[..count], out);
     }
 
     /// The four texels around a point and their weights; texels of other charts weigh nothing, unless all four are.
@@ -264,4 +316,14 @@ impl Footprint {
 #[inline(always)]
 fn wrap_near(index: i32, size: u32) -> u32 {
     if (index as u32) < size { index as u32 } else { wrap(index, size) }
+}
+
+/// Looks up the materials of some voxels; a function of its own so that it is built for several instruction sets.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
+fn resolve(layers: &TexturedLayers, points: &[SurfaceTexel], out: &mut [u8; BRICK_VOXELS]) {
+    let mut bottoms = [0.0; SlotTable::MAX_STRIDE];
+    for point in points {
+        let footprint = layers.footprint(point.triangle, point.uv.x, point.uv.y);
+        out[point.voxel as usize] = layers.slots.material(&mut bottoms, &footprint, point.depth).0;
+    }
 }

@@ -196,6 +196,17 @@ impl Slab {
             .map(move |(n, block)| ([(n % per_row) as u32 * shape[0], (n / per_row) as u32 * shape[1], k], block))
     }
 
+    /// The material of one voxel, which must lie in [`Self::slices`].
+    pub fn voxel(&self, [i, j, k]: [u32; 3]) -> MaterialId {
+        let shape = self.shape.voxels();
+        let block = (i / shape[0]) as usize + self.blocks_per_row * (j / shape[1]) as usize;
+        let [x, y, z] = [i % shape[0], j % shape[1], k - self.index * shape[2]].map(|v| v as usize);
+        match self.blocks[block].tile(self.shape.brick_index([x / BRICK, y / BRICK, z / BRICK])) {
+            Tile::Uniform(id) => id,
+            Tile::Dense(ids) => MaterialId(ids[x % BRICK + BRICK * (y % BRICK + BRICK * (z % BRICK))]),
+        }
+    }
+
     /// Copies row (j, k) of material ids into `row`, which is `dims[0]` long.
     pub fn read_row(&self, j: u32, k: u32, row: &mut [u8]) {
         let shape = self.shape.voxels();
@@ -262,6 +273,7 @@ mod tests {
             for j in 0..77 {
                 slab.read_row(j, k, &mut row);
                 assert!(row.iter().enumerate().all(|(i, &v)| v == id([i as u32, j, k])));
+                assert!((0..203).all(|i| slab.voxel([i, j, k]).0 == id([i, j, k])));
             }
         }
     }

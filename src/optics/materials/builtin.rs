@@ -7,9 +7,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use super::file::MaterialFile;
-use super::simulate::{DEFAULT_SEED, simulate_profile};
 use super::toml_source::Folder;
-use super::{MaterialSet, SimulatedProfile};
+use super::{DEFAULT_SEED, MaterialSet, SimulatedProfile};
 use crate::optics::OpticsError;
 use crate::optics::error::nearest;
 
@@ -57,7 +56,7 @@ impl MaterialSet {
     /// # Errors
     /// [`OpticsError::UnknownSet`] with the nearest name.
     pub fn builtin(name: &str) -> Result<Self, OpticsError> {
-        file(name)?.into_set(|_, _| ControlFlow::Continue(()))
+        MaterialFile::builtin(name)?.into_set(|_, _| ControlFlow::Continue(()))
     }
 
     /// The TOML text of a built-in set, to start one's own from.
@@ -66,13 +65,21 @@ impl MaterialSet {
     }
 }
 
-fn file(name: &str) -> Result<MaterialFile, OpticsError> {
-    let text = MaterialSet::builtin_toml(name).ok_or_else(|| OpticsError::UnknownSet {
-        name: name.into(),
-        suggestion: nearest(name, MaterialSet::builtin_names()).map(String::from),
-        known: MaterialSet::builtin_names().collect::<Vec<_>>().join(", "),
-    })?;
-    MaterialFile::parse(text, Path::new(&format!("{name}.toml")), &Folder::Embedded(&PROFILES))
+impl MaterialFile {
+    /// A built-in set as the file it is.
+    ///
+    /// # Errors
+    /// [`OpticsError::UnknownSet`] with the nearest name.
+    pub fn builtin(name: &str) -> Result<Self, OpticsError> {
+        let text = MaterialSet::builtin_toml(name).ok_or_else(|| OpticsError::UnknownSet {
+            name: name.into(),
+            suggestion: nearest(name, MaterialSet::builtin_names()).map(String::from),
+            known: MaterialSet::builtin_names().collect::<Vec<_>>().join(", "),
+        })?;
+        let mut file = Self::parse(text, Path::new(&format!("{name}.toml")), &Folder::Embedded(&PROFILES))?;
+        file.first_seed += PROFILES.iter().position(|(profile, _)| profile.starts_with(name)).unwrap_or(0) as u64;
+        Ok(file)
+    }
 }
 
 /// Simulates the slabs of all built-in resins with `photons` photons each and hands each over with its file name and the
@@ -90,16 +97,11 @@ pub fn regenerate_builtin(
         let bare: String =
             text.lines().filter(|line| !line.starts_with("reflection")).fold(String::new(), |t, l| t + l + "\n");
         let file = MaterialFile::parse(&bare, Path::new(set), &Folder::Embedded(&[]))?;
-        for (resin, coefficients, thickness_mm) in file.coefficients() {
-            for ((channel, coefficients), thickness_mm) in file.channels().iter().zip(coefficients).zip(thickness_mm) {
-                let seed = DEFAULT_SEED + done as u64;
-                let go_on = |_| ControlFlow::Continue(());
-                let profile = simulate_profile(*coefficients, *thickness_mm, photons, seed, go_on)?;
-                done += 1;
-                let name = format!("{set}-{resin}-{}.csv", channel.to_lowercase());
-                if each(&name, &profile, done as f64 / PROFILES.len() as f64)?.is_break() {
-                    return Err(OpticsError::Cancelled);
-                }
+        for plan in file.slab_plans(Some(DEFAULT_SEED + done as u64)) {
+            let profile = plan.simulate(photons, |_| ControlFlow::Continue(()))?;
+            done += 1;
+            if each(&plan.file, &profile, done as f64 / PROFILES.len() as f64)?.is_break() {
+                return Err(OpticsError::Cancelled);
             }
         }
     }

@@ -33,20 +33,24 @@ use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
 use super::spectra::ResinSpectrum;
 use super::toml_source::{Folder, Keys, Source, Strings, kind};
 use super::{MaterialSet, Resin};
+use crate::optics::error::nearest;
 use crate::optics::{FrequencyGrid, OpticsError, VolumeCoefficients};
 
 const TOP_KEYS: [&str; 4] = ["name", "channels", "provenance", "resin"];
 /// Slices name materials by one byte, of which 0 is the background.
 const MAX_RESINS: usize = 255;
 const MAX_CHANNELS: usize = 16;
+
 /// A material file, read and checked, its slow simulations still to be done.
 #[derive(Debug, Clone)]
 pub struct MaterialFile {
-    name: String,
+    pub(super) name: String,
     path: PathBuf,
-    channels: Vec<String>,
-    provenance: String,
-    resins: Vec<Draft>,
+    pub(super) channels: Vec<String>,
+    pub(super) provenance: String,
+    pub(super) resins: Vec<Draft>,
+    /// Seed of the first resin's first channel where slabs are simulated.
+    pub(super) first_seed: u64,
 }
 
 impl MaterialSet {
@@ -63,6 +67,20 @@ impl MaterialFile {
     /// Names of the resins, in the order of the file.
     pub fn resin_names(&self) -> impl Iterator<Item = &str> {
         self.resins.iter().map(|draft| draft.name.as_str())
+    }
+
+    /// Index of the resin of this name.
+    ///
+    /// # Errors
+    /// [`OpticsError::UnknownResin`] with the nearest name.
+    pub fn resin_index(&self, name: &str) -> Result<usize, OpticsError> {
+        let unknown = || OpticsError::UnknownResin {
+            name: name.into(),
+            suggestion: nearest(name, self.resin_names()).map(String::from),
+            set: self.name.clone(),
+            known: self.resin_names().collect::<Vec<_>>().join(", "),
+        };
+        self.resin_names().position(|known| known == name).ok_or_else(unknown)
     }
 
     /// Reads and checks a file and the profiles it names; quick.
@@ -88,6 +106,7 @@ impl MaterialFile {
             channels: channels(&top)?,
             provenance: top.string("provenance")?.map_or("not stated".into(), |text| text.value),
             resins: Vec::new(),
+            first_seed: DEFAULT_SEED,
         };
         let tables = top.get("resin").ok_or_else(|| top.missing("resin", "at least one [[resin]] table"))?;
         let (at, not_tables) = (tables.span().start, "[[resin]] tables".to_string());
@@ -134,7 +153,7 @@ impl MaterialFile {
                         let share =
                             |photons: u64| (done as f64 + photons as f64 / DEFAULT_PHOTONS as f64) / simulated as f64;
                         // Resins and channels get random numbers of their own.
-                        let seed = DEFAULT_SEED + (index * self.channels.len() + channel) as u64;
+                        let seed = self.first_seed + (index * self.channels.len() + channel) as u64;
                         let slab = simulate_profile(volume[channel], thickness, DEFAULT_PHOTONS, seed, |photons| {
                             progress(&what, share(photons))
                         })?;
@@ -185,13 +204,30 @@ impl MaterialFile {
         })
     }
 
-    /// Names, coefficients and thickness per channel of the resins that have coefficients.
-    pub(in crate::optics) fn coefficients(&self) -> impl Iterator<Item = (&str, &[VolumeCoefficients], &[f64])> {
-        self.resins.iter().filter_map(|draft| Some((&*draft.name, draft.volume.as_deref()?, &*draft.thickness_mm)))
+    /// Name of the set.
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
-    pub(super) fn channels(&self) -> &[String] {
+    /// Where the numbers come from.
+    pub fn provenance(&self) -> &str {
+        &self.provenance
+    }
+
+    /// Names of the channels.
+    pub fn channels(&self) -> &[String] {
         &self.channels
+    }
+
+    /// The coefficients of a resin per channel; `None` if it has none or does not exist.
+    pub fn volume(&self, resin: &str) -> Option<&[VolumeCoefficients]> {
+        self.resins.iter().find(|draft| draft.name == resin)?.volume.as_deref()
+    }
+
+    /// Names, coefficients and thickness per channel of the resins that have coefficients.
+    #[cfg(test)]
+    pub(in crate::optics) fn coefficients(&self) -> impl Iterator<Item = (&str, &[VolumeCoefficients], &[f64])> {
+        self.resins.iter().filter_map(|draft| Some((&*draft.name, draft.volume.as_deref()?, &*draft.thickness_mm)))
     }
 }
 

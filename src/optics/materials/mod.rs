@@ -8,6 +8,7 @@ mod builtin;
 mod file;
 mod resin_table;
 mod simulate;
+mod slabs;
 mod spectra;
 mod toml_source;
 
@@ -15,6 +16,7 @@ use super::{FrequencyGrid, KubelkaMunk, RadialProfile, SlabSpectrum, VolumeCoeff
 pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
 pub use simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, SimulatedProfile, simulate_profile};
+pub use slabs::SlabPlan;
 pub use spectra::{MEASURED_EXCESS, ResinSpectrum, SpectrumError};
 
 /// The resins a job may use, in the order of the file.

@@ -85,6 +85,11 @@ impl Draft {
             }
             Some(text) => return Err(keys.wrong("print-as", &text, "\"background\" or \"resin\"")),
         };
+        if !background && rgba.value[3] != 255 {
+            // Printers blend or reject what is not opaque.
+            let expected = "alpha 255, or none, for a resin that is printed".into();
+            return Err(keys.error(rgba.at, "rgba", format!("{:?}", rgba.value), expected));
+        }
         let refractive_index = match keys.number("refractive-index")? {
             None => 1.0,
             Some(index) if (1.0..=3.0).contains(&index.value) => index.value,

@@ -121,6 +121,7 @@ fn what_is_wrong_is_named_with_its_line() {
         (swap("\"hole\"", "\"a:b\""), "set.toml:11: resin a:b: name: found a:b"),
         (swap("[1, 2, 3, 4]", "[255, 255, 255]"), "set.toml:12: resin hole: rgba: found [255, 255, 255, 255]"),
         (swap("[1, 2, 3, 4]", "[1, 2, 300]"), "set.toml:12: resin hole: rgba: found [1, 2, 300]"),
+        (swap("[255, 255, 255]", "[255, 255, 255, 254]"), "rgba: found [255, 255, 255, 254], expected alpha 255"),
         (swap("[1, 2, 3, 4]", "[0, 0, 0, 0]"), "slices use this one for background"),
         (swap("1.1", "1100"), "set.toml:13: resin hole: density-g-per-cm3: found 1100, expected 0.1 to 25"),
         (swap("= 0.5\nprint", "= -1\nprint"), "set.toml:16: resin hole: thickness-mm: found -1"),

@@ -76,7 +76,7 @@ fn monte_carlo_agrees_with_adding_doubling_quickly() {
 }
 
 #[test]
-#[ignore = "the full proof: 4.8e9 photons, most of an hour; LUMISLICE_PHOTONS and LUMISLICE_SEEDS make it smaller"]
+#[ignore = "the full proof: 4.8e9 photons, about half an hour on 2 cores; LUMISLICE_PHOTONS and LUMISLICE_SEEDS make it smaller"]
 fn monte_carlo_agrees_with_adding_doubling() {
     let Some(text) = reference("adding_doubling_slabs.csv") else { return };
     let setting = |name: &str, default: u64| std::env::var(name).map_or(default, |value| value.parse().unwrap());

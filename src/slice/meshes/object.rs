@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec2};
+use glam::DVec3;
 
 use super::{
     PartOf,
@@ -105,7 +105,7 @@ impl<'a> NodeObject<'a> {
         let pitch = grid.lattice.pitch.x;
         let tapered = field.layers().needs_uv() || {
             let mut row = Vec::new();
-            field.layers().bottoms(0, Vec2::ZERO, &mut row);
+            field.layers().bottoms(0, glam::Vec2::ZERO, &mut row);
             is_thin(&row, pitch as f32)
         };
         Self {
@@ -139,8 +139,7 @@ impl<'a> NodeObject<'a> {
     /// The bottoms of the slots below the point of `triangle` nearest to `p`, as the pitch can show them.
     pub fn bottoms<'r>(&self, triangle: u32, p: DVec3, row: &'r mut Row) -> &'r [f32] {
         let layers = self.field.layers();
-        let uv = if layers.needs_uv() { self.field.uv(triangle, p) } else { Vec2::ZERO };
-        layers.bottoms(triangle, uv, &mut row.bottoms);
+        layers.bottoms(triangle, self.field.uv(triangle, p), &mut row.bottoms);
         if self.rounding > 0.0 {
             row.tapers.round(&self.labels, self.rounding as f32, &mut row.bottoms);
         }
@@ -187,7 +186,7 @@ impl<'a> NodeObject<'a> {
         }
         let bounds = self.bounds(block.first, bricks);
         let start = list.len();
-        let range = cull(self.field.surface().triangles(), &bounds, candidates, list, &mut scratch.cull);
+        let range = cull(self.field.surface().triangles(), &bounds, candidates, DEPTH_MARGIN, list, &mut scratch.cull);
         let margin = DEPTH_MARGIN + self.rounding;
         let range = DepthRange { min: range.min - margin, max: range.max + margin };
         let kept = start..list.len();

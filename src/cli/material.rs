@@ -1,0 +1,182 @@
+//! `lumislice material list` and `show`: what resins there are and what they do to light.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use lumislice::optics::{MaterialFile, MaterialSet, Resin};
+use serde_json::json;
+
+use super::{
+    Answer,
+    materials::Materials,
+    print, print_json,
+    progress::Bars,
+    simulate::{self, SimulateArgs},
+    table::{number, table},
+};
+
+/// Resins: list the built-in sets, show one, simulate profiles.
+#[derive(Debug, Args)]
+#[command(arg_required_else_help = true)]
+pub struct MaterialArgs {
+    #[command(subcommand)]
+    command: MaterialCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum MaterialCommand {
+    List(ListArgs),
+    Show(ShowArgs),
+    Simulate(SimulateArgs),
+}
+
+/// List the built-in sets of resins.
+#[derive(Debug, Args)]
+struct ListArgs {
+    /// Print one JSON document instead of words.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Show the resins of a set: coefficients, and what the slab they were read from reflects and transmits.
+#[derive(Debug, Args)]
+struct ShowArgs {
+    /// A material file (TOML), or the name of a built-in set.
+    #[arg(value_name = "FILE|SET")]
+    materials: PathBuf,
+    /// Print one JSON document instead of tables.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &MaterialArgs) -> anyhow::Result<Answer> {
+    match &args.command {
+        MaterialCommand::List(args) => list(args),
+        MaterialCommand::Show(args) => show(args),
+        MaterialCommand::Simulate(args) => simulate::run(args),
+    }
+}
+
+fn list(args: &ListArgs) -> anyhow::Result<Answer> {
+    let sets = MaterialSet::builtin_names().map(MaterialFile::builtin).collect::<Result<Vec<_>, _>>()?;
+    if args.json {
+        let record = |set: &MaterialFile| {
+            json!({
+                "name": set.name(),
+                "channels": set.channels(),
+                "resins": set.resin_names().collect::<Vec<_>>(),
+                "provenance": set.provenance(),
+            })
+        };
+        print_json(&sets.iter().map(record).collect::<Vec<_>>())?;
+        return Ok(Answer::Yes);
+    }
+    let entry = |set: &MaterialFile| {
+        let resins = set.resin_names().collect::<Vec<_>>().join(", ");
+        let (name, channels) = (set.name(), set.channels().join(", "));
+        format!("{name}\n  resins    {resins}\n  channels  {channels}\n  from      {}\n", set.provenance())
+    };
+    print(&sets.iter().map(entry).collect::<Vec<_>>().join("\n"))?;
+    Ok(Answer::Yes)
+}
+
+fn show(args: &ShowArgs) -> anyhow::Result<Answer> {
+    let materials = Materials::read(&args.materials)?;
+    let set = materials.load(&Bars::new(args.json))?;
+    if args.json {
+        print_json(&json!({
+            "name": set.name,
+            "provenance": set.provenance,
+            "channels": set.channels,
+            "resins": set.resins.iter().map(record).collect::<Vec<_>>(),
+            "remarks": set.warnings,
+        }))?;
+    } else {
+        print(&report(&set))?;
+    }
+    Ok(Answer::Yes)
+}
+
+/// What a resin does in one channel.
+struct Channel {
+    slab_mm: f64,
+    reflection: Option<f64>,
+    transmission: Option<f64>,
+    half_space: Option<f64>,
+}
+
+fn channels(resin: &Resin) -> impl Iterator<Item = Channel> + '_ {
+    let slabs = resin.slab.iter().zip(&resin.kubelka_munk).zip(&resin.representative_thickness_mm);
+    slabs.map(|((slab, parameters), thickness_mm)| Channel {
+        slab_mm: *thickness_mm,
+        reflection: slab.reflection.first().copied(),
+        transmission: slab.transmission.first().copied(),
+        half_space: parameters.half_space().first().copied(),
+    })
+}
+
+fn record(resin: &Resin) -> serde_json::Value {
+    let coefficients = resin.volume.as_ref().map(|volume| {
+        let each = volume.iter().map(
+            |volume| json!({ "scattering_per_mm": volume.sigma_s, "absorption_per_mm": volume.sigma_a, "g": volume.g }),
+        );
+        each.collect::<Vec<_>>()
+    });
+    let per_channel = |value: fn(Channel) -> Option<f64>| channels(resin).map(value).collect::<Vec<_>>();
+    json!({
+        "name": resin.name,
+        "rgba": resin.rgba,
+        "density_g_per_cm3": resin.density_g_per_cm3,
+        "print_as": if resin.print_as_background { "background" } else { "resin" },
+        "refractive_index": resin.refractive_index,
+        "coefficients": coefficients,
+        "slab_thickness_mm": resin.representative_thickness_mm,
+        "slab_reflection": per_channel(|channel| channel.reflection),
+        "slab_transmission": per_channel(|channel| channel.transmission),
+        "half_space_reflection": per_channel(|channel| channel.half_space),
+        "notes": resin.notes,
+    })
+}
+
+fn report(set: &MaterialSet) -> String {
+    let mut rows = Vec::new();
+    let mut about = Vec::new();
+    for resin in &set.resins {
+        for (index, (channel, name)) in channels(resin).zip(&set.channels).enumerate() {
+            let volume = resin.volume.as_ref().and_then(|volume| volume.get(index));
+            rows.push(vec![
+                if index == 0 { resin.name.clone() } else { String::new() },
+                name.clone(),
+                number(volume.map(|volume| volume.sigma_s), 4),
+                number(volume.map(|volume| volume.sigma_a), 4),
+                number(volume.map(|volume| volume.g), 2),
+                format!("{:.2}", channel.slab_mm),
+                number(channel.reflection, 4),
+                number(channel.transmission, 4),
+                number(channel.half_space, 4),
+            ]);
+        }
+        let [r, g, b, _] = resin.rgba;
+        let printed = if resin.print_as_background { "background" } else { "resin" };
+        about.push(vec![
+            resin.name.clone(),
+            format!("{r} {g} {b}"),
+            resin.density_g_per_cm3.to_string(),
+            resin.refractive_index.to_string(),
+            printed.to_owned(),
+        ]);
+    }
+    let light =
+        ["resin", "channel", "scattering/mm", "absorption/mm", "g", "slab mm", "reflects", "transmits", "half-space"];
+    let mut text = format!("{}\n  from {}\n", set.name, set.provenance);
+    text += &table(&light, &rows);
+    text += &table(&["resin", "rgb in slices", "g/cm³", "refr. index", "printed as"], &about);
+    for resin in set.resins.iter().filter(|resin| !resin.notes.is_empty()) {
+        text += &format!("  {}: {}\n", resin.name, resin.notes.lines().collect::<Vec<_>>().join(" "));
+    }
+    for remark in &set.warnings {
+        text += &format!("  remark: {remark}\n");
+    }
+    text
+}

@@ -1,0 +1,55 @@
+//! `--materials`: a TOML file or the name of a built-in set.
+
+use std::{ops::ControlFlow, path::Path};
+
+use lumislice::optics::{MaterialFile, MaterialSet, OpticsError};
+
+use super::{INTERRUPT, progress::Bars, say};
+
+/// Materials as far as they are read quickly.
+pub struct Materials {
+    /// The file, built in or not.
+    pub file: MaterialFile,
+    /// Whether it is built in, so that its provenance must be shown.
+    pub built_in: bool,
+}
+
+impl Materials {
+    /// Reads what `name` stands for: a file if there is one or the name ends in `.toml`, else a built-in set. Says where a built-in
+    /// set's numbers come from.
+    pub fn read(name: &Path) -> Result<Self, OpticsError> {
+        let is_file =
+            name.is_file() || name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+        if is_file {
+            return Ok(Self { file: MaterialFile::read(name)?, built_in: false });
+        }
+        let file = MaterialFile::builtin(&name.to_string_lossy())?;
+        say_provenance(file.name(), file.provenance());
+        Ok(Self { file, built_in: true })
+    }
+
+    /// All parameters; simulates the resins that come without profiles. Says what was done to the data of a file.
+    pub fn load(self, bars: &Bars) -> Result<MaterialSet, OpticsError> {
+        let mut step = bars.share("materials");
+        let set = self.file.into_set(|_, share| {
+            step(share);
+            go_on()
+        });
+        bars.finish();
+        let set = set?;
+        if !self.built_in {
+            set.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+        }
+        Ok(set)
+    }
+}
+
+/// Says where the numbers of a built-in set come from; it must never be taken for a measurement.
+pub fn say_provenance(set: &str, provenance: &str) {
+    say(&format!("note: materials `{set}`: {provenance}"));
+}
+
+/// What to answer a callback: whether Ctrl-C was pressed.
+pub fn go_on() -> ControlFlow<()> {
+    if INTERRUPT.requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}

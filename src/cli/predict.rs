@@ -1,0 +1,196 @@
+//! `lumislice predict`: what a stack of layers does to light.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{anyhow, bail};
+use clap::{Args, ValueEnum};
+use lumislice::{
+    job::parse_stack,
+    optics::{DEFAULT_PHOTONS, DEFAULT_SEED, Light, MaterialFile, PhotonOptions, Prediction, VolumeCoefficients},
+};
+use serde_json::json;
+
+use super::{
+    Answer,
+    materials::{Materials, go_on},
+    output_file::OutputFile,
+    print, print_json,
+    progress::Bars,
+    table::{number, table},
+};
+
+/// Predict albedo, transmission and translucency of a stack of layers.
+#[derive(Debug, Args)]
+pub struct PredictArgs {
+    /// Resins: a material file (TOML), or the name of a built-in set.
+    #[arg(long, value_name = "FILE|SET", help_heading = "Stack")]
+    materials: PathBuf,
+    /// Layers from the observer down, each name:thickness in mm, as "white:2.0,support:1.0".
+    #[arg(long, value_name = "LAYERS", help_heading = "Stack")]
+    stack: String,
+    /// Resin of the half-space below the stack; default: nothing lies there and no light returns.
+    #[arg(long, value_name = "RESIN", help_heading = "Stack")]
+    core: Option<String>,
+    /// How to predict: km (Kubelka-Munk, at once) or monte-carlo (photons, seconds; needs volume coefficients).
+    #[arg(long, value_name = "km|monte-carlo", default_value = "km", value_parser = parse_model, help_heading = "Light")]
+    model: Model,
+    /// Light from all directions, or a pencil beam straight down (monte-carlo only).
+    #[arg(long, value_enum, default_value_t = Source::Diffuse, help_heading = "Light")]
+    light: Source,
+    /// Photons per channel, at least 2 (monte-carlo only); default 2000000.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Light")]
+    photons: Option<u64>,
+    /// Seed of the random numbers (monte-carlo only); default 2010.
+    #[arg(long, value_name = "N", help_heading = "Light")]
+    seed: Option<u64>,
+    /// Write the profiles to F: r_mm,reflection_per_mm2,transmission_per_mm2; with several channels one file each, F-CHANNEL.
+    #[arg(long, value_name = "F", help_heading = "Output")]
+    csv: Option<PathBuf>,
+    /// Print one JSON document instead of a table.
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Model {
+    Km,
+    MonteCarlo,
+}
+
+fn parse_model(text: &str) -> Result<Model, String> {
+    if text == "transport" {
+        return Err("this model is not built yet; expected km or monte-carlo".to_owned());
+    }
+    Model::from_str(text, false).map_err(|_| "expected km or monte-carlo".to_owned())
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Source {
+    /// A Lambertian point source, as in the paper's profiles.
+    Diffuse,
+    /// A pencil beam.
+    Normal,
+}
+
+/// Runs the command.
+pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
+    args.check()?;
+    let layers = parse_stack(&args.stack).map_err(|error| anyhow!("--stack: {error}"))?;
+    let materials = Materials::read(&args.materials)?;
+    let file = &materials.file;
+    let indices =
+        layers.iter().map(|(name, mm)| Ok((file.resin_index(name)?, *mm))).collect::<anyhow::Result<Vec<_>>>()?;
+    let core = args.core.as_deref().map(|name| file.resin_index(name)).transpose()?;
+    let csv = args.open_csv(file.channels())?;
+    let bars = Bars::new(args.json);
+    let prediction = match args.model {
+        Model::Km => Prediction::kubelka_munk(&materials.load(&bars)?, &indices, core),
+        Model::MonteCarlo => args.trace(file, &layers, &bars)?,
+    };
+    for (file, light) in csv.into_iter().zip(&prediction.light) {
+        file.finish(light.to_csv().as_bytes())?;
+    }
+    if args.json {
+        let spectra = |of: fn(&lumislice::optics::ChannelPrediction) -> &Vec<f64>| -> Vec<&Vec<f64>> {
+            prediction.light.iter().map(of).collect()
+        };
+        let (reflection, transmission) =
+            (spectra(|light| &light.reflection_hankel), spectra(|light| &light.transmission_hankel));
+        let first =
+            |spectra: &[&Vec<f64>]| -> Vec<Option<f64>> { spectra.iter().map(|s| s.first().copied()).collect() };
+        print_json(&json!({
+            "channels": prediction.channels,
+            "reflection": first(&reflection),
+            "transmission": first(&transmission),
+            "k_rad_per_mm": prediction.grid.as_slice(),
+            "reflection_hankel": reflection,
+            "transmission_hankel": transmission,
+            "half_energy_radius_mm": prediction.light.iter().map(|light| light.half_energy_radius_mm).collect::<Vec<_>>(),
+        }))?;
+        return Ok(Answer::Yes);
+    }
+    let rows: Vec<Vec<String>> = prediction
+        .channels
+        .iter()
+        .zip(&prediction.light)
+        .map(|(channel, light)| {
+            vec![
+                channel.clone(),
+                number(light.reflection_hankel.first().copied(), 4),
+                number(light.transmission_hankel.first().copied(), 4),
+                number(light.half_energy_radius_mm, 3),
+                number(light.ninety_percent_radius_mm, 3),
+            ]
+        })
+        .collect();
+    let header = ["channel", "albedo", "transmission", "50% within mm", "90% within mm"];
+    print(&(args.title(&layers) + "\n" + &table(&header, &rows)))?;
+    Ok(Answer::Yes)
+}
+
+impl PredictArgs {
+    fn check(&self) -> anyhow::Result<()> {
+        if self.model == Model::Km {
+            if self.light == Source::Normal {
+                bail!("--light normal: Kubelka-Munk knows diffuse light only, expected --model monte-carlo beside it");
+            }
+            if self.photons.is_some() || self.seed.is_some() {
+                bail!("--photons and --seed: Kubelka-Munk traces no photons, expected --model monte-carlo beside them");
+            }
+        }
+        Ok(())
+    }
+
+    fn trace(&self, file: &MaterialFile, layers: &[(String, f64)], bars: &Bars) -> anyhow::Result<Prediction> {
+        let volume = |name: &str| -> anyhow::Result<&[VolumeCoefficients]> {
+            let needed = "--model monte-carlo needs scattering-per-mm and absorption-per-mm";
+            file.volume(name).ok_or_else(|| anyhow!("resin {name} of {}: found no coefficients; {needed}", file.name()))
+        };
+        let layers = layers.iter().map(|(name, mm)| Ok((volume(name)?, *mm))).collect::<anyhow::Result<Vec<_>>>()?;
+        let core = self.core.as_deref().map(volume).transpose()?;
+        let options = PhotonOptions {
+            light: if self.light == Source::Normal { Light::Normal } else { Light::Diffuse },
+            photons: self.photons.unwrap_or(DEFAULT_PHOTONS),
+            seed: self.seed.unwrap_or(DEFAULT_SEED),
+        };
+        let mut step = bars.share("photons");
+        let prediction = Prediction::monte_carlo(file.channels(), &layers, core, options, |share| {
+            step(share);
+            go_on()
+        });
+        bars.finish();
+        Ok(prediction?)
+    }
+
+    /// The files of `--csv`, one per channel.
+    fn open_csv(&self, channels: &[String]) -> anyhow::Result<Vec<OutputFile>> {
+        let Some(path) = &self.csv else { return Ok(Vec::new()) };
+        if channels.len() == 1 {
+            return Ok(vec![OutputFile::open(path)?]);
+        }
+        channels.iter().map(|channel| OutputFile::open(&with_channel(path, channel))).collect()
+    }
+
+    fn title(&self, layers: &[(String, f64)]) -> String {
+        let layers: Vec<_> = layers.iter().map(|(name, mm)| format!("{name} {mm} mm")).collect();
+        let below = self.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
+        let (model, light) = match (self.model, self.light) {
+            (Model::Km, _) => ("Kubelka-Munk", "diffuse light"),
+            (Model::MonteCarlo, Source::Diffuse) => ("Monte Carlo", "diffuse light"),
+            (Model::MonteCarlo, Source::Normal) => ("Monte Carlo", "a pencil beam"),
+        };
+        format!("{} over {below}; {model}, {light}", layers.join(", "))
+    }
+}
+
+/// `p.csv` and `R` make `p-R.csv`.
+fn with_channel(path: &Path, channel: &str) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push("-");
+    name.push(channel);
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
+}

@@ -1,0 +1,125 @@
+//! `lumislice material simulate`: profiles from volume coefficients, and a material file that uses them.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, bail};
+use clap::Args;
+use lumislice::optics::{DEFAULT_PHOTONS, MaterialFile, SlabPlan};
+
+use super::{
+    Answer,
+    materials::{Materials, go_on},
+    output_file::OutputFile,
+    print,
+    progress::Bars,
+    say,
+    table::table,
+};
+
+/// Simulate slabs of resins given by coefficients: profiles as CSV, and a material file that uses them.
+#[derive(Debug, Args)]
+pub struct SimulateArgs {
+    /// A material file (TOML), or the name of a built-in set.
+    #[arg(value_name = "FILE|SET", help_heading = "Resins")]
+    materials: PathBuf,
+    /// Simulate this resin only. Repeatable.
+    #[arg(long, value_name = "NAME", help_heading = "Resins")]
+    resin: Vec<String>,
+    /// Thickness of the slabs, mm, at most 100; default: the file's, else chosen by optical thickness.
+    #[arg(long, value_name = "MM", value_parser = parse_thickness, help_heading = "Simulation")]
+    thickness_mm: Option<f64>,
+    /// Photons per slab, at least 2; the built-in profiles have 20000000.
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_PHOTONS, value_parser = clap::value_parser!(u64).range(2..),
+          help_heading = "Simulation")]
+    photons: u64,
+    /// Seed of the first slab's random numbers, the others follow; default: that of the built-in profiles.
+    #[arg(long, value_name = "N", help_heading = "Simulation")]
+    seed: Option<u64>,
+    /// Folder to write; default ./<set>-simulated.
+    #[arg(short, long, value_name = "FOLDER", help_heading = "Output")]
+    output: Option<PathBuf>,
+    /// Replace files of the same names in FOLDER.
+    #[arg(long, help_heading = "Output")]
+    overwrite: bool,
+}
+
+fn parse_thickness(text: &str) -> Result<f64, String> {
+    let valid = |mm: &f64| *mm > 0.0 && *mm <= 100.0;
+    text.parse().ok().filter(valid).ok_or_else(|| "expected a thickness in mm, above 0 and at most 100".to_owned())
+}
+
+/// Runs the command.
+pub fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
+    let Materials { file, .. } = Materials::read(&args.materials)?;
+    let plans = args.plans(&file)?;
+    let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-simulated", file.file_stem())));
+    let toml = format!("{}.toml", file.file_stem());
+    args.check_folder(&folder, plans.iter().map(|plan| &plan.file).chain([&toml]))?;
+    let bars = Bars::new(false);
+    let mut rows = Vec::new();
+    for (index, plan) in plans.iter().enumerate() {
+        let mut step = bars.share(&format!("{} {} ({} of {})", plan.resin, plan.channel, index + 1, plans.len()));
+        let profile = plan.simulate(args.photons, |photons| {
+            step(photons as f64 / args.photons as f64);
+            go_on()
+        });
+        bars.finish();
+        let profile = profile?;
+        let content = profile.profiles().to_csv(&profile.comment());
+        OutputFile::open(&folder.join(&plan.file))?.finish(content.as_bytes())?;
+        let (r, t) = (profile.result.reflection, profile.result.transmission);
+        rows.push(vec![
+            plan.file.clone(),
+            format!("{}", plan.thickness_mm),
+            format!("{:.5} ± {:.5}", r.mean, r.standard_error),
+            format!("{:.5} ± {:.5}", t.mean, t.standard_error),
+        ]);
+    }
+    // Last: a folder with a material file is complete.
+    OutputFile::open(&folder.join(&toml))?.finish(file.toml_with(&plans).as_bytes())?;
+    let path = folder.join(&toml);
+    print(&(table(&["profile", "mm", "reflects", "transmits"], &rows) + &format!("{}\n", path.display())))?;
+    Ok(Answer::Yes)
+}
+
+impl SimulateArgs {
+    fn plans(&self, file: &MaterialFile) -> anyhow::Result<Vec<SlabPlan>> {
+        for name in &self.resin {
+            file.resin_index(name)?;
+            if file.volume(name).is_none() {
+                bail!(
+                    "--resin {name}: found no coefficients to simulate, expected scattering-per-mm and absorption-per-mm"
+                );
+            }
+        }
+        for name in file.resin_names().filter(|name| self.resin.is_empty() && file.volume(name).is_none()) {
+            say(&format!("warning: resin {name} has no coefficients and is left out"));
+        }
+        let mut plans = file.slab_plans(self.seed);
+        plans.retain(|plan| self.resin.is_empty() || self.resin.contains(&plan.resin));
+        if let Some(thickness_mm) = self.thickness_mm {
+            plans.iter_mut().for_each(|plan| plan.thickness_mm = thickness_mm);
+        }
+        if plans.is_empty() {
+            bail!("{}: found no resin with coefficients, expected one to simulate", self.materials.display());
+        }
+        Ok(plans)
+    }
+
+    /// Creates the folder and refuses to replace anything unasked, before the slow work.
+    fn check_folder<'a>(&self, folder: &Path, files: impl Iterator<Item = &'a String>) -> anyhow::Result<()> {
+        if folder.exists() && !folder.is_dir() {
+            bail!("{}: found a file, expected a folder", folder.display());
+        }
+        for path in files.map(|file| folder.join(file)).filter(|path| path.exists() && !self.overwrite) {
+            bail!("{}: found a file of that name, expected none (--overwrite replaces it)", path.display());
+        }
+        let place = || format!("{}: writing failed", folder.display());
+        fs::create_dir_all(folder).with_context(place)?;
+        tempfile::tempfile_in(folder).with_context(place)?;
+        Ok(())
+    }
+}

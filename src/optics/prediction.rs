@@ -1,0 +1,254 @@
+//! What a stack of layers does to light: the forward problem as a user asks it.
+//!
+//! Two models share the form of the answer. **Kubelka–Munk** (Hašan et al. 2010, equations 3, 4 and 6) composes spectra and turns
+//! them back into profiles ([`InverseHankel`]); it knows diffuse light only and is poor for thin layers. **Monte Carlo** traces
+//! photons through the volume coefficients and transforms what it counted. Its spectra start at the totals of its profiles,
+//! tail included.
+//!
+//! Over a core no light is transmitted: the half-space below has no other side.
+
+use std::ops::ControlFlow;
+
+use super::{
+    Composite, FrequencyGrid, InverseHankel, Layer, Light, MaterialSet, MonteCarlo, OpticsError, RadialProfile,
+    RingEdges, VolumeCoefficients,
+};
+
+/// Rings of predicted profiles end here, mm: beyond π/Δk of the default grid, 20 mm, the inverse transform aliases.
+const PROFILE_REACH_MM: f64 = 20.0;
+
+/// What leaves a stack, per channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prediction {
+    /// Names of the channels.
+    pub channels: Vec<String>,
+    /// Frequencies of the spectra.
+    pub grid: FrequencyGrid,
+    /// One per channel.
+    pub light: Vec<ChannelPrediction>,
+}
+
+/// What leaves a stack in one channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChannelPrediction {
+    /// R̂(k); the first is the albedo.
+    pub reflection_hankel: Vec<f64>,
+    /// T̂(k); the first is the total transmission.
+    pub transmission_hankel: Vec<f64>,
+    /// Radius in mm within which half of the reflected light leaves; `None` where nothing is reflected or the radius is out of reach.
+    pub half_energy_radius_mm: Option<f64>,
+    /// The same for nine tenths of it.
+    pub ninety_percent_radius_mm: Option<f64>,
+    /// Profiles as ring means.
+    pub rings: Vec<PredictedRing>,
+}
+
+/// Light leaving between two radii, per mm² of unit incident flux.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PredictedRing {
+    /// Middle of the ring, mm: where a profile that falls like 1/r has its mean over the ring.
+    pub r_mm: f64,
+    /// Mean R over the ring.
+    pub reflection_per_mm2: f64,
+    /// Mean T over the ring.
+    pub transmission_per_mm2: f64,
+}
+
+/// How many photons to trace, and which.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PhotonOptions {
+    /// The source.
+    pub light: Light,
+    /// Photons per channel, at least 2.
+    pub photons: u64,
+    /// Seed of the first channel; the others follow it.
+    pub seed: u64,
+}
+
+impl Prediction {
+    /// By scalar Kubelka–Munk under diffuse light. `layers` are (index of the resin in `set`, mm) from the observer down; below them
+    /// lies a half-space of the resin `core`, or nothing. Indices must be within the set.
+    pub fn kubelka_munk(set: &MaterialSet, layers: &[(usize, f64)], core: Option<usize>) -> Self {
+        let light = (0..set.channels.len()).map(|channel| {
+            let slab =
+                |&(resin, mm): &(usize, f64)| Composite::from_slab(&set.resins[resin].kubelka_munk[channel].slab(mm));
+            let stack = layers.iter().map(slab).fold(Composite::identity(set.grid.len()), |top, slab| top.over(&slab));
+            let (reflection, transmission) = match core {
+                None => (stack.reflection_top, stack.transmission),
+                Some(core) => {
+                    let base = set.resins[core].kubelka_munk[channel].half_space();
+                    (stack.reflection_over(&base), vec![0.0; set.grid.len()])
+                }
+            };
+            ChannelPrediction::from_spectra(reflection, transmission, &set.grid)
+        });
+        Self { channels: set.channels.clone(), grid: set.grid.clone(), light: light.collect() }
+    }
+
+    /// By Monte Carlo, with resins given by their coefficients per channel. `progress` hears the share that is done, 0 to 1, about
+    /// every million photons, and may break off.
+    ///
+    /// # Errors
+    /// As [`MonteCarlo::run_with`].
+    pub fn monte_carlo(
+        channels: &[String],
+        layers: &[(&[VolumeCoefficients], f64)],
+        core: Option<&[VolumeCoefficients]>,
+        options: PhotonOptions,
+        mut progress: impl FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Self, OpticsError> {
+        let grid = FrequencyGrid::default();
+        let mut light = Vec::with_capacity(channels.len());
+        for channel in 0..channels.len() {
+            let layer = |&(resin, thickness_mm): &(&[VolumeCoefficients], f64)| Layer {
+                coefficients: resin[channel],
+                thickness_mm,
+            };
+            let simulation = MonteCarlo {
+                layers: layers.iter().map(layer).collect(),
+                base: core.map(|core| core[channel]),
+                light: options.light,
+                photons: options.photons,
+                seed: options.seed.wrapping_add(channel as u64),
+                rings: RingEdges::growing(),
+            };
+            let result = simulation.run_with(|photons| {
+                progress((channel as f64 + photons as f64 / options.photons as f64) / channels.len() as f64)
+            })?;
+            light.push(ChannelPrediction::from_profiles(
+                &result.reflection_profile,
+                &result.transmission_profile,
+                &grid,
+            ));
+        }
+        Ok(Self { channels: channels.to_vec(), grid, light })
+    }
+}
+
+impl ChannelPrediction {
+    fn from_spectra(reflection: Vec<f64>, transmission: Vec<f64>, grid: &FrequencyGrid) -> Self {
+        let (r, t) = (InverseHankel::new(&reflection, grid), InverseHankel::new(&transmission, grid));
+        let mut edges: Vec<f64> =
+            RingEdges::growing().as_slice().iter().copied().filter(|edge| *edge < PROFILE_REACH_MM).collect();
+        edges.push(PROFILE_REACH_MM);
+        let energies: Vec<(f64, f64)> =
+            edges.iter().map(|&r_mm| (r.energy_within(r_mm), t.energy_within(r_mm))).collect();
+        let rings = edges.windows(2).zip(energies.windows(2)).map(|(edge, energy)| {
+            let area = std::f64::consts::PI * (edge[1] * edge[1] - edge[0] * edge[0]);
+            PredictedRing {
+                r_mm: 0.5 * (edge[0] + edge[1]),
+                reflection_per_mm2: (energy[1].0 - energy[0].0) / area,
+                transmission_per_mm2: (energy[1].1 - energy[0].1) / area,
+            }
+        });
+        Self {
+            half_energy_radius_mm: r.radius_of_energy(0.5),
+            ninety_percent_radius_mm: r.radius_of_energy(0.9),
+            rings: rings.collect(),
+            reflection_hankel: reflection,
+            transmission_hankel: transmission,
+        }
+    }
+
+    fn from_profiles(reflection: &RadialProfile, transmission: &RadialProfile, grid: &FrequencyGrid) -> Self {
+        let edges = reflection.ring_edges().unwrap_or_default();
+        let values = reflection.value_per_mm2().iter().zip(transmission.value_per_mm2());
+        // Outer rings that no photon reached are left out, not zero.
+        let lit = values.clone().rposition(|(r, t)| *r > 0.0 || *t > 0.0).map(|i| i + 1);
+        let rings = edges.windows(2).zip(values).take(lit.unwrap_or(0)).map(|(edge, (r, t))| PredictedRing {
+            r_mm: 0.5 * (edge[0] + edge[1]),
+            reflection_per_mm2: *r,
+            transmission_per_mm2: *t,
+        });
+        Self {
+            half_energy_radius_mm: reflection.radius_of_energy(0.5),
+            ninety_percent_radius_mm: reflection.radius_of_energy(0.9),
+            rings: rings.collect(),
+            reflection_hankel: reflection.hankel(grid).values,
+            transmission_hankel: transmission.hankel(grid).values,
+        }
+    }
+
+    /// The profiles as CSV: `r_mm,reflection_per_mm2,transmission_per_mm2`, to be read back as point samples.
+    pub fn to_csv(&self) -> String {
+        use super::profile_csv::six_digits;
+        let row = |ring: &PredictedRing| {
+            [ring.r_mm, ring.reflection_per_mm2, ring.transmission_per_mm2].map(six_digits).join(",") + "\n"
+        };
+        "r_mm,reflection_per_mm2,transmission_per_mm2\n".to_owned() + &self.rings.iter().map(row).collect::<String>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::optics::ProfileFile;
+
+    fn synthetic() -> MaterialSet {
+        MaterialSet::builtin("synthetic").unwrap()
+    }
+
+    fn by_photons(set: &MaterialSet, layers: &[(usize, f64)], core: Option<usize>, photons: u64) -> Prediction {
+        let volume = |resin: usize| set.resins[resin].volume.as_deref().unwrap();
+        let layers: Vec<_> = layers.iter().map(|&(resin, mm)| (volume(resin), mm)).collect();
+        let options = PhotonOptions { light: Light::Diffuse, photons, seed: 1 };
+        Prediction::monte_carlo(&set.channels, &layers, core.map(volume), options, |_| ControlFlow::Continue(()))
+            .unwrap()
+    }
+
+    #[test]
+    fn five_millimetres_of_white_on_black_are_the_papers_0_6() {
+        let set = synthetic();
+        let (white, black) = (set.resin("white").unwrap().0, set.resin("black").unwrap().0);
+        let prediction = Prediction::kubelka_munk(&set, &[(white, 5.0)], Some(black));
+        assert!((prediction.light[0].reflection_hankel[0] - 0.628).abs() < 1e-3);
+        assert_eq!(prediction.light[0].transmission_hankel, [0.0; 128]);
+    }
+
+    #[test]
+    fn models_agree_on_a_thick_layer() {
+        let set = synthetic();
+        let white = set.resin("white").unwrap().0;
+        let km = &Prediction::kubelka_munk(&set, &[(white, 3.0)], None).light[0];
+        let mc = &by_photons(&set, &[(white, 3.0)], None, 150_000).light[0];
+        // The resin's parameters come from a slab of just this thickness, so what differs is noise.
+        assert!((km.reflection_hankel[0] - mc.reflection_hankel[0]).abs() < 4e-3);
+        assert!((km.transmission_hankel[0] - mc.transmission_hankel[0]).abs() < 1e-3);
+        let radii = |p: &ChannelPrediction| [p.half_energy_radius_mm, p.ninety_percent_radius_mm].map(Option::unwrap);
+        for (km, mc) in radii(km).into_iter().zip(radii(mc)) {
+            assert!((km / mc - 1.0).abs() < 0.03, "{km} against {mc}");
+        }
+    }
+
+    #[test]
+    fn csv_read_back_has_the_predicted_spectrum() {
+        let set = synthetic();
+        let layers = [(set.resin("white").unwrap().0, 0.5), (set.resin("support").unwrap().0, 1.0)];
+        for prediction in [Prediction::kubelka_munk(&set, &layers, None), by_photons(&set, &layers, None, 100_000)] {
+            let light = &prediction.light[0];
+            let read = ProfileFile::parse(&light.to_csv(), Path::new("p.csv")).unwrap();
+            let spectrum = read.reflection.unwrap().hankel(&prediction.grid).values;
+            let worst = spectrum.iter().zip(&light.reflection_hankel).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(worst < 2e-3, "{worst}");
+        }
+    }
+
+    #[test]
+    fn nothing_transmits_everything() {
+        let set = synthetic();
+        let light = &Prediction::kubelka_munk(&set, &[], None).light[0];
+        assert_eq!((light.reflection_hankel[0], light.transmission_hankel[0]), (0.0, 1.0));
+        assert_eq!(light.half_energy_radius_mm, None);
+    }
+
+    #[test]
+    fn breaking_off_is_an_error() {
+        let volume = [VolumeCoefficients::new(1.0, 1.0, 0.0).unwrap()];
+        let options = PhotonOptions { light: Light::Normal, photons: 10, seed: 1 };
+        let stop = |_: f64| ControlFlow::Break(());
+        let result = Prediction::monte_carlo(&["Y".into()], &[(&volume, 1.0)], None, options, stop);
+        assert!(matches!(result, Err(OpticsError::Cancelled)));
+    }
+}

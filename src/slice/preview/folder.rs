@@ -1,0 +1,128 @@
+//! Pictures of a finished folder, from its slices.
+
+use std::{fs, io::BufReader, path::Path};
+
+use rayon::prelude::*;
+
+use super::{
+    PreviewBuilder, PreviewError, PreviewFile, PreviewMaterial, Voxels,
+    enclosed::{mark_enclosed, open_hollows},
+};
+use crate::voxel::Lattice;
+
+/// Pixels worth decoding: about ten seconds of one core. Larger jobs are read more sparsely.
+const PIXELS: f64 = 1.5e9;
+/// Least and most slices that are read, whatever their size.
+const SLICES: [f64; 2] = [96.0, 800.0];
+/// Bytes of slices held at once.
+const BATCH_BYTES: usize = 64 << 20;
+
+/// Draws the pictures of a finished job from `OUT/slices/slice_K.png`.
+///
+/// At most 800 of the slices are read, evenly spread. Slices show the support as background; it is found again as what the
+/// object encloses. Of two materials with the same colour the first gets all.
+///
+/// # Errors
+/// A slice that is missing, damaged, not as large as the lattice, or that holds a colour no material has.
+pub fn from_folder(
+    out: &Path,
+    lattice: &Lattice,
+    materials: &[PreviewMaterial],
+) -> Result<Vec<PreviewFile>, PreviewError> {
+    let [width, height, depth] = lattice.dims;
+    let area = f64::from(width) * f64::from(height);
+    let most = (PIXELS / area.max(1.0)).clamp(SLICES[0], SLICES[1]) as u32;
+    // Of every `step` slices the middle one.
+    let step = depth.div_ceil(most).max(1);
+    let snap = |k: u32| (k / step * step + step / 2).min(depth.saturating_sub(1));
+    let mut builder = PreviewBuilder::planned(lattice, materials, None, snap);
+    let needed = builder.slices_needed();
+    let colours = Colours::new(materials);
+    let batch = (BATCH_BYTES / (area as usize).max(1)).clamp(1, 64);
+    for slices in needed.chunks(batch) {
+        // Gathered before the first error is looked for, so that it is always the same one.
+        let images: Vec<Result<Image, _>> = slices.par_iter().map(|&k| read(out, k, lattice, &colours)).collect();
+        let images = images.into_iter().collect::<Result<Vec<_>, _>>()?;
+        for image in &images {
+            builder.observe_slices(image, image.k..image.k + 1);
+        }
+    }
+    if let Some(support) = colours.support {
+        open_hollows(&mut builder, support);
+    }
+    builder.finish()
+}
+
+/// One slice, row 0 = largest j.
+struct Image {
+    k: u32,
+    width: usize,
+    ids: Vec<u8>,
+}
+
+impl Voxels for Image {
+    fn row(&self, j: u32, _: u32, row: &mut [u8]) {
+        let from_top = self.ids.len() / self.width - 1 - j as usize;
+        row.copy_from_slice(&self.ids[from_top * self.width..(from_top + 1) * self.width]);
+    }
+
+    fn voxel(&self, [i, j, _]: [u32; 3]) -> u8 {
+        let from_top = self.ids.len() / self.width - 1 - j as usize;
+        self.ids[from_top * self.width + i as usize]
+    }
+}
+
+/// Ids by colour.
+struct Colours {
+    known: Vec<([u8; 4], u8)>,
+    /// The first material that is printed as background.
+    support: Option<u8>,
+}
+
+impl Colours {
+    fn new(materials: &[PreviewMaterial]) -> Self {
+        let (voids, solids): (Vec<_>, Vec<_>) = materials.iter().partition(|material| material.is_void());
+        let known = std::iter::once(([0; 4], 0)).chain(solids.iter().map(|material| (material.rgba, material.id.0)));
+        Self { known: known.collect(), support: voids.first().map(|material| material.id.0) }
+    }
+}
+
+fn read(out: &Path, k: u32, lattice: &Lattice, colours: &Colours) -> Result<Image, PreviewError> {
+    let path = out.join("slices").join(format!("slice_{k}.png"));
+    let decode = |reason: String| PreviewError::Decode { path: path.clone(), reason };
+    let file = fs::File::open(&path).map_err(|source| PreviewError::Read { path: path.clone(), source })?;
+    let mut reader = png::Decoder::new(BufReader::new(file)).read_info().map_err(|error| decode(error.to_string()))?;
+    let info = reader.info();
+    let found = [info.width, info.height];
+    let expected = [lattice.dims[0], lattice.dims[1]];
+    if found != expected {
+        return Err(PreviewError::Size { path, found, expected });
+    }
+    let kind = (info.color_type, info.bit_depth);
+    if kind != (png::ColorType::Rgba, png::BitDepth::Eight) {
+        return Err(decode(format!("{:?} with {} bits a channel, not RGBA with 8", kind.0, kind.1 as u8)));
+    }
+    let width = expected[0] as usize;
+    let mut ids = Vec::with_capacity(width * expected[1] as usize);
+    let mut row = 0;
+    let mut last = ([0; 4], 0);
+    while let Some(pixels) = reader.next_row().map_err(|error| decode(error.to_string()))? {
+        for (column, pixel) in pixels.data().as_chunks::<4>().0.iter().enumerate() {
+            if *pixel != last.0 {
+                let Some(known) = colours.known.iter().find(|(rgba, _)| rgba == pixel) else {
+                    return Err(PreviewError::Colour { path, column, row, found: *pixel });
+                };
+                last = *known;
+            }
+            ids.push(last.1);
+        }
+        row += 1;
+    }
+    if ids.len() != width * expected[1] as usize {
+        return Err(decode(format!("{row} rows")));
+    }
+    if let Some(support) = colours.support {
+        mark_enclosed(&mut ids, width, support);
+    }
+    Ok(Image { k, width, ids })
+}

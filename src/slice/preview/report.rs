@@ -1,0 +1,492 @@
+//! A page to read beside the print: one HTML file without scripts, whose pictures lie in `preview/`.
+
+use std::fmt::{self, Write};
+
+/// What the page says. All texts are plain; the page escapes them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReportData {
+    /// Name of the job.
+    pub job: String,
+    /// What wrote it, such as `lumislice 0.1.0`.
+    pub generator: String,
+    /// Name of the printer or preset.
+    pub printer: String,
+    /// Voxels per axis.
+    pub dims: [u32; 3],
+    /// Edges of a voxel, mm.
+    pub pitch_mm: [f64; 3],
+    /// More lines for the head of the page: name, value.
+    pub facts: Vec<(String, String)>,
+    /// Materials in the order of their ids.
+    pub materials: Vec<ReportMaterial>,
+    /// A sentence under the materials, such as where their optics come from.
+    pub materials_note: String,
+    /// One stacking per cluster.
+    pub stackings: Vec<ReportStacking>,
+    /// What the predicted error measures, as a column heading; `error` if empty.
+    pub error_name: String,
+    /// Warnings of the job.
+    pub warnings: Vec<String>,
+    /// What was found in the meshes.
+    pub health: Vec<ReportHealth>,
+    /// Pictures in the order they are shown.
+    pub pictures: Vec<ReportPicture>,
+}
+
+/// A row of the table of materials.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReportMaterial {
+    /// Its name.
+    pub name: String,
+    /// sRGB colour and alpha; alpha 0 is hatched: the printer fills it.
+    pub rgba: [u8; 4],
+    /// Voxels made of it.
+    pub voxels: u64,
+    /// Their volume, mm³.
+    pub volume_mm3: f64,
+    /// Their mass; `None` if the density is not known.
+    pub grams: Option<f64>,
+}
+
+/// Layers of one cluster.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReportStacking {
+    /// What it is for, such as `cluster 3`.
+    pub name: String,
+    /// Layers from the observer down.
+    pub layers: Vec<ReportLayer>,
+    /// Index into the materials of what lies below the layers.
+    pub core: Option<usize>,
+    /// Part of the surface it is for, 0 to 1, if known.
+    pub share: Option<f64>,
+    /// Predicted error, if known.
+    pub error: Option<f64>,
+}
+
+/// One layer.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ReportLayer {
+    /// Index into the materials.
+    pub material: usize,
+    /// Its thickness, mm.
+    pub thickness_mm: f64,
+}
+
+/// What was found in one mesh.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReportHealth {
+    /// The object or its file.
+    pub object: String,
+    /// Finding, value.
+    pub findings: Vec<(String, String)>,
+}
+
+/// A picture of the job.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ReportPicture {
+    /// Path relative to the page, with forward slashes.
+    pub path: String,
+    /// A sentence below it.
+    pub caption: String,
+}
+
+/// Width of the longest stacking's bar without its core, pixels.
+const BAR: f64 = 420.0;
+/// Width of the core's part.
+const CORE: f64 = 36.0;
+/// Height of a bar.
+const BAR_HEIGHT: f64 = 22.0;
+/// Layers narrower than this carry no number.
+const NUMBERED: f64 = 34.0;
+
+/// Writes the page.
+pub fn report_html(data: &ReportData) -> String {
+    let mut page = String::new();
+    // Writing to a string does not fail.
+    let _ = write_page(&mut page, data);
+    page
+}
+
+fn write_page(page: &mut String, data: &ReportData) -> fmt::Result {
+    let job = escape(&data.job);
+    writeln!(page, "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">")?;
+    writeln!(page, "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">")?;
+    writeln!(page, "<title>{job}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>", include_str!("report.css"))?;
+    let extent = std::array::from_fn::<_, 3, _>(|axis| f64::from(data.dims[axis]) * data.pitch_mm[axis]);
+    writeln!(page, "<header>\n<h1>{job}</h1>")?;
+    writeln!(page, "<p>{} mm{}</p>\n</header>", times(extent.map(|mm| number(mm, 2))), on(&data.printer))?;
+    warnings(page, &data.warnings)?;
+
+    // The first picture opens the page, the rest follow the tables.
+    let mut pictures = data.pictures.iter();
+    pictures.next().map_or(Ok(()), |picture| figure(page, picture))?;
+    writeln!(page, "<h2>Job</h2>\n<dl>")?;
+    let voxels: u64 = data.dims.iter().map(|&dim| u64::from(dim)).product();
+    fact(page, "Size", &format!("{} mm", times(extent.map(|mm| number(mm, 3)))))?;
+    let counts = times(data.dims.map(|dim| thousands(u64::from(dim))));
+    fact(page, "Voxels", &format!("{counts} = {}", thousands(voxels)))?;
+    fact(page, "Pitch", &format!("{} µm", times(data.pitch_mm.map(|mm| number(mm * 1000.0, 2)))))?;
+    if !data.printer.is_empty() {
+        fact(page, "Printer", &escape(&data.printer))?;
+    }
+    for (name, value) in &data.facts {
+        fact(page, &escape(name), &escape(value))?;
+    }
+    writeln!(page, "</dl>")?;
+    materials(page, data)?;
+    stackings(page, data)?;
+    for (n, picture) in pictures.enumerate() {
+        if n == 0 {
+            writeln!(page, "<h2>Pictures</h2>")?;
+        }
+        figure(page, picture)?;
+    }
+    health(page, &data.health)?;
+    if !data.generator.is_empty() {
+        writeln!(page, "<footer>Written by {}</footer>", escape(&data.generator))?;
+    }
+    writeln!(page, "</main>\n</body>\n</html>")
+}
+
+fn on(printer: &str) -> String {
+    if printer.is_empty() { String::new() } else { format!(" on {}", escape(printer)) }
+}
+
+fn warnings(page: &mut String, warnings: &[String]) -> fmt::Result {
+    if warnings.is_empty() {
+        return Ok(());
+    }
+    let title = if warnings.len() == 1 { "1 warning".to_owned() } else { format!("{} warnings", warnings.len()) };
+    writeln!(page, "<section class=\"warnings\">\n<strong>{title}</strong>\n<ul>")?;
+    for warning in warnings {
+        writeln!(page, "<li>{}</li>", escape(warning))?;
+    }
+    writeln!(page, "</ul>\n</section>")
+}
+
+fn figure(page: &mut String, picture: &ReportPicture) -> fmt::Result {
+    let (path, caption) = (escape(&url(&picture.path)), escape(&picture.caption));
+    writeln!(page, "<figure>\n<img src=\"{path}\" alt=\"{caption}\">")?;
+    if !caption.is_empty() {
+        writeln!(page, "<figcaption>{caption}</figcaption>")?;
+    }
+    writeln!(page, "</figure>")
+}
+
+/// Both arguments are escaped already.
+fn fact(page: &mut String, name: &str, value: &str) -> fmt::Result {
+    writeln!(page, "<dt>{name}</dt><dd>{value}</dd>")
+}
+
+fn materials(page: &mut String, data: &ReportData) -> fmt::Result {
+    if data.materials.is_empty() {
+        return Ok(());
+    }
+    writeln!(page, "<h2>Materials</h2>\n<table>\n<thead><tr><th></th><th>Material</th>")?;
+    for heading in ["Voxels", "Volume, mm³", "Mass, g"] {
+        writeln!(page, "<th class=\"number\">{heading}</th>")?;
+    }
+    writeln!(page, "</tr></thead>\n<tbody>")?;
+    let row = |page: &mut String, swatch: &str, name: &str, voxels: u64, volume: f64, grams: Option<f64>| {
+        let mass = grams.map_or_else(|| "–".to_owned(), |grams| decimals(grams, 2));
+        writeln!(page, "<tr><td>{swatch}</td><td>{name}</td>")?;
+        for value in [thousands(voxels), decimals(volume, 1), mass] {
+            writeln!(page, "<td class=\"number\">{value}</td>")?;
+        }
+        writeln!(page, "</tr>")
+    };
+    for material in &data.materials {
+        let mut swatch = String::new();
+        svg(&mut swatch, "swatch", [26.0, 22.0], &material.name)?;
+        block(&mut swatch, [0.0, 25.0], material.rgba)?;
+        swatch.push_str("</svg>");
+        let note = if material.rgba[3] == 0 { " <span class=\"words\">the printer fills it</span>" } else { "" };
+        let name = format!("{}{note}", escape(&material.name));
+        row(page, &swatch, &name, material.voxels, material.volume_mm3, material.grams)?;
+    }
+    writeln!(page, "</tbody>\n<tfoot>")?;
+    let grams = data.materials.iter().map(|material| material.grams).sum::<Option<f64>>();
+    let voxels = data.materials.iter().map(|material| material.voxels).sum();
+    row(page, "", "Sum", voxels, data.materials.iter().map(|material| material.volume_mm3).sum(), grams)?;
+    writeln!(page, "</tfoot>\n</table>")?;
+    if !data.materials_note.is_empty() {
+        writeln!(page, "<p class=\"note\">{}</p>", escape(&data.materials_note))?;
+    }
+    Ok(())
+}
+
+fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
+    if data.stackings.is_empty() {
+        return Ok(());
+    }
+    let thickness =
+        |stacking: &ReportStacking| stacking.layers.iter().map(|layer| layer.thickness_mm.max(0.0)).sum::<f64>();
+    let thickest = data.stackings.iter().map(thickness).fold(0.0, f64::max);
+    let scale = if thickest.is_finite() && thickest > 0.0 { BAR / thickest } else { 0.0 };
+    let shares = data.stackings.iter().any(|stacking| stacking.share.is_some());
+    let errors = data.stackings.iter().any(|stacking| stacking.error.is_some());
+    let error_name = if data.error_name.is_empty() { "Error" } else { &data.error_name };
+    writeln!(page, "<h2>Stackings</h2>")?;
+    write!(page, "<p class=\"note\">Layers from the surface (left) inwards, thickness in mm, all to one scale")?;
+    let core = data.stackings.iter().any(|stacking| stacking.core.is_some());
+    writeln!(page, "{}.</p>", if core { "; the last block is the core, which goes on" } else { "" })?;
+    writeln!(page, "<table>\n<thead><tr><th>Stacking</th><th>Layers</th>")?;
+    let headings = [(shares, "Surface"), (true, "Thickness, mm"), (errors, error_name)];
+    for (_, heading) in headings.iter().filter(|(shown, _)| *shown) {
+        writeln!(page, "<th class=\"number\">{}</th>", escape(heading))?;
+    }
+    writeln!(page, "</tr></thead>\n<tbody>")?;
+    for stacking in &data.stackings {
+        writeln!(page, "<tr><td>{}</td><td>", escape(&stacking.name))?;
+        bar(page, stacking, data, scale)?;
+        writeln!(page, "</td>")?;
+        let share = stacking.share.map_or_else(|| "–".to_owned(), |share| format!("{} %", number(100.0 * share, 1)));
+        let error = stacking.error.map_or_else(|| "–".to_owned(), significant);
+        let values = [(shares, share), (true, decimals(thickness(stacking), 3)), (errors, error)];
+        for (_, value) in values.iter().filter(|(shown, _)| *shown) {
+            writeln!(page, "<td class=\"number\">{value}</td>")?;
+        }
+        writeln!(page, "</tr>")?;
+    }
+    writeln!(page, "</tbody>\n</table>")
+}
+
+/// A stacking's layers side by side, to scale, and what they are in words.
+fn bar(page: &mut String, stacking: &ReportStacking, data: &ReportData, scale: f64) -> fmt::Result {
+    let colour = |material: usize| data.materials.get(material).map_or([128, 128, 128, 255], |found| found.rgba);
+    let name = |material: usize| data.materials.get(material).map_or("?", |found| found.name.as_str());
+    let mut words: Vec<String> = stacking
+        .layers
+        .iter()
+        .map(|layer| format!("{} {}", name(layer.material), number(layer.thickness_mm, 3)))
+        .collect();
+    words.extend(stacking.core.map(|core| format!("core {}", name(core))));
+    let words = words.join(", ");
+    svg(page, "bar", [BAR + CORE, BAR_HEIGHT], &words)?;
+    let mut left = 0.0;
+    for layer in &stacking.layers {
+        let width = layer.thickness_mm.max(0.0) * scale;
+        block(page, [left, width], colour(layer.material))?;
+        if width >= NUMBERED {
+            let ink = if is_dark(colour(layer.material)) { "#fff" } else { "#1f2630" };
+            let (x, text) = (left + 0.5 * width, number(layer.thickness_mm, 2));
+            // On the hatch a number needs a ground of its own.
+            let halo = if colour(layer.material)[3] == 0 {
+                " paint-order=\"stroke\" stroke=\"#f1dfb6\" stroke-width=\"4\""
+            } else {
+                ""
+            };
+            write!(page, "<text x=\"{x:.2}\" y=\"15.5\" text-anchor=\"middle\" font-size=\"12\"")?;
+            write!(page, " fill=\"{ink}\"{halo}>{text}</text>")?;
+        }
+        left += width;
+    }
+    if let Some(core) = stacking.core {
+        // A torn end: the core goes on.
+        let [r, g, b, a] = colour(core);
+        let fill = if a == 0 { "#f1dfb6".to_owned() } else { format!("#{r:02x}{g:02x}{b:02x}") };
+        let (tooth, width) = ((BAR_HEIGHT - 1.0) / 4.0, CORE - 8.0);
+        write!(page, "<path d=\"M{:.2} 0.5h{width}", left + 0.5)?;
+        write!(page, "l-5 {tooth}l5 {tooth}l-5 {tooth}l5 {tooth}h-{width}z\"")?;
+        write!(page, " fill=\"{fill}\" stroke=\"#5b6674\" stroke-width=\"0.75\"/>")?;
+    }
+    writeln!(page, "</svg><span class=\"words\">{}</span>", escape(&words))
+}
+
+fn svg(page: &mut String, class: &str, [width, height]: [f64; 2], title: &str) -> fmt::Result {
+    write!(page, "<svg class=\"{class}\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\"")?;
+    write!(page, " role=\"img\" aria-label=\"{}\">", escape(title))
+}
+
+/// A rectangle over the height of a bar: left edge and width.
+fn block(page: &mut String, [left, width]: [f64; 2], [r, g, b, a]: [u8; 4]) -> fmt::Result {
+    let (top, height) = (0.5, BAR_HEIGHT - 1.0);
+    let fill = if a == 0 { "#f1dfb6".to_owned() } else { format!("#{r:02x}{g:02x}{b:02x}") };
+    if a == 0 {
+        // Hatch lines, clipped by hand: no ids that a page could hold twice.
+        write!(page, "<path fill=\"{fill}\" d=\"M{left:.2} {top}h{width:.2}v{height}h-{width:.2}z\"/>")?;
+        let mut at = left - height + 3.0;
+        write!(page, "<path stroke=\"#cfa85c\" stroke-width=\"1.2\" d=\"")?;
+        while at < left + width {
+            let (from, to) = (at.max(left), (at + height).min(left + width));
+            if to > from {
+                let y = |x: f64| top + height - (x - at);
+                write!(page, "M{from:.2} {:.2}L{to:.2} {:.2}", y(from), y(to))?;
+            }
+            at += 7.0;
+        }
+        write!(page, "\"/>")?;
+    }
+    let fill = if a == 0 { "none" } else { &fill };
+    write!(page, "<rect x=\"{:.2}\" y=\"{top}\" width=\"{width:.2}\" height=\"{height}\"", left + 0.5)?;
+    write!(page, " fill=\"{fill}\" stroke=\"#5b6674\" stroke-width=\"0.75\"/>")
+}
+
+fn health(page: &mut String, health: &[ReportHealth]) -> fmt::Result {
+    if health.is_empty() {
+        return Ok(());
+    }
+    writeln!(page, "<h2>Meshes</h2>")?;
+    for mesh in health {
+        writeln!(page, "<h3>{}</h3>\n<dl>", escape(&mesh.object))?;
+        for (name, value) in &mesh.findings {
+            fact(page, &escape(name), &escape(value))?;
+        }
+        writeln!(page, "</dl>")?;
+    }
+    Ok(())
+}
+
+fn is_dark([r, g, b, a]: [u8; 4]) -> bool {
+    a != 0 && 2 * u32::from(r) + 5 * u32::from(g) + u32::from(b) < 8 * 120
+}
+
+/// Text for element content and double-quoted attributes.
+fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            // What HTML does not allow at all.
+            c if c.is_control() && !c.is_ascii_whitespace() => out.push('\u{fffd}'),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// A relative path as a URL that stays relative: bytes beyond the unreserved ones are percent-encoded.
+fn url(path: &str) -> String {
+    let mut out = String::new();
+    for byte in path.trim_start_matches('/').bytes() {
+        if byte.is_ascii_alphanumeric() || b"-._~/".contains(&byte) {
+            out.push(char::from(byte));
+        } else {
+            let _ = write!(out, "%{byte:02X}");
+        }
+    }
+    out
+}
+
+fn times(parts: [String; 3]) -> String {
+    parts.join(" × ")
+}
+
+/// At most `digits` decimals, without trailing zeros.
+fn number(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+/// Exactly `digits` decimals, for columns; thousands grouped.
+fn decimals(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let (whole, part) = text.split_once('.').unwrap_or((&text, ""));
+    whole.parse().map_or_else(|_| text.clone(), |whole| format!("{}.{part}", thousands(whole)))
+}
+
+fn significant(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 || (0.001..1000.0).contains(&size) { number(value, 4) } else { format!("{value:.2e}") }
+}
+
+/// Digits in groups of three, with narrow no-break spaces.
+fn thousands(value: u64) -> String {
+    let digits = value.to_string();
+    let mut out = String::new();
+    for (n, digit) in digits.chars().enumerate() {
+        if n > 0 && (digits.len() - n).is_multiple_of(3) {
+            out.push('\u{202f}');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn data() -> ReportData {
+        ReportData {
+            job: "<b>\"rabbit\" & co</b>".into(),
+            dims: [1420, 700, 2222],
+            pitch_mm: [0.0423, 0.0847, 0.027],
+            materials: vec![
+                ReportMaterial { name: "white".into(), rgba: [255; 4], voxels: 1_234_567, ..Default::default() },
+                ReportMaterial { name: "sup<port".into(), rgba: [0; 4], grams: Some(1.0), ..Default::default() },
+            ],
+            stackings: vec![ReportStacking {
+                name: "all".into(),
+                layers: vec![
+                    ReportLayer { material: 0, thickness_mm: 0.5 },
+                    ReportLayer { material: 1, thickness_mm: 2.0 },
+                ],
+                core: Some(7),
+                ..Default::default()
+            }],
+            warnings: vec!["x < y".into()],
+            pictures: vec![ReportPicture { path: "preview/a b\".png".into(), caption: "it's".into() }],
+            ..Default::default()
+        }
+    }
+
+    #[test]
+    fn whatever_the_texts_hold_stays_text() {
+        let page = report_html(&data());
+        assert!(page.contains("<h1>&lt;b&gt;&quot;rabbit&quot; &amp; co&lt;/b&gt;</h1>"));
+        assert!(page.contains("src=\"preview/a%20b%22.png\""));
+        assert!(!page.contains("<b>") && !page.contains("sup<port") && !page.contains("x < y"));
+        assert!(!page.contains("<script") && !page.contains("http"));
+    }
+
+    #[test]
+    fn tags_are_balanced() {
+        let page = report_html(&data());
+        let body = &page[page.find("<body>").unwrap()..];
+        let mut open: Vec<&str> = Vec::new();
+        for tag in body.split('<').skip(1).map(|rest| &rest[..rest.find('>').unwrap()]) {
+            let name = tag.split([' ', '\n']).next().unwrap();
+            if let Some(name) = name.strip_prefix('/') {
+                if name != "html" {
+                    assert_eq!(open.pop(), Some(name));
+                }
+            } else if !tag.ends_with('/') && name != "img" {
+                open.push(name);
+            }
+        }
+        assert_eq!(open, [""; 0]);
+    }
+
+    #[test]
+    fn bars_are_to_scale() {
+        let page = report_html(&data());
+        let bar = &page[page.find("class=\"bar\"").unwrap()..];
+        let widths: Vec<f64> = bar
+            .split("<rect ")
+            .skip(1)
+            .take(2)
+            .map(|rect| rect.split("width=\"").nth(1).unwrap().split('"').next().unwrap().parse().unwrap())
+            .collect();
+        assert!((widths[1] / widths[0] - 4.0).abs() < 1e-3 && (widths[0] + widths[1] - BAR).abs() < 0.02, "{widths:?}");
+    }
+
+    #[test]
+    fn an_empty_report_is_a_page() {
+        let page = report_html(&ReportData::default());
+        assert!(page.starts_with("<!DOCTYPE html>") && page.trim_end().ends_with("</html>"));
+        assert!(!page.contains("NaN") && !page.contains("inf"));
+    }
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!(thousands(1_234_567), "1\u{202f}234\u{202f}567");
+        assert_eq!([number(2.0, 3), number(0.25, 3), number(100.0, 0)], ["2", "0.25", "100"]);
+        assert_eq!([decimals(24502.41, 1), decimals(0.0, 2), decimals(-1.5, 1)], ["24\u{202f}502.4", "0.00", "-1.5"]);
+        assert_eq!([significant(8e-15), significant(0.0123), significant(0.0)], ["8.00e-15", "0.0123", "0"]);
+    }
+}

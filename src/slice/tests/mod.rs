@@ -1,0 +1,3 @@
+//! Laws of the slicer that do not depend on files.
+
+mod distance;
