@@ -31,6 +31,7 @@ pub struct Crossings<'a> {
     bounds: (DVec3, DVec3),
     /// How near to the end of an edge a vertex may be, mm.
     margin: f64,
+    pitch: f64,
     rows: [Row; 2],
 }
 
@@ -50,7 +51,7 @@ impl<'a> Crossings<'a> {
     pub fn new(objects: &'a [NodeObject<'a>], bounds: (DVec3, DVec3), pitch: f64) -> Self {
         let reach = bounds.0.abs().max(bounds.1.abs()).max_element();
         let margin = f64::max(END_MARGIN * pitch, END_STEPS * f64::from(f32::EPSILON) * reach);
-        Self { objects, bounds, margin, rows: Default::default() }
+        Self { objects, bounds, margin, pitch, rows: Default::default() }
     }
 
     /// The vertex on the edge along `axis` between two nodes of different labels, of which `p` has the lower coordinate.
@@ -75,9 +76,9 @@ impl<'a> Crossings<'a> {
         let [row_p, row_q] = &mut self.rows;
         let (p, q) = (End::see(object, number, p, row_p), End::see(object, number, q, row_q));
         let t = if p.passed <= q.passed {
-            boundary(object.labels(), &p, &q)
+            boundary(object.labels(), self.pitch, &p, &q)
         } else {
-            1.0 - boundary(object.labels(), &q, &p)
+            1.0 - boundary(object.labels(), self.pitch, &q, &p)
         };
         if t.is_finite() { t.clamp(0.0, 1.0) } else { 0.5 }
     }
@@ -100,7 +101,7 @@ impl<'r> End<'r> {
 }
 
 /// The share of the way from the shallower node to the deeper one at which the label changes.
-fn boundary(labels: &[u8], shallow: &End, deep: &End) -> f64 {
+fn boundary(labels: &[u8], pitch: f64, shallow: &End, deep: &End) -> f64 {
     let label = |passed: usize| match passed {
         n if n == shallow.passed => shallow.label,
         n if n == deep.passed => deep.label,
@@ -115,6 +116,41 @@ fn boundary(labels: &[u8], shallow: &End, deep: &End) -> f64 {
         let (above, below) = (shallow.depth - shallow.boundary(b), deep.depth - deep.boundary(b));
         above / (above - below)
     };
+    if (deep.depth - shallow.depth).abs() < 0.5 * pitch {
+        match (rim(labels, pitch, shallow, deep), rim(labels, pitch, deep, shallow)) {
+            (Some(_), Some(_)) => return 0.5,
+            (Some(share), None) => return share,
+            (None, Some(share)) => return 1.0 - share,
+            (None, None) => {}
+        }
+    }
     // What begins right at the surface begins there, whatever is lost below.
     if leaving == 0 { at(0) } else { 0.5 * (at(leaving) + at(entering)) }
+}
+
+/// How far the layer around `here` reaches towards `there`, along the surface, if it has ended there.
+///
+/// Somewhere between the two, so half an edge on average; but marching cubes bevels the rim of a layer of thickness h to a
+/// cross-section of t · p · (h − p/2) where t · p · h is due.
+fn rim(labels: &[u8], pitch: f64, here: &End, there: &End) -> Option<f64> {
+    if here.passed == 0 || there.passed == 0 {
+        return None;
+    }
+    let same = |slot: usize| labels[slot] == here.label;
+    let (mut first, mut last) = (here.passed - 1, here.passed - 1);
+    while first > 0 && same(first - 1) {
+        first -= 1;
+    }
+    while last + 1 < labels.len() && same(last + 1) {
+        last += 1;
+    }
+    if last + 1 == labels.len() || !same(here.passed - 1) {
+        return None; // the core does not end
+    }
+    let thickness = |end: &End| end.boundary(last + 1) - end.boundary(first);
+    if thickness(there) > 0.0 {
+        return None;
+    }
+    let h = thickness(here).max(pitch);
+    Some(0.5 * h / (h - 0.5 * pitch))
 }

@@ -15,8 +15,9 @@
 //! | `march`    | layer after layer of bricks |
 //! | `stl`, `threemf` | writers |
 //!
-//! Layers thinner than the pitch are rounded to the pitch or to nothing. At half the thinnest layer no cell sees both sides of one that
-//! does not taper. Creases are cut by up to a third of the pitch.
+//! Layers thinner than the pitch are rounded to the pitch or to nothing (`taper`). At half the thinnest layer, volumes are within 0.4% of
+//! the voxels' on a slab, a sphere, the 60 mm bunny and a textured cow whose layers taper off. Creases are cut: edges by up to
+//! 0.35, corners by 0.6 of the pitch. Depth is the exact distance, also where a job's voxels are laid by another one.
 
 mod cell;
 mod crossing;

@@ -112,7 +112,7 @@ impl NodeGrid {
     pub fn around(low: DVec3, high: DVec3, pitch: f64, most: u32) -> Result<Self, (usize, f64)> {
         let first = (low / pitch).floor() - 1.0;
         let nodes = (high / pitch).ceil() + 1.0 - first;
-        if let Some(axis) = (0..3).find(|&axis| !(nodes[axis] <= f64::from(most))) {
+        if let Some(axis) = (0..3).find(|&axis| nodes[axis].is_nan() || nodes[axis] > f64::from(most)) {
             return Err((axis, nodes[axis]));
         }
         let dims = [nodes.x as u32, nodes.y as u32, nodes.z as u32];

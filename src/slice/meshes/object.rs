@@ -21,7 +21,8 @@ use crate::{
     voxel::{BRICK, BRICK_VOXELS, Lattice, MaterialId},
 };
 
-/// Bricks along each edge of a block. On the 60 mm bunny at 0.1 mm, 8 is no faster and holds twice the nodes at a time.
+/// Bricks along each edge of a block. More make the descent from the root cheaper, and the slab that is held at a time thicker;
+/// 4 is 32 layers of nodes.
 pub const BLOCK: usize = 4;
 /// Nodes along each edge of a block.
 pub const BLOCK_NODES: usize = BLOCK * BRICK;
@@ -46,7 +47,7 @@ pub struct NodeObject<'a> {
     /// Label of every slot of the layers, then of the core.
     labels: Vec<u8>,
     part_of: &'a PartOf,
-    /// Layers thinner than this are rounded, and no boundary moves further; 0 where there are none, mm.
+    /// Layers thinner than this are rounded, and no thick one loses more on a side; 0 where all are thick, mm.
     rounding: f64,
 }
 

@@ -13,8 +13,9 @@ use glam::{DVec3, Vec2};
 use super::{MaterialMesher, MaterialMeshes};
 use crate::{
     mesh::{HealthReport, Solid, TriangleMesh},
+    search::Stacking,
     slice::{ObjectField, Slicer},
-    target::{LayerField, LayerStack},
+    target::{LayerField, LayerStack, SlotTable, align},
     voxel::{Lattice, MaterialId},
 };
 
@@ -130,6 +131,18 @@ fn resins(ids: &[MaterialId]) -> Vec<(MaterialId, String)> {
 
 fn stack(layers: &[(MaterialId, f64)], core: MaterialId) -> LayerField {
     LayerField::Uniform(LayerStack::new(layers.iter().copied(), core))
+}
+
+/// Three stackings that share no layer, over cyan.
+fn three_stackings() -> SlotTable {
+    // Resins by index: 0 white, 1 support, 2 black.
+    let stackings = align(&[
+        Stacking::from_layers([(0, 0.4), (1, 1.2), (0, 0.6)]),
+        Stacking::from_layers([(0, 0.8), (2, 0.7)]),
+        Stacking::from_layers([(2, 0.5), (1, 0.5)]),
+    ]);
+    let ids: Vec<_> = stackings.sequence.iter().map(|&resin| MaterialId::from_resin(resin)).collect();
+    SlotTable::new(&ids, &stackings, &[], CYAN).unwrap()
 }
 
 /// Objects on a lattice of cubic voxels that covers `extent`.

@@ -7,8 +7,9 @@ use std::{
 
 use super::*;
 use crate::{
-    mesh::{LoadOptions, close, load},
-    slice::meshes::write_stl,
+    mesh::{LoadOptions, Placement, Size, close, load, place},
+    slice::meshes::{write_3mf, write_stl},
+    target::{Atlas, LabelMap, TexturedLayers},
 };
 
 /// A file of the shared folder, or `None` with a message.
@@ -31,6 +32,8 @@ fn keep(meshes: &MaterialMeshes, name: &str) {
         let file = std::fs::File::create(folder.join(format!("{}.stl", part.name))).unwrap();
         write_stl(meshes, part, file).unwrap();
     }
+    let file = std::fs::File::create(folder.join("assembly.3mf")).unwrap();
+    write_3mf(meshes, &[[200, 100, 50, 255]; 256], file).unwrap();
 }
 
 fn bunny(pitch_mm: f64) {
@@ -56,6 +59,30 @@ fn bunny(pitch_mm: f64) {
     println!("voxels: {:.2} s", start.elapsed().as_secs_f64());
     keep(&meshes, "bunny");
     assert_sound(&meshes);
+}
+
+/// A mesh with charts, in patches of stackings that share no layer.
+#[test]
+#[ignore = "some 10 s, most for the checks"]
+fn the_cow_in_patches() {
+    let Some(path) = shared("meshes/spot/spot_triangulated.obj") else { return };
+    let placement = Placement { size: Size::HeightMm(40.0), rotate_deg: DVec3::X * 90.0, ..Default::default() };
+    let (cow, _) = place(load(&path, &LoadOptions::default()).unwrap().mesh, &placement).unwrap();
+    let solid = close(cow).unwrap();
+    let high = solid.mesh.positions.iter().fold(DVec3::ZERO, |high, p| high.max(*p));
+    let lattice = Lattice::covering(high, DVec3::splat(0.1)).unwrap();
+    let atlas = Atlas::new(&solid.mesh, &[(64, 64)], &[]);
+    let labels = LabelMap((0..64 * 64).map(|n: u32| ((n % 64 / 8 * 5 + n / 512 * 7) % 3) as u16).collect());
+    let layers = TexturedLayers::new(&solid.mesh, &atlas, &[labels], three_stackings());
+    let layers = LayerField::Textured(Box::new(layers));
+    let slicer = Slicer::new(lattice, vec![ObjectField::new(&solid, lattice, layers).unwrap()]);
+    let start = Instant::now();
+    let meshes = mesh(&slicer, 0.2, &[WHITE, SUPPORT, BLACK, CYAN]);
+    println!("{:.2} s", start.elapsed().as_secs_f64());
+    assert_volumes(&meshes, &slicer, 0.01);
+    keep(&meshes, "cow");
+    assert_sound(&meshes);
+    assert_closed(outer_triangles(&meshes), "the outer surface");
 }
 
 #[test]
