@@ -89,7 +89,26 @@ impl SlotTable {
     /// The material at `depth` mm where the texels of `footprint` meet; `scratch` holds a row.
     #[inline(always)]
     pub fn material(&self, scratch: &mut [f32; Self::MAX_STRIDE], footprint: &Footprint, depth: f32) -> MaterialId {
-        self.ids[passed(self.row(scratch, footprint, depth), depth)]
+        let slot = if footprint.single().is_none() && depth > self.reach {
+            self.passed_between(footprint, depth)
+        } else {
+            passed(self.row(scratch, footprint, depth), depth)
+        };
+        self.ids[slot]
+    }
+
+    /// [`passed`] of the mean of four rows, without writing it down.
+    #[inline(always)]
+    fn passed_between(&self, footprint: &Footprint, depth: f32) -> usize {
+        let rows = footprint.labels.map(|label| self.bottoms(label).as_chunks::<{ Self::LANES }>().0);
+        let mut counts = [0; Self::LANES];
+        for (((a, b), c), d) in rows[0].iter().zip(rows[1]).zip(rows[2]).zip(rows[3]) {
+            for (lane, count) in counts.iter_mut().enumerate() {
+                // Beyond the slots this is infinite or, for a weight of 0, not a number: not passed either way.
+                *count += u32::from(depth >= footprint.mean([a[lane], b[lane], c[lane], d[lane]]));
+            }
+        }
+        counts.iter().sum::<u32>() as usize
     }
 
     /// The bottoms where the texels of `footprint` meet, within the limits as far as they matter from `depth` mm on;
@@ -101,9 +120,8 @@ impl SlotTable {
         }
         let rows = footprint.labels.map(|label| self.bottoms(label));
         let blended = &mut scratch[..self.stride];
-        let [a, b, c, d] = footprint.weights;
         for (slot, bottom) in blended.iter_mut().enumerate() {
-            *bottom = a * rows[0][slot] + b * rows[1][slot] + c * rows[2][slot] + d * rows[3][slot];
+            *bottom = footprint.mean(rows.map(|row| row[slot]));
         }
         let slots = self.slots();
         blended[slots..].fill(f32::INFINITY); // 0 · ∞ is not a number
@@ -151,5 +169,5 @@ impl SlotTable {
 /// Number of slots that end at or above `depth`.
 #[inline(always)]
 fn passed(bottoms: &[f32], depth: f32) -> usize {
-    bottoms.iter().map(|&bottom| usize::from(depth >= bottom)).sum()
+    bottoms.iter().map(|&bottom| u32::from(depth >= bottom)).sum::<u32>() as usize
 }

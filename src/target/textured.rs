@@ -226,10 +226,7 @@ impl TexturedLayers {
         out.fill(UNCERTAIN);
         let error = query.surface.error;
         self.slots.for_certain_depths(&self.ranges_over(query.candidates), |from, to, id| {
-            let (from, to) = (from + error, to - error);
-            for (out, &depth) in out.iter_mut().zip(&query.surface.distance) {
-                *out = if depth >= from && depth < to { id.0 } else { *out };
-            }
+            paint(&query.surface.distance, from + error, to - error, id.0, out);
         });
         // The others ask for the stretches under their own triangle before they look up texels.
         let mut stretches = Stretches { of_candidate: [(0, 0); Stretches::CANDIDATES], list: Vec::new() };
@@ -295,6 +292,13 @@ pub struct Footprint {
 }
 
 impl Footprint {
+    /// The weighted mean of a value of each texel.
+    #[inline(always)]
+    pub fn mean(&self, values: [f32; 4]) -> f32 {
+        let [a, b, c, d] = self.weights;
+        a * values[0] + b * values[1] + c * values[2] + d * values[3]
+    }
+
     /// The one stacking of all texels that count, if there is only one.
     #[inline(always)]
     pub fn single(&self) -> Option<u16> {
@@ -316,6 +320,14 @@ impl Footprint {
 #[inline(always)]
 fn wrap_near(index: i32, size: u32) -> u32 {
     if (index as u32) < size { index as u32 } else { wrap(index, size) }
+}
+
+/// Gives the voxels whose depth is from `from` to below `to` an id.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
+fn paint(depths: &[f32; BRICK_VOXELS], from: f32, to: f32, id: u8, out: &mut [u8; BRICK_VOXELS]) {
+    for (out, &depth) in out.iter_mut().zip(depths) {
+        *out = if (depth >= from) & (depth < to) { id } else { *out };
+    }
 }
 
 /// Looks up the materials of some voxels; a function of its own so that it is built for several instruction sets.
