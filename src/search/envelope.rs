@@ -114,9 +114,9 @@ fn follow(sheets: &[Sheet], end: End, mut r: f64, mut h: f64) -> f64 {
 
 /// Reflectance range of what can lie below, for every number of units left.
 pub(super) struct Envelope {
-    /// Least reflectance with at most u units, index [u][coefficient].
+    /// Least reflectance with at most u units, index `[u][coefficient]`.
     pub darkest: Vec<Vec<f64>>,
-    /// Greatest reflectance with at most u units, index [u][coefficient].
+    /// Greatest reflectance with at most u units, index `[u][coefficient]`.
     pub brightest: Vec<Vec<f64>>,
 }
 

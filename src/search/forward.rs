@@ -5,7 +5,7 @@ use crate::optics::{Composite, KubelkaMunk};
 
 /// R̂ per channel of `stacking` over a half-space of the resin `core`, or over nothing.
 ///
-/// `resins` has index [resin][channel], all on one grid; the stacking's and the core's indices must be within it. No resins,
+/// `resins` has index `[resin][channel]`, all on one grid; the stacking's and the core's indices must be within it. No resins,
 /// no channels.
 pub fn reflection_of(resins: &[Vec<KubelkaMunk>], stacking: &Stacking, core: Option<usize>) -> Vec<Vec<f64>> {
     let channels = resins.first().map_or(0, Vec::len);

@@ -1,6 +1,6 @@
 //! The inverse problem: which stacking of resins reflects like the target (Hašan et al. 2010, section 6).
 //!
-//! **In:** Kubelka–Munk parameters of the resins, index [resin][channel]; a target reflection R̂_t per channel; limits.
+//! **In:** Kubelka–Munk parameters of the resins, index `[resin][channel]`; a target reflection R̂_t per channel; limits.
 //! **Out:** a [`Match`]: the [`Stacking`] of least error in a space of whole units h₀, with the proof that it is.
 //!
 //! ```text

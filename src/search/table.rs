@@ -10,26 +10,26 @@ use crate::optics::KubelkaMunk;
 pub struct BlockTable {
     pub(super) options: SearchOptions,
     pub(super) limits: Vec<UnitLimit>,
-    /// [resin][channel]
+    /// `[resin][channel]`
     pub(super) resins: Vec<Vec<KubelkaMunk>>,
     /// Block thicknesses in units, ascending: 1, 2, 4 … ≤ n.
     pub(super) sizes: Vec<usize>,
-    /// Blocks, index [resin][size].
+    /// Blocks, index `[resin][size]`.
     pub(super) blocks: Vec<Vec<Block>>,
     /// R̂ of the half-space below, by lane; 0 without a core.
     pub(super) base: Vec<f64>,
-    /// R̂ of each block on that half-space, index [resin][size], by lane.
+    /// R̂ of each block on that half-space, index `[resin][size]`, by lane.
     pub(super) block_over_base: Vec<Vec<Vec<f64>>>,
-    /// Least R̂ of anything u units thick on the half-space, index [u], by lane.
+    /// Least R̂ of anything u units thick on the half-space, index `[u]`, by lane.
     pub(super) darkest: Vec<Vec<f64>>,
-    /// Greatest R̂ of anything u units thick on the half-space, index [u], by lane.
+    /// Greatest R̂ of anything u units thick on the half-space, index `[u]`, by lane.
     pub(super) brightest: Vec<Vec<f64>>,
     coefficients: usize,
     lanes: usize,
 }
 
 impl BlockTable {
-    /// Precomputes for `resins`, index [resin][channel], all on one frequency grid.
+    /// Precomputes for `resins`, index `[resin][channel]`, all on one frequency grid.
     ///
     /// # Errors
     /// Options out of range, contradictory limits, resins that differ in channels or coefficients.
@@ -191,7 +191,7 @@ fn weights(coefficients: usize, dc_weight: f64) -> Vec<f64> {
     weights
 }
 
-/// [channel][coefficient] to lanes.
+/// `[channel][coefficient]` to lanes.
 fn interleave(per_channel: &[Vec<f64>], lanes: usize, pad: f64) -> Vec<f64> {
     let channels = per_channel.len();
     let mut flat = vec![pad; lanes];

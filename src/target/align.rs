@@ -14,7 +14,7 @@ pub struct AlignedStackings {
     pub sequence: Vec<usize>,
     /// Slots in a period: the number of resins used.
     pub period: usize,
-    /// Thickness in mm, row-major [stacking][slot]; 0 where the stacking skips the slot.
+    /// Thickness in mm, row-major `[stacking][slot]`; 0 where the stacking skips the slot.
     pub thickness: Vec<f64>,
     /// Number of stackings.
     pub len: usize,
@@ -66,7 +66,7 @@ impl AlignedStackings {
         &self.thickness[stacking * length..(stacking + 1) * length]
     }
 
-    /// Depth of each slot's lower end, mm, row-major [stacking][slot].
+    /// Depth of each slot's lower end, mm, row-major `[stacking][slot]`.
     pub fn bottoms(&self) -> Vec<f64> {
         let mut bottoms = Vec::with_capacity(self.thickness.len());
         for stacking in 0..self.len {

@@ -115,7 +115,7 @@ const REST: f64 = 1e-4;
 /// Values summed between two looks at the limit of a distance.
 const CHUNK: usize = 16;
 
-/// Groups `points`, row-major [point][channel][coefficient], each counting `weights[point]` times.
+/// Groups `points`, row-major `[point][channel][coefficient]`, each counting `weights[point]` times.
 ///
 /// # Errors
 /// Options out of range, rows that do not fit, values that are not finite, weights not above 0.
