@@ -31,6 +31,12 @@ impl BrickOffsets {
             z: std::array::from_fn(|v| offset(2, v / (BRICK * BRICK))),
         }
     }
+
+    /// Position of a voxel relative to its brick's centre, mm.
+    #[inline(always)]
+    pub fn of(&self, voxel: usize) -> Vec3 {
+        Vec3::new(self.x[voxel], self.y[voxel], self.z[voxel])
+    }
 }
 
 /// The nearest surface point of each voxel of a brick.

@@ -15,6 +15,7 @@
 //! | `moments`, `lp_kernel`, `lp` | the Lp-averaged distance |
 
 mod cull;
+mod face;
 mod grid;
 mod inside;
 mod kernel;
@@ -29,6 +30,7 @@ mod triangle;
 mod voxelize;
 
 pub use cull::{BlockBox, CullScratch, DepthRange, SLACK, cull};
+pub use face::Face;
 pub use grid::{FeatureWindow, Reach};
 pub use inside::{InsideRows, SliceRuns};
 pub use kernel::{BrickOffsets, BrickSurface, nearest_in_brick};

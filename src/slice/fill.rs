@@ -11,8 +11,8 @@ use super::depth::{DistanceKind, Measure, MeasureScratch, SlabField};
 use crate::{
     mesh::Solid,
     sdf::{
-        BlockBox, BrickOffsets, BrickSurface, CullScratch, DepthRange, InsideRows, SliceRuns, Surface, closest_point,
-        cull, nearest_in_brick,
+        BlockBox, BrickOffsets, BrickSurface, CullScratch, DepthRange, Face, InsideRows, SliceRuns, Surface,
+        closest_point, cull, nearest_in_brick,
     },
     target::{BrickQuery, LayerField},
     voxel::{BRICK, BRICK_VOXELS, Block, BlockShape, Lattice, MaterialId},
@@ -42,6 +42,8 @@ pub struct FillScratch {
     pub(super) measure: MeasureScratch,
     pub(super) masks: Vec<[u8; BRICK_VOXELS / 8]>,
     pub(super) surface: BrickSurface,
+    /// Of the brick's candidates, as far as asked for.
+    faces: Vec<Option<Face>>,
 }
 
 /// Where a block is: its first voxel, and what is known of its slab.
@@ -107,9 +109,15 @@ impl ObjectField {
 
     /// Texture coordinates of the point of a triangle nearest to `p`; 0 where the layers need none.
     pub(super) fn uv(&self, triangle: u32, p: DVec3) -> Vec2 {
+        let [_, v, w] = closest_point(p, &self.surface.triangles()[triangle as usize]).barycentric;
+        self.uv_at(triangle, [v as f32, w as f32])
+    }
+
+    /// Texture coordinates where the second and third corner of a triangle weigh `v` and `w`; 0 where the layers need none.
+    #[inline(always)]
+    fn uv_at(&self, triangle: u32, [v, w]: [f32; 2]) -> Vec2 {
         let Some(&[a, b, c]) = self.uvs.get(triangle as usize) else { return Vec2::ZERO };
-        let weights = closest_point(p, &self.surface.triangles()[triangle as usize]).barycentric;
-        a + (b - a) * weights[1] as f32 + (c - a) * weights[2] as f32
+        a + (b - a) * v + (c - a) * w
     }
 
     /// The closed surface that tells inside from outside.
@@ -288,14 +296,27 @@ impl ObjectField {
             let squared = |&t: &u32| closest_point(p, &triangles[t as usize]).distance_squared;
             candidates.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
         };
-        let uv = |candidate: u32, voxel: usize| match self.measure {
-            Measure::Grid { .. } => scratch.measure.uvs[voxel],
-            _ => self.uv(candidates[candidate as usize], position(voxel)),
+        let mut faces = std::mem::take(&mut scratch.faces);
+        faces.clear();
+        faces.resize(candidates.len(), None);
+        let radius = self.offsets.of(0).length();
+        let uv = |candidate: u32, voxel: usize| {
+            if matches!(self.measure, Measure::Grid { .. }) {
+                return scratch.measure.uvs[voxel];
+            }
+            let triangle = candidates[candidate as usize];
+            let face = faces[candidate as usize]
+                .get_or_insert_with(|| Face::new(&triangles[triangle as usize], centre, f64::from(radius)));
+            match face.weights(self.offsets.of(voxel)) {
+                Some(weights) => self.uv_at(triangle, weights),
+                None => self.uv(triangle, position(voxel)),
+            }
         };
         let mut ids = [0; BRICK_VOXELS];
         let query = BrickQuery { surface: &scratch.surface, candidates, mask };
         self.layers.fill_brick(query, exact, uv, &mut ids);
         merge(block.dense_mut(brick), mask, |voxel| ids[voxel]);
+        scratch.faces = faces;
     }
 }
 

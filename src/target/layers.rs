@@ -86,7 +86,7 @@ impl LayerField {
         &self,
         query: BrickQuery<'_>,
         exact: impl Fn(usize) -> f64,
-        uv: impl Fn(u32, usize) -> Vec2,
+        uv: impl FnMut(u32, usize) -> Vec2,
         out: &mut [u8; BRICK_VOXELS],
     ) {
         match self {

@@ -222,7 +222,12 @@ impl TexturedLayers {
     /// See [`super::LayerField::fill_brick`].
     ///
     /// Most voxels lie in a stretch of depth that is one material under all candidates; only the others look up texels.
-    pub fn fill_brick(&self, query: BrickQuery<'_>, uv: impl Fn(u32, usize) -> Vec2, out: &mut [u8; BRICK_VOXELS]) {
+    pub fn fill_brick(
+        &self,
+        query: BrickQuery<'_>,
+        mut uv: impl FnMut(u32, usize) -> Vec2,
+        out: &mut [u8; BRICK_VOXELS],
+    ) {
         out.fill(UNCERTAIN);
         let error = query.surface.error;
         self.slots.for_certain_depths(&self.ranges_over(query.candidates), |from, to, id| {
