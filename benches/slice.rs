@@ -186,15 +186,15 @@ fn layered(path: Option<PathBuf>) -> Slicer {
 }
 
 /// The first object of a job with the four layers for a target.
-fn object_in_layers(prepared: &Prepared) -> Slicer {
-    let object = &prepared.job.objects[0];
+fn object_in_layers(job: &Job) -> Slicer {
+    let object = &job.objects[0];
     let mesh = load(object.mesh.as_ref(), &LoadOptions { unit: object.unit }).unwrap().mesh;
     let size = match object.scaling {
         Scaling::Scale(scale) => Size::Scale(scale),
         Scaling::HeightMm(height) => Size::HeightMm(height),
     };
     let placement = Placement { size, rotate_deg: object.rotate_deg.into(), position_mm: object.position_mm.into() };
-    in_layers(mesh, &placement, prepared.lattice.pitch)
+    in_layers(mesh, &placement, DVec3::from(job.printer.pitch_mm))
 }
 
 fn in_layers(mesh: TriangleMesh, placement: &Placement, pitch: DVec3) -> Slicer {
@@ -210,15 +210,11 @@ fn in_layers(mesh: TriangleMesh, placement: &Placement, pitch: DVec3) -> Slicer 
     slicer
 }
 
-fn textured(path: &Path) -> Option<Prepared> {
-    if !path.exists() {
-        println!("NO TEXTURED ROW: {} is not there", path.display());
-        return None;
-    }
+fn textured(job: Job) -> Prepared {
     let clock = Clock::start();
-    let prepared = Prepared::new(Job::load(path).unwrap(), &Silent, &Interrupt::new()).unwrap();
+    let prepared = Prepared::new(job, &Silent, &Interrupt::new()).unwrap();
     println!("\n{}: ready to slice after {:.2} s CPU", prepared.job.name, clock.read().cpu);
-    Some(prepared)
+    prepared
 }
 
 fn main() {
@@ -227,20 +223,25 @@ fn main() {
     let mesh = paths.next();
     let job = paths.next().unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/rabbit-60mm.toml"));
     println!("{} threads", rayon::current_num_threads());
-    let slicer = layered(mesh);
-    let plain = rows("four layers, 5 mm deep", &slicer);
-    limits(*slicer.lattice());
-    if let Some(prepared) = textured(&job) {
-        let textured = rows("textured", prepared.slicer());
-        let layered = object_in_layers(&prepared);
-        drop(prepared); // its texture is no part of the next row's memory
-        let same = rows("the textured job's first object, in the four layers", &layered);
-        println!(
-            "\nCPU time per inside voxel at the printer's pitch: textured over the first row {:.2}\n\
-             = its shape in four layers over the first row {:.2} × texture over four layers on one shape {:.2}",
-            textured / plain,
-            same / plain,
-            textured / same
-        );
+    let plain = {
+        let slicer = layered(mesh);
+        let plain = rows("four layers, 5 mm deep", &slicer);
+        limits(*slicer.lattice());
+        plain
+    };
+    if !job.exists() {
+        println!("NO TEXTURED ROW: {} is not there", job.display());
+        return;
     }
+    let job = Job::load(&job).unwrap();
+    // Before the texture is read, so that the peak is the shape's own.
+    let same = rows("the textured job's first object, in the four layers", &object_in_layers(&job));
+    let textured = rows("textured", textured(job).slicer());
+    println!(
+        "\nCPU time per inside voxel at the printer's pitch: textured over the first row {:.2}\n\
+         = its shape in four layers over the first row {:.2} × texture over four layers on one shape {:.2}",
+        textured / plain,
+        same / plain,
+        textured / same
+    );
 }
