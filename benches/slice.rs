@@ -194,7 +194,7 @@ fn object_in_layers(job: &Job) -> Slicer {
         Scaling::HeightMm(height) => Size::HeightMm(height),
     };
     let placement = Placement { size, rotate_deg: object.rotate_deg.into(), position_mm: object.position_mm.into() };
-    in_layers(mesh, &placement, DVec3::from(job.printer.pitch_mm))
+    in_layers(mesh, &placement, job.printer.pitch_mm)
 }
 
 fn in_layers(mesh: TriangleMesh, placement: &Placement, pitch: DVec3) -> Slicer {
