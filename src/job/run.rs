@@ -69,6 +69,9 @@ pub fn run(
     if let Some(least) = prepared.job.printer.min_slices.filter(|&least| (dims[2] as usize) < least) {
         warnings.push(format!("{} slices, fewer than the {least} that {} takes", dims[2], prepared.job.printer.name));
     }
+    if counts[1..].iter().all(|&voxels| voxels == 0) {
+        warnings.push("no voxel's centre lies inside an object: nothing will be printed".to_owned());
+    }
     let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
     let mut manifest = Manifest::new(prepared, outcome);
     if let Some(builder) = pictures {

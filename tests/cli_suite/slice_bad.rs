@@ -57,10 +57,20 @@ fn bad_inputs_are_refused_in_one_line() {
     let mut huge = cube(4.0);
     huge.iter_mut().flatten().flatten().for_each(|c| *c *= 1e6);
     with_mesh(&stl(&huge), &["cube.stl", "4e6 mm", "unit"]);
+    let open = &cube(4.0)[..8];
+    with_mesh(&stl(open), &["cube.stl: the mesh is an open sheet"]);
     assert!(!bench.path("out").exists());
 
     bench.run(["slice", "none.toml"]).refuses(2, &["none.toml", "no such file"]);
     bench.run(["slice", "."]).refuses(2, &["a folder"]);
     bench.write("bytes.toml", b"\xff\xfe");
     bench.run(["slice", "bytes.toml"]).refuses(2, &["bytes.toml", "UTF-8"]);
+}
+
+#[test]
+fn an_object_smaller_than_a_voxel_is_told() {
+    let bench = Bench::new();
+    bench.write("cube.stl", &stl(&cube(0.05)));
+    let ran = bench.slice("out");
+    assert!(ran.stderr.contains("warning: no voxel's centre lies inside an object"), "{}", ran.stderr);
 }
