@@ -18,5 +18,7 @@ pub(super) fn thin_layers(objects: &[PreparedObject], lattice: &Lattice) -> Opti
     let layers = || stackings().flat_map(|stacking| &stacking.layers);
     let thin = layers().filter(|layer| layer.thickness_mm < pitch).count();
     let (layers, stackings) = (layers().count(), stackings().count());
-    (thin > 0).then(|| format!("layers thinner than a voxel {place}: {thin} of {layers}, stackings: {stackings}"))
+    (thin > 0).then(|| {
+        format!("layers thinner than a voxel {place}: {thin} of the {layers} layers in the stackings found ({stackings})")
+    })
 }

@@ -267,14 +267,15 @@ fn load_solid(
         rotate_deg: DVec3::from(object.rotate_deg),
         position_mm: DVec3::from(object.position_mm),
     };
-    let (placed, to_lattice) = mesh::place(loaded.mesh, &placement)?;
+    let in_file = |source| RunError::Shape { file: object.mesh.as_ref().to_owned(), source };
+    let (placed, to_lattice) = mesh::place(loaded.mesh, &placement).map_err(in_file)?;
     let low = placed.positions.iter().fold(DVec3::MAX, |low, p| low.min(*p));
     if low.min_element() < 0.0 {
         let key = format!("object[{index}].position-mm");
         let found = format!("an object from ({}, {}, {}) mm", low.x, low.y, low.z);
         return Err(job.refuse(&key, found, "a position on the tray, 0 or more in x, y and z").into());
     }
-    let solid = mesh::close(placed)?;
+    let solid = mesh::close(placed).map_err(in_file)?;
     solid.health.warnings().into_iter().for_each(&mut warn);
     Ok((solid, to_lattice * loaded.file_to_mesh))
 }

@@ -22,6 +22,14 @@ pub enum RunError {
     /// A mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// A mesh that was read, but cannot be placed or closed.
+    #[error("{}: {source}", file.display())]
+    Shape {
+        /// The mesh file.
+        file: PathBuf,
+        /// Why.
+        source: MeshError,
+    },
     /// A material or a profile.
     #[error(transparent)]
     Optics(#[from] OpticsError),
