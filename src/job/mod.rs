@@ -183,10 +183,11 @@ impl Job {
                 self.check_name("resin", &key, &limit.resin, names)?;
             }
         }
-        match &self.stacking.core {
-            Some(core) => self.check_name("resin", "stacking.core", core, names)?,
-            None if !names.contains(&self.stacking.core_name()) => return Err(self.refuse_core()),
-            None => {}
+        let core = self.stacking.core_name();
+        if self.places.contains_key("stacking.core") {
+            self.check_name("resin", "stacking.core", core, names)?;
+        } else if !names.contains(&core) {
+            return Err(self.refuse_core());
         }
         let mut background = self.output.map_background.iter();
         background.try_for_each(|resin| self.check_name("resin", "output.background-as", resin, names))
