@@ -95,13 +95,16 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// An error with its causes, but for those whose words it already has.
+/// An error and its causes on one line. Some of our messages quote their cause, others leave it to the chain: none is said twice.
 fn one_line(error: &anyhow::Error) -> String {
-    error
-        .chain()
-        .skip(1)
-        .map(ToString::to_string)
-        .fold(error.to_string(), |line, cause| if line.ends_with(&cause) { line } else { format!("{line}: {cause}") })
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text += ": ";
+            text += &cause;
+        }
+    }
+    text
 }
 
 fn exit_code(error: &anyhow::Error) -> u8 {

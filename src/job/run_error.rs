@@ -23,10 +23,10 @@ pub enum RunError {
     #[error(transparent)]
     Mesh(#[from] MeshError),
     /// A mesh that was read, but cannot be placed or closed.
-    #[error("{mesh}: {source}")]
-    Solid {
-        /// The mesh file as the job writes it.
-        mesh: String,
+    #[error("{}: {source}", file.display())]
+    Shape {
+        /// The mesh file.
+        file: PathBuf,
         /// Why.
         source: MeshError,
     },
