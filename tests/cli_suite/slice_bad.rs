@@ -73,14 +73,6 @@ fn bad_inputs_are_refused_in_one_line() {
 }
 
 #[test]
-fn an_object_smaller_than_a_voxel_is_told() {
-    let bench = Bench::new();
-    bench.write("cube.stl", &stl(&cube(0.05)));
-    let ran = bench.slice("out");
-    assert!(ran.stderr.contains("warning: no voxel's centre lies inside an object"), "{}", ran.stderr);
-}
-
-#[test]
 fn what_would_fail_after_the_slices_fails_before_them() {
     let bench = Bench::new();
     let job = JOB
