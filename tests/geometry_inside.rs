@@ -57,6 +57,7 @@ fn misjudged(triangles: &[[DVec3; 3]], lattice: Lattice, found: &[bool]) -> (usi
 
 #[test]
 fn an_octahedron_on_voxel_centres_is_exact() {
+    let mut on_surface = 0;
     for reach in [1.0, 2.0, 4.0, 8.0] {
         // Vertices, edges and whole faces lie on voxel centres; powers of two keep the slopes free of rounding.
         let lattice = whole_numbers(18);
@@ -65,8 +66,10 @@ fn an_octahedron_on_voxel_centres_is_exact() {
         for (index, inside) in indices(&lattice).zip(found) {
             let norm = (lattice.centre(index) - centre).abs().element_sum();
             assert_eq!(inside, norm <= reach, "{index:?}, reach {reach}");
+            on_surface += usize::from(norm == reach);
         }
     }
+    println!("{} voxels, {on_surface} of them on the surface, 0 misjudged", 4 * 18 * 18 * 18);
 }
 
 #[test]
@@ -134,14 +137,18 @@ fn rows_through_vertices_and_edges_do_not_leak() {
 fn a_twisted_star_does_not_leak() {
     let mut random = Random::new(8);
     let lattice = whole_numbers(14);
+    let mut touching = 0;
     for _ in 0..25 {
         // A sphere whose vertices are moved to whole coordinates at random: it crosses itself.
         let mut mesh = mesh_of(&sphere(DVec3::splat(6.5), 4.0, 4));
         mesh.positions.iter_mut().for_each(|p| *p = (*p + random.vector() * 3.0).round());
         let triangles = corners(&mesh);
         let solid = Solid { mesh, caps: Vec::new(), health: HealthReport::default() };
-        assert_eq!(misjudged(&triangles, lattice, &inside(&solid, lattice)).0, 0, "{triangles:?}");
+        let (wrong, on_surface) = misjudged(&triangles, lattice, &inside(&solid, lattice));
+        assert_eq!(wrong, 0, "{triangles:?}");
+        touching += on_surface[0] as u64;
     }
+    println!("{} voxels clear of the surface, 0 misjudged", 25 * lattice.voxels() - touching);
 }
 
 /// A mesh to damage: positions are kept, so that the damaged one compares with it.

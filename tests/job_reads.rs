@@ -56,7 +56,7 @@ fn defaults() {
     assert_eq!((job.clusters.k, job.clusters.seed), (100, 1));
     let stacking = &job.stacking;
     assert_eq!((stacking.max_thickness_mm, stacking.units, stacking.depth, stacking.dc_weight), (5.0, 64, 6, 1.0));
-    assert_eq!(stacking.core, None);
+    assert_eq!(stacking.core.as_deref(), Some("black"));
     assert_eq!(job.field.distance, Distance::Exact);
     assert_eq!(job.output.formats, [OutputFormat::Png, OutputFormat::Preview]);
     assert_eq!((job.output.mesh_pitch_mm, &job.output.map_background), (None, &None));

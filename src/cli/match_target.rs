@@ -21,6 +21,9 @@ use super::{
     table::{number, table},
 };
 
+/// Mean free paths that make sense, as in a job.
+const MEAN_FREE_PATH_MM: std::ops::RangeInclusive<f64> = 1e-4..=1000.0;
+
 /// Find the stack of layers that reflects most like a target.
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("wanted").required(true).multiple(false).args(["target", "albedo"]))]
@@ -148,6 +151,13 @@ impl MatchArgs {
         }
         per_channel("--albedo", self.albedo.len())?;
         per_channel("--mean-free-path-mm", self.mean_free_path_mm.len())?;
+        if let Some(found) = self.albedo.iter().find(|albedo| !(0.0..=1.0).contains(*albedo)) {
+            bail!("--albedo: found {found}, expected 0 to 1");
+        }
+        if let Some(found) = self.mean_free_path_mm.iter().find(|mm| !MEAN_FREE_PATH_MM.contains(*mm)) {
+            let (least, most) = (MEAN_FREE_PATH_MM.start(), MEAN_FREE_PATH_MM.end());
+            bail!("--mean-free-path-mm: found {found}, expected {least} to {most} mm");
+        }
         let spectra = (0..channels).map(|channel| {
             let material = NormalizedDiffusion::new(of(&self.albedo, channel), of(&self.mean_free_path_mm, channel));
             Ok(material?.spectrum(&grid))

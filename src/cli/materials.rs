@@ -46,6 +46,8 @@ impl Materials {
 
 /// Says where the numbers of a built-in set come from; it must never be taken for a measurement.
 pub fn say_provenance(set: &str, provenance: &str) {
+    // The built-in text begins with the set's name already.
+    let provenance = provenance.strip_prefix(&format!("{set}: ")).unwrap_or(provenance);
     say(&format!("note: materials `{set}`: {provenance}"));
 }
 

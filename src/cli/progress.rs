@@ -49,6 +49,8 @@ impl Progress for Bars {
         if !self.shown {
             return;
         }
+        // The last stage's line goes before the next one is drawn; the other way round, what is cleared is the new line.
+        self.finish();
         let bar = if total == 0 { ProgressBar::new_spinner() } else { ProgressBar::new(total) };
         let template = match total {
             0 => "  {spinner} {msg:10} {elapsed}",

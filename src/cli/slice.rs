@@ -4,7 +4,7 @@ use std::{ops::Range, path::PathBuf};
 
 use clap::Args;
 use lumislice::{
-    job::{self, Estimate, Job, Manifest, MaterialRecord, MaterialSource, Prepared, RunError, RunOptions},
+    job::{self, Estimate, Job, Manifest, MaterialRecord, MaterialSource, Prepared, REPORT, RunError, RunOptions},
     slice::OutputFolder,
 };
 use serde_json::json;
@@ -86,6 +86,9 @@ fn summary(manifest: &Manifest, folder: &str) -> String {
     let slices = manifest.slices[1] - manifest.slices[0];
     let mut text = format!("{}: {slices} of {z} slices of {x} × {y} voxels in {folder}\n", manifest.name);
     text += &material_table(&manifest.materials, "");
+    if manifest.files.iter().any(|file| file.path == REPORT) {
+        text += &format!("  pictures and stackings: {folder}/{REPORT}\n");
+    }
     text
 }
 

@@ -183,9 +183,20 @@ impl Job {
                 self.check_name("resin", &key, &limit.resin, names)?;
             }
         }
-        let core = self.stacking.core.iter().map(|resin| ("stacking.core", resin));
-        let background = self.output.map_background.iter().map(|resin| ("output.background-as", resin));
-        core.chain(background).try_for_each(|(key, resin)| self.check_name("resin", key, resin, names))
+        let core = self.stacking.core_name();
+        if self.places.contains_key("stacking.core") {
+            self.check_name("resin", "stacking.core", core, names)?;
+        } else if !names.contains(&core) {
+            return Err(self.refuse_core());
+        }
+        let mut background = self.output.map_background.iter();
+        background.try_for_each(|resin| self.check_name("resin", "output.background-as", resin, names))
+    }
+
+    /// The error of a job that leaves the core to its default where there is no such resin.
+    fn refuse_core(&self) -> JobError {
+        let found = format!("no core, and no resin called `{}` to stand in for it", self.stacking.core_name());
+        self.refuse("stacking.core", found, "the resin that fills the inside below the stacking")
     }
 
     /// Checks that the built-in set the job asks for, if it does, is one of `names`.

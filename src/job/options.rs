@@ -38,10 +38,20 @@ pub struct StackingOptions {
     pub depth: usize,
     /// Weight of the albedo (k = 0) in the objective, 0 to 1000000; default 1.
     pub dc_weight: f64,
-    /// Resin that fills the inside below the stacking; `None`: nothing does, and no light returns from there.
+    /// Resin that fills the inside below the stacking; `None`: nothing does. A job always has one, by default `black`.
     pub core: Option<String>,
     /// Limits of single resins, one each at most; support's default stands last if the job gives it none.
     pub limits: Vec<NamedLimit>,
+}
+
+/// What fills the inside unless the job says otherwise.
+const DEFAULT_CORE: &str = "black";
+
+impl StackingOptions {
+    /// The resin that fills the inside of an object.
+    pub fn core_name(&self) -> &str {
+        self.core.as_deref().unwrap_or(DEFAULT_CORE)
+    }
 }
 
 /// What one resin is allowed to do in stackings that are searched for.
@@ -225,7 +235,7 @@ pub(super) fn read_stacking(table: &Table<'_>) -> Result<StackingOptions> {
         units: table.get("units").map_or(Ok(64), |units| read_units(&units))?,
         depth: table.integer_or("depth", 6, range::DEPTH)? as usize,
         dc_weight: table.number_or("dc-weight", 1.0, range::DC_WEIGHT)?,
-        core: table.name("core", "a resin")?,
+        core: table.name("core", "a resin")?.or_else(|| Some(DEFAULT_CORE.to_owned())),
         limits: read_limits(table)?,
     })
 }

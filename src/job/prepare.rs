@@ -7,7 +7,8 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::{
-    Distance, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError, Scaling, TargetSpec, checks,
+    AlbedoSource, Distance, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError, Scaling,
+    TargetSpec, checks,
     stackings::{StackingReport, TargetContext, object_layers},
 };
 use crate::{
@@ -91,8 +92,8 @@ impl Prepared {
             Distance::Grid => DistanceKind::Grid,
             Distance::Lp { exponent } => DistanceKind::Lp { exponent },
         };
-        if distance != DistanceKind::Exact && (job.wants(OutputFormat::Stl) || job.wants(OutputFormat::ThreeMf)) {
-            warnings.push("material meshes use the exact distance, whatever field.distance says".to_owned());
+        if distance == DistanceKind::Grid && (job.wants(OutputFormat::Stl) || job.wants(OutputFormat::ThreeMf)) {
+            warnings.push("material meshes use the exact distance: the grid's has steps".to_owned());
         }
         let mut objects = Vec::new();
         let mut fields = Vec::new();
@@ -118,11 +119,13 @@ impl Prepared {
             let (mesh, health) = (object.mesh.shown(), solid.health);
             objects.push(PreparedObject { mesh, transform, health, bounds, stackings });
         }
+        checks::tiny_objects(&job, &objects, &lattice, &mut warnings)?;
         warnings.extend(checks::thin_layers(&objects, &lattice));
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);
         let prepared = Self { job, materials, lattice, objects, palette, inputs, warnings, slicer };
         prepared.check_colors()?;
+        prepared.check_meshes()?;
         Ok(prepared)
     }
 
@@ -256,6 +259,13 @@ fn load_solid(
     warnings: &mut Vec<String>,
 ) -> Result<(Solid, DMat4), RunError> {
     let loaded = mesh::load(object.mesh.as_ref(), &LoadOptions { unit: object.unit })?;
+    let own_color = matches!(&object.target, TargetSpec::Texture { albedo: AlbedoSource::MeshBaseColor, .. });
+    if let Some(lost) = loaded.lost_color.filter(|_| own_color) {
+        let found = format!("{}: {lost}", object.mesh.shown());
+        return Err(job
+            .refuse("target", found, "the mesh's own base colour, or an albedo or albedo-value in its place")
+            .into());
+    }
     let mut warn = |warning: String| warnings.push(format!("{}: {warning}", object.mesh.shown()));
     // Texture files that the mesh names do not matter where the job brings its own.
     loaded.warnings.into_iter().for_each(&mut warn);
@@ -267,14 +277,15 @@ fn load_solid(
         rotate_deg: DVec3::from(object.rotate_deg),
         position_mm: DVec3::from(object.position_mm),
     };
-    let (placed, to_lattice) = mesh::place(loaded.mesh, &placement)?;
+    let in_file = |source| RunError::Shape { file: object.mesh.as_ref().to_owned(), source };
+    let (placed, to_lattice) = mesh::place(loaded.mesh, &placement).map_err(in_file)?;
     let low = placed.positions.iter().fold(DVec3::MAX, |low, p| low.min(*p));
     if low.min_element() < 0.0 {
         let key = format!("object[{index}].position-mm");
         let found = format!("an object from ({}, {}, {}) mm", low.x, low.y, low.z);
         return Err(job.refuse(&key, found, "a position on the tray, 0 or more in x, y and z").into());
     }
-    let solid = mesh::close(placed)?;
+    let solid = mesh::close(placed).map_err(in_file)?;
     solid.health.warnings().into_iter().for_each(&mut warn);
     Ok((solid, to_lattice * loaded.file_to_mesh))
 }

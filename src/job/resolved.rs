@@ -99,8 +99,7 @@ struct Stacking {
     units: usize,
     depth: usize,
     dc_weight: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    core: Option<String>,
+    core: String,
     limit: Vec<Limit>,
 }
 
@@ -158,7 +157,7 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
             units: stacking.units,
             depth: stacking.depth,
             dc_weight: stacking.dc_weight,
-            core: stacking.core.clone(),
+            core: stacking.core_name().to_owned(),
             limit: stacking
                 .limits
                 .iter()

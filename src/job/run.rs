@@ -14,7 +14,7 @@ use super::{
 use crate::{
     slice::{
         MANIFEST, OutputFolder, RowBuffers, TIMINGS, encode_mask, encode_rgba,
-        meshes::{MaterialMesher, MaterialPart, write_3mf, write_stl},
+        meshes::{MaterialMesher, MaterialPart, MeshingError, write_3mf, write_stl},
         preview::{PreviewBuilder, PreviewMaterial},
     },
     voxel::{MaterialId, Slab},
@@ -68,6 +68,9 @@ pub fn run(
     let mut warnings = prepared.warnings.clone();
     if let Some(least) = prepared.job.printer.min_slices.filter(|&least| (dims[2] as usize) < least) {
         warnings.push(format!("{} slices, fewer than the {least} that {} takes", dims[2], prepared.job.printer.name));
+    }
+    if counts[1..].iter().all(|&voxels| voxels == 0) {
+        warnings.push("no voxel's centre lies inside an object: nothing will be printed".to_owned());
     }
     let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
     let mut manifest = Manifest::new(prepared, outcome);
@@ -176,10 +179,7 @@ impl Prepared {
         if !stl && !assembly {
             return Ok(Vec::new());
         }
-        let layers = self.objects.iter().flat_map(|object| &object.stackings.stackings).flat_map(|entry| &entry.layers);
-        let thinnest = layers.map(|layer| layer.thickness_mm).reduce(f64::min);
-        let default = MaterialMesher::default_pitch_mm(thinnest, self.lattice.pitch);
-        let mesher = MaterialMesher { pitch_mm: self.job.output.mesh_pitch_mm.unwrap_or(default) };
+        let mesher = self.mesher();
         let resins: Vec<_> =
             self.printed().map(|(id, resin)| (id, self.materials.resins[resin].name.clone())).collect();
         progress.stage("meshes", 0);
@@ -212,6 +212,27 @@ impl Prepared {
             pitch_mm: mesher.pitch_mm,
         };
         Ok(parts().map(record).collect())
+    }
+
+    fn mesher(&self) -> MaterialMesher {
+        let layers = self.objects.iter().flat_map(|object| &object.stackings.stackings).flat_map(|entry| &entry.layers);
+        let thinnest = layers.map(|layer| layer.thickness_mm).reduce(f64::min);
+        let default = MaterialMesher::default_pitch_mm(thinnest, self.lattice.pitch);
+        MaterialMesher { pitch_mm: self.job.output.mesh_pitch_mm.unwrap_or(default) }
+    }
+
+    /// Refuses what would make the material meshes fail once all slices are written.
+    pub(super) fn check_meshes(&self) -> Result<(), RunError> {
+        if self.job.wants(OutputFormat::Stl) || self.job.wants(OutputFormat::ThreeMf) {
+            self.mesher().check(self.slicer().objects()).map_err(|error| match error {
+                MeshingError::TooFine { pitch_mm, axis, nodes, max } => {
+                    let found = format!("{pitch_mm} mm, which makes {nodes:.0} nodes along {axis}");
+                    self.job.refuse("output.mesh-pitch-mm", found, format!("at most {max} nodes")).into()
+                }
+                other => RunError::from(other),
+            })?;
+        }
+        Ok(())
     }
 
     fn refuse_misfits(&self) -> Result<(), RunError> {

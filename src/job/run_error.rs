@@ -19,9 +19,17 @@ pub enum RunError {
     /// The job file, or what it asks for.
     #[error(transparent)]
     Job(#[from] JobError),
-    /// A mesh.
+    /// A mesh that cannot be read; the message names its file.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// A mesh that was read, but cannot be placed or closed.
+    #[error("{}: {source}", file.display())]
+    Shape {
+        /// The mesh file.
+        file: PathBuf,
+        /// Why.
+        source: MeshError,
+    },
     /// A material or a profile.
     #[error(transparent)]
     Optics(#[from] OpticsError),

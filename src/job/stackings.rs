@@ -225,13 +225,10 @@ fn brightest(atlas: &Atlas, pages: &[AppearancePage], channels: usize) -> f64 {
 }
 
 impl TargetContext<'_> {
-    /// The resin of the core: the job's, else the one named black.
+    /// The resin of the core.
     fn core(&self) -> Result<usize, RunError> {
-        let name = self.job.stacking.core.as_deref().unwrap_or(DEFAULT_CORE);
-        match self.materials.resin(name) {
-            Some((index, _)) => Ok(index),
-            None => Err(self.refuse("stacking.core", "no core", "the resin that fills the inside below the stacking")),
-        }
+        let found = self.materials.resin(self.job.stacking.core_name());
+        found.map(|(index, _)| index).ok_or_else(|| self.job.refuse_core().into())
     }
 
     fn refuse(&self, key: &str, found: impl ToString, expected: &str) -> RunError {
@@ -451,7 +448,5 @@ impl TargetContext<'_> {
     }
 }
 
-/// What fills the inside unless the job says otherwise.
-const DEFAULT_CORE: &str = "black";
 /// Searches between two looks at the clock.
 const SEARCH_BATCH: usize = 16;

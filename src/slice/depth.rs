@@ -153,20 +153,25 @@ impl ObjectField {
     /// Prepares the measure for a block with these bounds, `nearest` mm from the surface at its centre; false if all
     /// of it is certain to lie below the layers.
     pub(super) fn enter_block(&self, bounds: &BlockBox, nearest: f64, scratch: &mut MeasureScratch) -> bool {
-        let (radius, thickness) = (bounds.radius(), self.layers().thickness());
-        let shallowest = match &self.measure {
+        let thickness = self.layers().thickness();
+        if let Measure::Grid { bound } = &self.measure {
+            scratch.unopened = Some((nearest + bounds.radius() + bound).min(thickness));
+        }
+        self.shallowest(bounds, nearest, scratch) <= thickness + super::fill::DEPTH_MARGIN
+    }
+
+    /// A lower bound of the measure in a box `nearest` mm from the surface at its centre, mm.
+    pub(super) fn shallowest(&self, bounds: &BlockBox, nearest: f64, scratch: &mut MeasureScratch) -> f64 {
+        let radius = bounds.radius();
+        match &self.measure {
             Measure::Exact => nearest - radius,
-            Measure::Grid { bound } => {
-                scratch.unopened = Some((nearest + radius + bound).min(thickness));
-                nearest - radius - bound
-            }
+            Measure::Grid { bound } => nearest - radius - bound,
             Measure::Lp { field, .. } => {
                 let averaged = || field.distance(self.surface().triangles(), bounds.centre, nearest, &mut scratch.lp);
                 let range = (radius < nearest).then(averaged).and_then(|a| field.range_within(a, nearest, radius));
                 range.map_or(0.0, |range| range.0)
             }
-        };
-        shallowest <= thickness + super::fill::DEPTH_MARGIN
+        }
     }
 
     /// What the measure can be where the exact distance is in `exact`; `None` if that takes too long to tell. `candidates` hold the

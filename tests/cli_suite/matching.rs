@@ -82,7 +82,8 @@ fn an_infeasible_target_is_answered_no() {
 #[test]
 fn bad_targets_are_refused() {
     let with = |more: &[&str]| find(&[&["--albedo", "0.5", "--mean-free-path-mm", "1"], more].concat());
-    find(&["--albedo", "1.5", "--mean-free-path-mm", "1"]).refuses(2, &["albedo is 1.5", "0 to 1"]);
+    find(&["--albedo", "1.5", "--mean-free-path-mm", "1"]).refuses(2, &["--albedo: found 1.5", "0 to 1"]);
+    find(&["--albedo", "0.5", "--mean-free-path-mm", "0"]).refuses(2, &["--mean-free-path-mm: found 0", "0.0001"]);
     find(&["--albedo", "0.5", "--mean-free-path-mm", "-1"]).exits(2);
     find(&["--albedo", "0.5,0.4", "--mean-free-path-mm", "1"]).refuses(2, &["--albedo: found 2 values"]);
     find(&["--target", "none.csv"]).refuses(2, &["none.csv"]);

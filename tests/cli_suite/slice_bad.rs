@@ -1,6 +1,6 @@
 //! Bad jobs: one line with file, place, found and expected, exit code 2, and nothing written.
 
-use crate::support::{Bench, cube, stl};
+use crate::support::{Bench, JOB, cube, stl};
 
 /// Replaced in the job; by what; parts of the one line.
 const CASES: [(&str, &str, &[&str]); 24] = [
@@ -59,8 +59,83 @@ fn bad_inputs_are_refused_in_one_line() {
     with_mesh(&stl(&huge), &["cube.stl", "4e6 mm", "unit"]);
     assert!(!bench.path("out").exists());
 
+    // Without one of its sides the cube is an open sheet.
+    with_mesh(&stl(&cube(4.0)[2..]), &["error: cube.stl: the mesh is an open sheet"]);
+    let mut tiny = cube(4.0);
+    tiny.iter_mut().flatten().flatten().for_each(|c| *c *= 1e-3);
+    with_mesh(&stl(&tiny), &["job.toml:3", "object[0].mesh", "4.000e-3", "a voxel", "unit"]);
+    assert!(!bench.path("out").exists());
+
     bench.run(["slice", "none.toml"]).refuses(2, &["none.toml", "no such file"]);
     bench.run(["slice", "."]).refuses(2, &["a folder"]);
     bench.write("bytes.toml", b"\xff\xfe");
     bench.run(["slice", "bytes.toml"]).refuses(2, &["bytes.toml", "UTF-8"]);
+}
+
+#[test]
+fn an_object_smaller_than_a_voxel_is_told() {
+    let bench = Bench::new();
+    bench.write("cube.stl", &stl(&cube(0.05)));
+    let ran = bench.slice("out");
+    assert!(ran.stderr.contains("warning: no voxel's centre lies inside an object"), "{}", ran.stderr);
+}
+
+#[test]
+fn what_would_fail_after_the_slices_fails_before_them() {
+    let bench = Bench::new();
+    let job = JOB
+        .replace("\"masks\"]", "\"stl\"]\nmesh-pitch-mm = 0.001")
+        .replace("\"cube.stl\"", "\"cube.stl\"\nscale = 10");
+    bench.write("job.toml", job.as_bytes());
+    bench
+        .run(["slice", "job.toml", "-o", "out"])
+        .refuses(2, &["job.toml:16", "output.mesh-pitch-mm", "0.001", "nodes"]);
+    bench.run(["slice", "job.toml", "--dry-run"]).refuses(2, &["output.mesh-pitch-mm"]);
+    assert!(!bench.path("out").exists());
+}
+
+#[test]
+fn an_error_says_its_cause_once() {
+    let bench = Bench::new();
+    bench.job_with("\"cube.stl\"", "\"cube.stl\"\nheight-mm = 10");
+    let flat: Vec<_> =
+        cube(4.0).into_iter().filter(|triangle| triangle.iter().all(|corner| corner[2] == 0.0)).collect();
+    bench.write("cube.stl", &stl(&flat));
+    let ran = bench.run(["slice", "job.toml", "-o", "out"]);
+    assert_eq!(ran.stderr.matches("height-mm").count(), 1, "{}", ran.stderr);
+    ran.refuses(2, &["error: cube.stl: height-mm", "flat"]);
+}
+
+#[test]
+fn a_set_without_black_needs_a_core() {
+    let bench = Bench::new();
+    let resin = "[[resin]]\nname = \"grey\"\nrgba = [9, 9, 9]\ndensity-g-per-cm3 = 1.1\n\
+                 scattering-per-mm = 1.0\nabsorption-per-mm = 1.0\ng = 0.0\n";
+    bench.write("resins.toml", resin.as_bytes());
+    let job = JOB.replace("set = \"synthetic\"", "file = \"resins.toml\"").replace("core = \"black\"", "");
+    bench.write("job.toml", job.replace("white:0.5,support:0.6", "grey:1").as_bytes());
+    bench.run(["slice", "job.toml", "-o", "out"]).refuses(2, &["job.toml:11", "stacking.core", "no core", "`black`"]);
+}
+
+/// Only where the job asks for the mesh's own colour does it matter that it is lost.
+#[test]
+fn a_base_colour_that_cannot_be_read_is_no_white() {
+    let bench = Bench::new();
+    let mut mesh = "mtllib cube.mtl\nusemtl marble\nvt 0 0\n".to_owned();
+    for (n, triangle) in cube(4.0).iter().enumerate() {
+        triangle.iter().for_each(|[x, y, z]| mesh += &format!("v {x} {y} {z}\n"));
+        mesh += &format!("f {}/1 {}/1 {}/1\n", 3 * n + 1, 3 * n + 2, 3 * n + 3);
+    }
+    bench.write("cube.obj", mesh.as_bytes());
+    let own =
+        JOB.replace("cube.stl", "cube.obj").replace("\"stacking\"\nstack = \"white:0.5,support:0.6\"", "\"texture\"");
+    bench.write("job.toml", own.as_bytes());
+    bench
+        .run(["slice", "job.toml", "-o", "out"])
+        .refuses(2, &["job.toml:8", "target", "cube.obj", "cube.mtl", "albedo"]);
+    bench.write("cube.mtl", b"newmtl marble\nmap_Kd none.png\n");
+    bench.run(["slice", "job.toml", "-o", "out"]).refuses(2, &["cube.obj", "cube.mtl, line 2", "none.png", "albedo"]);
+    assert!(!bench.path("out").exists());
+    bench.write("job.toml", own.replace("\"texture\"", "\"texture\"\nalbedo-value = 0.3").as_bytes());
+    bench.run(["slice", "job.toml", "-o", "out"]).exits(0);
 }

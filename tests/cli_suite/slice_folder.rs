@@ -76,5 +76,6 @@ fn a_file_is_no_folder() {
 fn a_folder_that_cannot_be_written_is_3_before_the_slow_work() {
     let bench = Bench::new();
     let ran = bench.run(["slice", "job.toml", "-o", "/proc/lumislice"]);
+    assert_eq!(ran.stderr.matches("os error").count(), 1, "a cause is told once: {}", ran.stderr);
     ran.refuses(3, &["/proc", "writing into the folder failed"]);
 }

@@ -64,7 +64,7 @@ impl HealthReport {
         );
         say(
             self.degenerate_triangles,
-            format!("{} without area not measured from.", is_are(self.degenerate_triangles, "triangle")),
+            format!("{} without area and not measured from.", is_are(self.degenerate_triangles, "triangle")),
         );
         let crossings = self.self_intersections.unwrap_or(0);
         say(

@@ -118,9 +118,11 @@ impl<'a> Walk<'a> {
             let name = material.name().unwrap_or("");
             let image = pbr.base_color_texture().map(|info| info.texture().source().map(|image| image.index()));
             if image == Some(None) {
-                walk.raw
-                    .warnings
-                    .push(format!("the texture of material `{name}` is in a codec other than PNG and JPEG"));
+                walk.raw.lose_color(format!("the texture of material `{name}` is in a codec other than PNG and JPEG"));
+            }
+            if let Some(i) = image.flatten().filter(|&i| matches!(textures.get(i), Some(None))) {
+                let lost = || format!("image {i}, the base colour of material `{name}`, cannot be read");
+                walk.raw.lost_color.get_or_insert_with(lost);
             }
             let base_color_texture = image.flatten().and_then(|i| textures.get(i).cloned().flatten());
             let material =

@@ -98,6 +98,9 @@ pub struct Loaded {
     pub file_to_mesh: DMat4,
     /// What was missing, skipped or odd, a sentence each.
     pub warnings: Vec<String>,
+    /// The first of the warnings that is about a base colour that could not be had: what the surface shows then is not what its maker
+    /// meant. `None` if there is no such warning.
+    pub lost_color: Option<String>,
 }
 
 /// Reads a mesh file, with its materials and textures.
@@ -213,13 +216,16 @@ fn finish(mut raw: RawMesh, path: &Path, options: &LoadOptions) -> Result<Loaded
         },
         file_to_mesh: DMat4::from_scale(DVec3::splat(mm)) * turn,
         warnings: raw.warnings,
+        lost_color: raw.lost_color,
     })
 }
 
 fn check_extent(positions: &[DVec3], path: &Path) -> Result<(), MeshError> {
     let (low, high) = super::bounds(positions);
     let extent_mm = (high - low).max_element();
-    let hint = if !(MIN_EXTENT_MM..).contains(&extent_mm) {
+    let hint = if extent_mm == 0.0 {
+        "all its points are one"
+    } else if !(MIN_EXTENT_MM..).contains(&extent_mm) {
         "is the file in metres? try unit = \"m\""
     } else if extent_mm > MAX_EXTENT_MM {
         "is the file in a smaller unit? try unit = \"um\""

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::texture;
+use super::{raw::RawMesh, texture};
 use crate::mesh::error::{one_line, quote};
 use crate::mesh::{SurfaceMaterial, Texture};
 
@@ -23,7 +23,7 @@ const MAP_OPTIONS: [(&str, usize); 11] = [
 ];
 
 /// Appends the library's materials. Whatever is wrong with it becomes a warning; what can be read is kept.
-pub(super) fn read(path: &Path, materials: &mut Vec<SurfaceMaterial>, warnings: &mut Vec<String>) {
+pub(super) fn read(path: &Path, materials: &mut Vec<SurfaceMaterial>, raw: &mut RawMesh) {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let bytes = match std::fs::metadata(path) {
         Ok(data) if data.is_file() => std::fs::read(path).map_err(one_line),
@@ -33,7 +33,7 @@ pub(super) fn read(path: &Path, materials: &mut Vec<SurfaceMaterial>, warnings: 
     let bytes = match bytes {
         Ok(bytes) => bytes,
         Err(reason) => {
-            warnings.push(format!("material library `{name}` cannot be read ({reason}): its materials are white"));
+            raw.lose_color(format!("material library `{name}` cannot be read ({reason}): its materials are white"));
             return;
         }
     };
@@ -47,7 +47,7 @@ pub(super) fn read(path: &Path, materials: &mut Vec<SurfaceMaterial>, warnings: 
             ("newmtl", _) => materials.push(super::raw::plain(rest, [1.0; 4])),
             ("Kd", Some(material)) if known => match color(rest) {
                 Some([r, g, b]) => material.base_color = [r, g, b, material.base_color[3]],
-                None => warnings.push(format!(
+                None => raw.lose_color(format!(
                     "{name}, line {number}: found colour {}, expected three numbers: the material stays white",
                     quote(rest.as_bytes())
                 )),
@@ -61,7 +61,7 @@ pub(super) fn read(path: &Path, materials: &mut Vec<SurfaceMaterial>, warnings: 
                 let file = map_file(rest);
                 match load_map(path, &file) {
                     Ok(texture) => material.base_color_texture = Some(texture),
-                    Err(reason) => warnings.push(format!(
+                    Err(reason) => raw.lose_color(format!(
                         "{name}, line {number}: texture {} of material `{}` cannot be read ({reason}): it stays plain",
                         quote(file.as_bytes()),
                         material.name

@@ -185,7 +185,7 @@ impl<'a> Reader<'a> {
         };
         let several = paths.iter().any(|path: &PathBuf| path.exists());
         for path in if several { paths } else { vec![whole] } {
-            mtl::read(&path, &mut self.library, &mut self.raw.warnings);
+            mtl::read(&path, &mut self.library, &mut self.raw);
         }
     }
 
@@ -201,7 +201,7 @@ impl<'a> Reader<'a> {
         }
         if !missing.is_empty() {
             let missing = format!("materials nowhere defined stay white: `{}`", missing.join("`, `"));
-            self.raw.warnings.push(missing);
+            self.raw.lose_color(missing);
         }
         if self.thin_faces > 0 {
             self.raw

@@ -30,7 +30,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         match texture::read(&source.companion(&name)) {
             Ok(texture) => material.base_color_texture = Some(texture),
             Err(reason) => {
-                raw.warnings.push(format!("texture `{name}` cannot be read ({reason}): the surface stays plain"))
+                raw.lose_color(format!("texture `{name}` cannot be read ({reason}): the surface stays plain"))
             }
         }
         raw.add_material(|| "the header".to_owned(), material)?;

@@ -16,6 +16,8 @@ pub(super) struct RawMesh {
     pub(super) material_of: Vec<u16>,
     pub(super) materials: Vec<SurfaceMaterial>,
     pub(super) warnings: Vec<String>,
+    /// The first warning about a base colour that could not be had.
+    pub(super) lost_color: Option<String>,
     pub(super) mm_per_unit: f64,
     pub(super) y_up: bool,
 }
@@ -29,6 +31,7 @@ impl RawMesh {
             material_of: Vec::new(),
             materials: Vec::new(),
             warnings: Vec::new(),
+            lost_color: None,
             mm_per_unit,
             y_up: false,
         }
@@ -47,6 +50,12 @@ impl RawMesh {
         }
         self.triangles.push(corners);
         Ok(())
+    }
+
+    /// Warns of a base colour that cannot be had.
+    pub(super) fn lose_color(&mut self, warning: String) {
+        self.lost_color.get_or_insert_with(|| warning.clone());
+        self.warnings.push(warning);
     }
 
     /// Adds a material and returns its index.

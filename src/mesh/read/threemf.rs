@@ -248,7 +248,7 @@ impl<'a> Build<'a> {
         let base_color_texture = match bytes.and_then(|bytes| texture::decode(&bytes)) {
             Ok(texture) => Some(texture),
             Err(reason) => {
-                self.raw.warnings.push(format!("texture `{path}` cannot be read ({reason}): its triangles stay plain"));
+                self.raw.lose_color(format!("texture `{path}` cannot be read ({reason}): its triangles stay plain"));
                 None
             }
         };

@@ -134,6 +134,7 @@ fn the_error_stays_within_half_a_diagonal() {
                 }
             }
         }
+        println!("grid against exact: at most {worst:.4} mm, half a diagonal is {:.4} mm", pitch.length() / 2.0);
         assert!(worst <= pitch.length() / 2.0, "{worst}");
         // The bound is no idle one.
         assert!(worst > pitch.length() / 5.0, "{worst}");

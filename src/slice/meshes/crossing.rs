@@ -11,7 +11,10 @@
 
 use glam::DVec3;
 
+use crate::sdf::LpScratch;
+
 use super::{
+    Bounds,
     nodes::{NOBODY, Node, VOID},
     object::{NodeObject, Row, slots_passed},
 };
@@ -28,11 +31,12 @@ const END_STEPS: f64 = 4.0;
 pub struct Crossings<'a> {
     objects: &'a [NodeObject<'a>],
     /// Bounds of all objects, which no vertex leaves.
-    bounds: (DVec3, DVec3),
+    bounds: Bounds,
     /// How near to the end of an edge a vertex may be, mm.
     margin: f64,
     pitch: f64,
     rows: [Row; 2],
+    lp: LpScratch,
 }
 
 /// A node as one object sees it.
@@ -40,6 +44,8 @@ struct End<'r> {
     label: u8,
     /// Negative outside of the object, mm.
     depth: f64,
+    /// The same by the exact distance, which the outer surface goes by.
+    exact: f64,
     /// Boundaries above it; boundary 0 is the outer surface, boundary b the bottom of slot b − 1.
     passed: usize,
     /// Bottoms of the slots.
@@ -48,10 +54,10 @@ struct End<'r> {
 
 impl<'a> Crossings<'a> {
     /// Crossings among `objects`, whose corners `bounds` holds, on edges `pitch` mm long.
-    pub fn new(objects: &'a [NodeObject<'a>], bounds: (DVec3, DVec3), pitch: f64) -> Self {
+    pub fn new(objects: &'a [NodeObject<'a>], bounds: Bounds, pitch: f64) -> Self {
         let reach = bounds.0.abs().max(bounds.1.abs()).max_element();
         let margin = f64::max(END_MARGIN * pitch, END_STEPS * f64::from(f32::EPSILON) * reach);
-        Self { objects, bounds, margin, pitch, rows: Default::default() }
+        Self { objects, bounds, margin, pitch, rows: Default::default(), lp: LpScratch::default() }
     }
 
     /// The vertex on the edge along `axis` between two nodes of different labels, of which `p` has the lower coordinate.
@@ -74,7 +80,13 @@ impl<'a> Crossings<'a> {
         }
         let object = &self.objects[usize::from(number)];
         let [row_p, row_q] = &mut self.rows;
-        let (p, q) = (End::see(object, number, p, row_p), End::see(object, number, q, row_q));
+        let mut ends =
+            (End::see(object, number, p, row_p, &mut self.lp), End::see(object, number, q, row_q, &mut self.lp));
+        if (ends.0.passed == 0) != (ends.1.passed == 0) {
+            ends.0.go_exact(object, p.1);
+            ends.1.go_exact(object, q.1);
+        }
+        let (p, q) = ends;
         let t = if p.passed <= q.passed {
             boundary(object.labels(), self.pitch, &p, &q)
         } else {
@@ -85,13 +97,26 @@ impl<'a> Crossings<'a> {
 }
 
 impl<'r> End<'r> {
-    fn see(object: &NodeObject, number: u16, (node, position): (Node, DVec3), row: &'r mut Row) -> Self {
-        let nearest = if node.measured == number { node.nearest } else { object.nearest(position) };
+    fn see(
+        object: &NodeObject,
+        number: u16,
+        (node, position): (Node, DVec3),
+        row: &'r mut Row,
+        lp: &mut LpScratch,
+    ) -> Self {
+        let nearest = if node.measured == number { node.nearest } else { object.nearest(position, lp) };
         let row = object.bottoms(nearest.triangle, position, row);
         let distance = f64::from(nearest.distance);
         let (depth, passed) =
             if node.owner == number { (distance, 1 + slots_passed(row, nearest.distance)) } else { (-distance, 0) };
-        Self { label: node.label, depth, passed, row }
+        Self { label: node.label, depth, exact: depth, passed, row }
+    }
+
+    /// Measures the exact distance where depth goes by another one.
+    fn go_exact(&mut self, object: &NodeObject, position: DVec3) {
+        if let Some(exact) = object.exact(position) {
+            self.exact = exact.copysign(self.depth);
+        }
     }
 
     /// Depth of a boundary here, mm.
@@ -113,7 +138,10 @@ fn boundary(labels: &[u8], pitch: f64, shallow: &End, deep: &End) -> f64 {
     let entering = boundaries.rev().find(|&b| label(b) != deep.label);
     let (Some(leaving), Some(entering)) = (leaving, entering) else { return 0.5 };
     let at = |b: usize| {
-        let (above, below) = (shallow.depth - shallow.boundary(b), deep.depth - deep.boundary(b));
+        let (above, below) = match b {
+            0 => (shallow.exact, deep.exact),
+            b => (shallow.depth - shallow.boundary(b), deep.depth - deep.boundary(b)),
+        };
         above / (above - below)
     };
     if (deep.depth - shallow.depth).abs() < 0.5 * pitch {

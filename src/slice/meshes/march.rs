@@ -6,11 +6,11 @@
 
 use std::collections::VecDeque;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    MaterialMeshes, MeshingError, PartOf,
+    Bounds, MaterialMeshes, MeshingError, PartOf,
     cell::{CellOutput, EDGE_START, fill_cell},
     crossing::Crossings,
     nodes::{NodeBrick, NodeGrid, TwoLayers},
@@ -38,7 +38,7 @@ pub struct March<'a> {
     /// The objects on it.
     pub objects: &'a [NodeObject<'a>],
     /// Bounds of the objects, mm.
-    pub bounds: (DVec3, DVec3),
+    pub bounds: Bounds,
     /// Which part of the output has the triangles of a material id.
     pub part_of: &'a PartOf,
 }

@@ -17,7 +17,8 @@
 //!
 //! Layers thinner than the pitch are rounded to the pitch or to nothing (`taper`). At half the thinnest layer, volumes are within 0.4% of
 //! the voxels' on a slab, a sphere, the 60 mm bunny and a textured cow whose layers taper off. Creases are cut: edges by up to
-//! 0.35, corners by 0.6 of the pitch. Depth is the exact distance, also where a job's voxels are laid by another one.
+//! 0.35, corners by 0.6 of the pitch. Depth is the exact or the Lp-averaged distance, as the object has it; the grid's has steps, and
+//! the exact one stands in for it.
 
 mod cell;
 mod crossing;
@@ -133,6 +134,33 @@ impl MaterialMesher {
         half.max(2.0 * edge).min(Self::COARSEST_MM.max(edge))
     }
 
+    /// Whether the pitch suits these objects.
+    ///
+    /// # Errors
+    /// As [`Self::mesh`], but for what only meshing shows.
+    pub fn check(&self, objects: &[ObjectField]) -> Result<(), MeshingError> {
+        self.grid(objects).map(|_| ())
+    }
+
+    /// The nodes and the bounds of all objects; `None` where there is no object.
+    fn grid(&self, objects: &[ObjectField]) -> Result<Option<(NodeGrid, Bounds)>, MeshingError> {
+        let pitch_mm = self.pitch_mm;
+        if !(pitch_mm.is_finite() && pitch_mm > 0.0) {
+            return Err(MeshingError::Pitch { found: pitch_mm });
+        }
+        if objects.len() >= usize::from(NOBODY) {
+            return Err(MeshingError::Objects { found: objects.len(), max: usize::from(NOBODY) - 1 });
+        }
+        let bounds = bounds(objects);
+        if !(bounds.0.is_finite() && bounds.1.is_finite()) {
+            return Ok(None);
+        }
+        let grid = NodeGrid::around(bounds.0, bounds.1, pitch_mm, Self::MAX_NODES).map_err(|(axis, nodes)| {
+            MeshingError::TooFine { pitch_mm, axis: ['x', 'y', 'z'][axis], nodes, max: Self::MAX_NODES }
+        })?;
+        Ok(Some((grid, bounds)))
+    }
+
     /// Meshes the `resins` (id and name, each id once) of `objects`; everything else in them is a void. Where objects
     /// overlap, the earlier one owns the space. `progress` is told how many of how many layers are done, and ends the work by `false`.
     ///
@@ -146,13 +174,7 @@ impl MaterialMesher {
         resins: &[(MaterialId, String)],
         mut progress: impl FnMut(usize, usize) -> bool,
     ) -> Result<MaterialMeshes, MeshingError> {
-        let pitch_mm = self.pitch_mm;
-        if !(pitch_mm.is_finite() && pitch_mm > 0.0) {
-            return Err(MeshingError::Pitch { found: pitch_mm });
-        }
-        if objects.len() >= usize::from(NOBODY) {
-            return Err(MeshingError::Objects { found: objects.len(), max: usize::from(NOBODY) - 1 });
-        }
+        let found = self.grid(objects)?;
         let mut meshes = MaterialMeshes::default();
         let mut part_of: PartOf = [None; 256];
         for (part, (id, name)) in (0..).zip(resins) {
@@ -162,13 +184,7 @@ impl MaterialMesher {
             let part = MaterialPart { id: *id, name: name.clone(), triangles: Vec::new(), volume_mm3: 0.0 };
             meshes.parts.push(part);
         }
-        let bounds = bounds(objects);
-        if !(bounds.0.is_finite() && bounds.1.is_finite()) {
-            return Ok(meshes); // no objects
-        }
-        let grid = NodeGrid::around(bounds.0, bounds.1, pitch_mm, Self::MAX_NODES).map_err(|(axis, nodes)| {
-            MeshingError::TooFine { pitch_mm, axis: ['x', 'y', 'z'][axis], nodes, max: Self::MAX_NODES }
-        })?;
+        let Some((grid, bounds)) = found else { return Ok(meshes) };
         let objects: Vec<_> =
             (0..).zip(objects).map(|(number, field)| NodeObject::new(field, number, &grid, &part_of)).collect();
         let march = March { grid: &grid, objects: &objects, bounds, part_of: &part_of };
@@ -181,8 +197,11 @@ impl MaterialMesher {
     }
 }
 
+/// Lowest and highest corner of a box, mm.
+type Bounds = (DVec3, DVec3);
+
 /// Corners of the box around all objects, their caps included.
-fn bounds(objects: &[ObjectField]) -> (DVec3, DVec3) {
+fn bounds(objects: &[ObjectField]) -> Bounds {
     let corners = objects.iter().flat_map(|object| object.inside().triangles()).flatten();
     corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)))
 }

@@ -2,9 +2,10 @@
 //!
 //! The descent of `slice::fill` with another leaf: boxes that are inside and of one material stay without records; a brick that a boundary may
 //! pass gets, for every node inside or out, the nearest surface point. That is in single precision (a few 10⁻⁶ mm), since
-//! a node's label and its depth come from the same number and so never contradict each other.
+//! a node's label and its depth come from the same number and so never contradict each other. By the Lp-averaged distance every
+//! depth below the surface is averaged, as for voxels; the surface itself stays where the exact distance is 0.
 
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
 use glam::DVec3;
 
@@ -15,9 +16,13 @@ use super::{
 };
 use crate::{
     sdf::{
-        BlockBox, BrickOffsets, BrickSurface, CullScratch, DepthRange, InsideRows, SliceRuns, cull, nearest_in_brick,
+        BlockBox, BrickOffsets, BrickSurface, CullScratch, DepthRange, InsideRows, LpField, LpOffsets, LpScratch,
+        SliceRuns, cull, nearest_in_brick,
     },
-    slice::ObjectField,
+    slice::{
+        ObjectField,
+        depth::{Measure, MeasureScratch},
+    },
     voxel::{BRICK, BRICK_VOXELS, Lattice, MaterialId},
 };
 
@@ -44,6 +49,8 @@ pub struct NodeObject<'a> {
     lattice: Lattice,
     inside: InsideRows,
     offsets: BrickOffsets,
+    /// The averaged distance, if the object's layers are laid by it; the grid's has steps, and gives way to the exact one.
+    averaged: Option<(Arc<LpField>, Box<LpOffsets>)>,
     /// Label of every slot of the layers, then of the core.
     labels: Vec<u8>,
     part_of: &'a PartOf,
@@ -66,6 +73,8 @@ pub struct BlockScratch {
     masks: Vec<Mask>,
     surface: BrickSurface,
     row: Row,
+    measure: MeasureScratch,
+    lp: LpScratch,
 }
 
 /// The bricks of a block, and the index of its first node.
@@ -103,6 +112,10 @@ impl<'a> NodeObject<'a> {
     /// Lays object `number` onto `grid`; a material that is no part is a void.
     pub fn new(field: &'a ObjectField, number: u16, grid: &NodeGrid, part_of: &'a PartOf) -> Self {
         let pitch = grid.lattice.pitch.x;
+        let averaged = match field.measure.resampled(&grid.lattice) {
+            Measure::Lp { field, offsets } => Some((field, offsets)),
+            Measure::Exact | Measure::Grid { .. } => None,
+        };
         let tapered = field.layers().needs_uv() || {
             let mut row = Vec::new();
             field.layers().bottoms(0, glam::Vec2::ZERO, &mut row);
@@ -114,6 +127,7 @@ impl<'a> NodeObject<'a> {
             lattice: grid.lattice,
             inside: field.inside().resampled(grid.lattice, BLOCK_NODES as u32),
             offsets: BrickOffsets::new(&grid.lattice),
+            averaged,
             labels: field.layers().slot_ids().into_iter().map(|id| label(part_of, id)).collect(),
             part_of,
             rounding: if tapered { pitch } else { 0.0 },
@@ -130,10 +144,20 @@ impl<'a> NodeObject<'a> {
         self.inside.fill(first, slices);
     }
 
-    /// The surface point nearest to `p`.
-    pub fn nearest(&self, p: DVec3) -> Nearest {
-        let found = self.field.surface().closest(p);
-        Nearest { distance: found.distance as f32, triangle: found.triangle }
+    /// The surface point nearest to `p`, and how far it is by the object's measure.
+    pub fn nearest(&self, p: DVec3, scratch: &mut LpScratch) -> Nearest {
+        let surface = self.field.surface();
+        let found = surface.closest(p);
+        let distance = match &self.averaged {
+            None => found.distance,
+            Some((field, _)) => field.distance(surface.triangles(), p, found.distance, scratch),
+        };
+        Nearest { distance: distance as f32, triangle: found.triangle }
+    }
+
+    /// The exact distance of `p`, where that is another one than [`Self::nearest`] gives.
+    pub fn exact(&self, p: DVec3) -> Option<f64> {
+        self.averaged.as_ref().map(|_| self.field.surface().closest(p).distance)
     }
 
     /// The bottoms of the slots below the point of `triangle` nearest to `p`, as the pitch can show them.
@@ -163,7 +187,11 @@ impl<'a> NodeObject<'a> {
         let mut block = Block { first, bricks };
         let bounds = self.bounds(first, all);
         let (nearest, radius) = (surface.closest(bounds.centre).distance, bounds.radius());
-        if nearest - radius > layers.thickness() + DEPTH_MARGIN + self.rounding {
+        let shallowest = match self.averaged {
+            Some(_) => self.field.shallowest(&bounds, nearest, &mut scratch.measure),
+            None => nearest - radius,
+        };
+        if shallowest > layers.thickness() + DEPTH_MARGIN + self.rounding {
             return self.fill_uniform(all, label(self.part_of, layers.core()), &mut block, scratch);
         }
         let mut candidates = std::mem::take(&mut scratch.candidates);
@@ -187,11 +215,18 @@ impl<'a> NodeObject<'a> {
         let bounds = self.bounds(block.first, bricks);
         let start = list.len();
         let range = cull(self.field.surface().triangles(), &bounds, candidates, DEPTH_MARGIN, list, &mut scratch.cull);
-        let margin = DEPTH_MARGIN + self.rounding;
-        let range = DepthRange { min: range.min - margin, max: range.max + margin };
         let kept = start..list.len();
         let solid = bricks.indices().all(|brick| scratch.masks[brick] == [0xff; BRICK_VOXELS / 8]);
-        let uniform = if solid { self.field.layers().uniform_over(&list[kept.clone()], range) } else { None };
+        let range = match self.averaged {
+            _ if !solid => None,
+            Some(_) => self.field.measured(range, &bounds, &list[kept.clone()], &mut scratch.measure),
+            None => Some(range),
+        };
+        let margin = DEPTH_MARGIN + self.rounding;
+        let uniform = range.and_then(|range| {
+            let range = DepthRange { min: range.min - margin, max: range.max + margin };
+            self.field.layers().uniform_over(&list[kept.clone()], range)
+        });
         if let Some(id) = uniform {
             self.fill_uniform(bricks, label(self.part_of, id), block, scratch);
         } else if bricks.count == [1; 3] {
@@ -232,8 +267,12 @@ impl<'a> NodeObject<'a> {
         block: &mut Block,
         scratch: &mut BlockScratch,
     ) {
-        let BlockScratch { masks, surface, row, .. } = scratch;
-        nearest_in_brick(self.field.surface().triangles(), candidates, centre, &self.offsets, surface);
+        let BlockScratch { masks, surface, row, lp, .. } = scratch;
+        let triangles = self.field.surface().triangles();
+        nearest_in_brick(triangles, candidates, centre, &self.offsets, surface);
+        if let Some((field, offsets)) = &self.averaged {
+            field.fill_brick(triangles, centre, offsets, &[0xff; BRICK_VOXELS / 8], surface, lp);
+        }
         let position = |node: usize| {
             let index = |axis: usize| block.first[axis] + (at[axis] * BRICK + (node >> (3 * axis) & 7)) as u32;
             self.lattice.centre(std::array::from_fn(index))

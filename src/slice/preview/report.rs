@@ -219,8 +219,9 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
     if data.stackings.is_empty() {
         return Ok(());
     }
-    let thickness =
-        |stacking: &ReportStacking| stacking.layers.iter().map(|layer| layer.thickness_mm.max(0.0)).sum::<f64>();
+    let thickness = |stacking: &ReportStacking| {
+        stacking.layers.iter().map(|layer| layer.thickness_mm.max(0.0)).fold(0.0, |sum, mm| sum + mm)
+    };
     let thickest = data.stackings.iter().map(thickness).fold(0.0, f64::max);
     let scale = if thickest.is_finite() && thickest > 0.0 { BAR / thickest } else { 0.0 };
     let shares = data.stackings.iter().any(|stacking| stacking.share.is_some());
