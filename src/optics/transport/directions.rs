@@ -36,6 +36,12 @@ impl Directions {
         self.mu.len() * self.orders + 1
     }
 
+    /// Legendre terms of a phase function: as many as the nodes integrate exactly against each other, so that no light is lost. One term
+    /// more would be conserved too, but its forward peak falls between the nodes: R̂ rms doubles (support 1 mm: 1.9e-4 to 3.2e-4 at 6 × 8).
+    pub(super) fn terms(&self) -> usize {
+        2 * self.mu.len() - 1
+    }
+
     /// Where the vertical beam stands: μ = 1, weight 0, order 0. Scattering leaves it and never enters it.
     pub(super) fn beam(&self) -> usize {
         self.len() - 1
@@ -55,7 +61,7 @@ impl Directions {
 }
 
 /// Nodes and weights on (0, 1): roots of the Legendre polynomial by Newton's method.
-fn gauss_legendre(n: usize) -> (Vec<f64>, Vec<f64>) {
+pub(super) fn gauss_legendre(n: usize) -> (Vec<f64>, Vec<f64>) {
     let node = |i: usize| {
         let mut x = -(PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
         let mut slope = 1.0;

@@ -123,7 +123,7 @@ fn spectra_are_those_of_monte_carlo() {
         let (r, t) = (rms(&found.reflection, &reflection), rms(&found.transmission, &transmission));
         println!("{name:18} {:9.5} {:8.3}% {r:9.1e} {t:9.1e}", found.reflection[0], 100.0 * off);
         assert!(off.abs() < 1e-3 && r < 3e-4, "{name}: albedo off by {off}, R̂ by {r}");
-        // The beam through 1 mm of support is what T̂ is made of at high frequencies.
-        assert!(t < if name == "S1" { 1.5e-2 } else { 1e-3 }, "{name}: T̂ off by {t}");
+        // 5% of the light crosses 1 mm of support unscattered.
+        assert!(t < if name == "S1" { 3e-3 } else { 1e-3 }, "{name}: T̂ off by {t}");
     }
 }
