@@ -6,7 +6,10 @@ use anyhow::{anyhow, bail};
 use clap::{Args, ValueEnum};
 use lumislice::{
     job::parse_stack,
-    optics::{DEFAULT_PHOTONS, DEFAULT_SEED, Light, MaterialFile, PhotonOptions, Prediction, VolumeCoefficients},
+    optics::{
+        DEFAULT_PHOTONS, DEFAULT_SEED, Light, MaterialFile, PhotonOptions, Prediction, TransportOptions,
+        VolumeCoefficients,
+    },
 };
 use serde_json::json;
 
@@ -31,10 +34,11 @@ pub struct PredictArgs {
     /// Resin of the half-space below the stack; default: nothing lies there and no light returns.
     #[arg(long, value_name = "RESIN", help_heading = "Stack")]
     core: Option<String>,
-    /// How to predict: km (Kubelka-Munk, at once) or monte-carlo (photons, seconds; needs volume coefficients).
-    #[arg(long, value_name = "km|monte-carlo", default_value = "km", value_parser = parse_model, help_heading = "Light")]
+    /// How to predict: km (Kubelka-Munk, at once), transport (directions resolved, a fraction of a second) or monte-carlo (photons,
+    /// seconds); the latter two need volume coefficients.
+    #[arg(long, value_name = "km|transport|monte-carlo", default_value = "km", value_parser = parse_model, help_heading = "Light")]
     model: Model,
-    /// Light from all directions, or a pencil beam straight down (monte-carlo only).
+    /// Light from all directions, or a pencil beam straight down (not with km).
     #[arg(long, value_enum, default_value_t = Source::Diffuse, help_heading = "Light")]
     light: Source,
     /// Photons per channel, at least 2 (monte-carlo only); default 2000000.
@@ -54,14 +58,12 @@ pub struct PredictArgs {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Model {
     Km,
+    Transport,
     MonteCarlo,
 }
 
 fn parse_model(text: &str) -> Result<Model, String> {
-    if text == "transport" {
-        return Err("this model is not built yet; expected km or monte-carlo".to_owned());
-    }
-    Model::from_str(text, false).map_err(|_| "expected km or monte-carlo".to_owned())
+    Model::from_str(text, false).map_err(|_| "expected km, transport or monte-carlo".to_owned())
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -85,6 +87,7 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
     let bars = Bars::new(args.json);
     let prediction = match args.model {
         Model::Km => Prediction::kubelka_munk(&materials.load(&bars)?, &indices, core),
+        Model::Transport => args.transport(file, &layers)?,
         Model::MonteCarlo => args.trace(file, &layers, &bars)?,
     };
     for (file, light) in csv.into_iter().zip(&prediction.light) {
@@ -130,26 +133,51 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
 
 impl PredictArgs {
     fn check(&self) -> anyhow::Result<()> {
-        if self.model == Model::Km {
-            if self.light == Source::Normal {
-                bail!("--light normal: Kubelka-Munk knows diffuse light only, expected --model monte-carlo beside it");
-            }
-            if self.photons.is_some() || self.seed.is_some() {
-                bail!("--photons and --seed: Kubelka-Munk traces no photons, expected --model monte-carlo beside them");
-            }
+        if self.model == Model::Km && self.light == Source::Normal {
+            bail!(
+                "--light normal: Kubelka-Munk knows diffuse light only, expected --model transport or monte-carlo beside it"
+            );
+        }
+        if self.model != Model::MonteCarlo && (self.photons.is_some() || self.seed.is_some()) {
+            bail!("--photons and --seed: this model traces no photons, expected --model monte-carlo beside them");
         }
         Ok(())
     }
 
-    fn trace(&self, file: &MaterialFile, layers: &[(String, f64)], bars: &Bars) -> anyhow::Result<Prediction> {
-        let volume = |name: &str| -> anyhow::Result<&[VolumeCoefficients]> {
-            let needed = "--model monte-carlo needs scattering-per-mm and absorption-per-mm";
-            file.volume(name).ok_or_else(|| anyhow!("resin {name} of {}: found no coefficients; {needed}", file.name()))
+    fn light(&self) -> Light {
+        match self.light {
+            Source::Diffuse => Light::Diffuse,
+            Source::Normal => Light::Normal,
+        }
+    }
+
+    /// Coefficients of the layers with their thicknesses, and of the core.
+    #[allow(clippy::type_complexity)]
+    fn volumes<'a>(
+        &self,
+        file: &'a MaterialFile,
+        layers: &[(String, f64)],
+    ) -> anyhow::Result<(Vec<(&'a [VolumeCoefficients], f64)>, Option<&'a [VolumeCoefficients]>)> {
+        let volume = |name: &str| {
+            file.volume(name).ok_or_else(|| {
+                let needed = "this model needs scattering-per-mm and absorption-per-mm";
+                anyhow!("resin {name} of {}: found no coefficients; {needed}", file.name())
+            })
         };
-        let layers = layers.iter().map(|(name, mm)| Ok((volume(name)?, *mm))).collect::<anyhow::Result<Vec<_>>>()?;
-        let core = self.core.as_deref().map(volume).transpose()?;
+        let layers = layers.iter().map(|(name, mm)| Ok((volume(name)?, *mm))).collect::<anyhow::Result<_>>()?;
+        Ok((layers, self.core.as_deref().map(volume).transpose()?))
+    }
+
+    fn transport(&self, file: &MaterialFile, layers: &[(String, f64)]) -> anyhow::Result<Prediction> {
+        let (layers, core) = self.volumes(file, layers)?;
+        let options = TransportOptions::default();
+        Ok(Prediction::transport(file.channels(), &layers, core, self.light(), options))
+    }
+
+    fn trace(&self, file: &MaterialFile, layers: &[(String, f64)], bars: &Bars) -> anyhow::Result<Prediction> {
+        let (layers, core) = self.volumes(file, layers)?;
         let options = PhotonOptions {
-            light: if self.light == Source::Normal { Light::Normal } else { Light::Diffuse },
+            light: self.light(),
             photons: self.photons.unwrap_or(DEFAULT_PHOTONS),
             seed: self.seed.unwrap_or(DEFAULT_SEED),
         };
@@ -174,10 +202,14 @@ impl PredictArgs {
     fn title(&self, layers: &[(String, f64)]) -> String {
         let layers: Vec<_> = layers.iter().map(|(name, mm)| format!("{name} {mm} mm")).collect();
         let below = self.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
-        let (model, light) = match (self.model, self.light) {
-            (Model::Km, _) => ("Kubelka-Munk", "diffuse light"),
-            (Model::MonteCarlo, Source::Diffuse) => ("Monte Carlo", "diffuse light"),
-            (Model::MonteCarlo, Source::Normal) => ("Monte Carlo", "a pencil beam"),
+        let model = match self.model {
+            Model::Km => "Kubelka-Munk",
+            Model::Transport => "transport",
+            Model::MonteCarlo => "Monte Carlo",
+        };
+        let light = match self.light {
+            Source::Diffuse => "diffuse light",
+            Source::Normal => "a pencil beam",
         };
         format!("{} over {below}; {model}, {light}", layers.join(", "))
     }

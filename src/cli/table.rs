@@ -20,9 +20,14 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     text
 }
 
-/// A number with so many decimals, or a dash for none.
+/// A number with so many decimals, or a dash for none. What rounds to zero has no sign.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
-    value.map_or_else(|| "–".to_owned(), |value| format!("{value:.decimals$}"))
+    let Some(value) = value else { return "–".to_owned() };
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(digits) if digits.chars().all(|c| matches!(c, '0' | '.')) => digits.to_owned(),
+        _ => text,
+    }
 }
 
 #[cfg(test)]
@@ -33,6 +38,7 @@ mod tests {
     fn columns_are_aligned_by_characters() {
         let rows = [vec!["häschen".to_owned(), "1".to_owned()], vec!["b".to_owned(), "22.5".to_owned()]];
         assert_eq!(table(&["name", "mm"], &rows), "  name       mm\n  häschen     1\n  b        22.5\n");
+        assert_eq!((number(Some(-0.004), 2), number(Some(-0.006), 2)), ("0.00".to_owned(), "-0.01".to_owned()));
         assert_eq!((number(None, 2), number(Some(1.005), 1)), ("–".to_owned(), "1.0".to_owned()));
     }
 }

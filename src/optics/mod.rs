@@ -9,6 +9,7 @@
 //!                                        ProfileSpectrum ──► repair_transmission
 //!                                             │
 //!                                        SlabSpectrum ──► KubelkaMunk ──► Composite ──► InverseHankel
+//!   VolumeCoefficients ──► Transport ──────────────────────────────────────────────────►─┘
 //! ```
 
 mod composite;
@@ -25,6 +26,7 @@ mod profile_csv;
 mod quadrature;
 mod repair;
 mod tail;
+mod transport;
 mod volume;
 
 pub use composite::Composite;
@@ -43,6 +45,7 @@ pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERAN
 pub use profile_csv::ProfileFile;
 pub use repair::{LostInNoise, TransmissionRepair, repair_transmission};
 pub use tail::Tail;
+pub use transport::{Transport, TransportOptions, TransportSpectra};
 pub use volume::{MAX_COEFFICIENT_PER_MM, VolumeCoefficients};
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! What a stack of layers does to light: the forward problem as a user asks it.
 //!
-//! Two models share the form of the answer. **Kubelka–Munk** (Hašan et al. 2010, equations 3, 4 and 6) composes spectra and turns
-//! them back into profiles ([`InverseHankel`]); it knows diffuse light only and is poor for thin layers. **Monte Carlo** traces
+//! Three models share the form of the answer. **Kubelka–Munk** (Hašan et al. 2010, equations 3, 4 and 6) composes spectra and turns
+//! them back into profiles ([`InverseHankel`]); it knows diffuse light only and is poor for thin layers. **Transport** solves
+//! the transport equation over discrete directions, from the volume coefficients ([`Transport`]). **Monte Carlo** traces
 //! photons through the volume coefficients and transforms what it counted. Its spectra start at the totals of its profiles,
 //! tail included.
 //!
@@ -11,7 +12,7 @@ use std::ops::ControlFlow;
 
 use super::{
     Composite, FrequencyGrid, InverseHankel, Layer, Light, MaterialSet, MonteCarlo, OpticsError, RadialProfile,
-    RingEdges, VolumeCoefficients,
+    RingEdges, Transport, TransportOptions, VolumeCoefficients,
 };
 
 /// Rings of predicted profiles end here, mm: beyond π/Δk of the default grid, 20 mm, the inverse transform aliases.
@@ -83,6 +84,25 @@ impl Prediction {
             ChannelPrediction::from_spectra(reflection, transmission, &set.grid)
         });
         Self { channels: set.channels.clone(), grid: set.grid.clone(), light: light.collect() }
+    }
+
+    /// By the transport equation, with resins given by their coefficients per channel. `layers` are from the observer down, mm; below them
+    /// lies a half-space of the resin `core`, or nothing.
+    pub fn transport(
+        channels: &[String],
+        layers: &[(&[VolumeCoefficients], f64)],
+        core: Option<&[VolumeCoefficients]>,
+        light: Light,
+        options: TransportOptions,
+    ) -> Self {
+        let grid = FrequencyGrid::default();
+        let predicted = (0..channels.len()).map(|channel| {
+            let layers: Vec<_> = layers.iter().map(|&(resin, mm)| (resin[channel], mm)).collect();
+            let model = Transport { layers: &layers, base: core.map(|core| core[channel]), light, options };
+            let spectra = model.spectra(&grid);
+            ChannelPrediction::from_spectra(spectra.reflection, spectra.transmission, &grid)
+        });
+        Self { channels: channels.to_vec(), light: predicted.collect(), grid }
     }
 
     /// By Monte Carlo, with resins given by their coefficients per channel. `progress` hears the share that is done, 0 to 1, about

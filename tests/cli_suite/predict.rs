@@ -91,8 +91,23 @@ fn what_cannot_be_predicted_is_refused() {
     predict(&["--stack", ""]).refuses(2, &["empty stack"]);
     run(["predict", "--materials", "synthetik", "--stack", "a:1"]).refuses(2, &["did you mean `synthetic`?"]);
     run(["predict", "--materials", "none.toml", "--stack", "a:1"]).refuses(2, &["none.toml"]);
-    let transport = predict(&["--stack", "white:1", "--model", "transport"]).exits(2);
-    assert!(transport.stderr.contains("not built yet"), "{}", transport.stderr);
+}
+
+/// The model without photons and the photons, which share no code, predict the same.
+#[test]
+fn transport_predicts_what_photons_do() {
+    let totals = |model: &str, light: &str| {
+        let stack =
+            ["--stack", "support:0.3,white:0.1", "--core", "black", "--light", light, "--model", model, "--json"];
+        let json = predict(&stack).exits(0).json();
+        (json["reflection"][0].as_f64().unwrap(), json["half_energy_radius_mm"][0].as_f64().unwrap())
+    };
+    for light in ["diffuse", "normal"] {
+        let ((r, half), (photons, half_of_photons)) = (totals("transport", light), totals("monte-carlo", light));
+        // Five standard errors of 2 million photons.
+        assert!((r - photons).abs() < 1.5e-3, "{light}: {r} and {photons}");
+        assert!((half / half_of_photons - 1.0).abs() < 0.03, "{light}: {half} and {half_of_photons}");
+    }
 }
 
 #[test]

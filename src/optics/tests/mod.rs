@@ -4,4 +4,4 @@ mod hankel;
 mod materials;
 mod monte_carlo;
 mod profile_csv;
-mod reference;
+pub(super) mod reference;

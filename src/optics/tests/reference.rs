@@ -8,12 +8,12 @@ use crate::optics::{
     RingEdges, VolumeCoefficients,
 };
 
-const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5 };
-const BLACK: VolumeCoefficients = VolumeCoefficients { sigma_s: 2.5, sigma_a: 4.0, g: 0.5 };
-const SUPPORT: VolumeCoefficients = VolumeCoefficients { sigma_s: 1.6, sigma_a: 0.025, g: 0.75 };
+pub(in crate::optics) const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5 };
+pub(in crate::optics) const BLACK: VolumeCoefficients = VolumeCoefficients { sigma_s: 2.5, sigma_a: 4.0, g: 0.5 };
+pub(in crate::optics) const SUPPORT: VolumeCoefficients = VolumeCoefficients { sigma_s: 1.6, sigma_a: 0.025, g: 0.75 };
 
 /// A file of the reference folder, or `None` after saying that it is skipped.
-pub(super) fn reference(name: &str) -> Option<String> {
+pub(in crate::optics) fn reference(name: &str) -> Option<String> {
     let shared = std::env::var_os("LUMISLICE_SHARED")
         .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
     let path = shared.join("reference").join(name);
@@ -27,7 +27,7 @@ pub(super) fn reference(name: &str) -> Option<String> {
 }
 
 /// The numbers of a CSV text, comment and header lines left out.
-pub(super) fn numbers(text: &str) -> Vec<Vec<f64>> {
+pub(in crate::optics) fn numbers(text: &str) -> Vec<Vec<f64>> {
     text.lines().filter_map(|line| line.split(',').map(|cell| cell.trim().parse().ok()).collect()).collect()
 }
 
@@ -95,7 +95,7 @@ fn monte_carlo_agrees_with_adding_doubling() {
 }
 
 /// R(r) and T(r) of a reference stack, as means over its rings.
-fn stack(name: &str) -> Option<(RadialProfile, RadialProfile)> {
+pub(in crate::optics) fn stack(name: &str) -> Option<(RadialProfile, RadialProfile)> {
     let rows = numbers(&reference(&format!("mc_{name}_diffuse.csv"))?);
     let column = |i: usize| rows.iter().map(|row| row[i]).collect::<Vec<f64>>();
     let edges: Vec<f64> = std::iter::once(0.0).chain(column(1)).collect();
@@ -103,7 +103,7 @@ fn stack(name: &str) -> Option<(RadialProfile, RadialProfile)> {
     Some((profile(3), profile(5)))
 }
 
-fn rms(a: &[f64], b: &[f64]) -> f64 {
+pub(in crate::optics) fn rms(a: &[f64], b: &[f64]) -> f64 {
     (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
 }
 

@@ -1,0 +1,153 @@
+//! The transport equation of one resin over discrete directions.
+//!
+//! For light that varies sideways as e^{ikx}, in flux per direction, downward L⁺ and upward L⁻:
+//!
+//! ```text
+//! d/dz [L⁺; L⁻] = [−A, B; −B, A] [L⁺; L⁻]      A = σt/μ + i k √(1 − μ²) cosφ / μ − same-side scattering,   B = other-side scattering
+//! ```
+//!
+//! Only A − B and A + B are needed, which hold the Legendre functions of even and of odd l + m. The forward peak that the terms
+//! cannot resolve counts as unscattered: delta-M, Wiscombe 1977, with f = g^terms.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use faer::Mat;
+
+use super::directions::Directions;
+use crate::optics::VolumeCoefficients;
+
+/// A resin over the directions.
+#[derive(Debug, Clone)]
+pub(super) struct Scattering {
+    /// σt′ per mm, without the forward peak.
+    pub(super) extinction: f64,
+    /// σs′ per mm.
+    pub(super) sigma_s: f64,
+    /// (2l + 1) g_l of the phase function without its peak.
+    pub(super) factors: Vec<f64>,
+    /// Scattering in A − B and in A + B: flux gained per mm by the row from the column.
+    even: Mat<f64>,
+    odd: Mat<f64>,
+    /// Coupling of neighbouring orders per rad/mm: the unknowns and √(1 − μ²)/μ times the share of cosφ.
+    lateral: Vec<(usize, usize, f64)>,
+    mu: Vec<f64>,
+}
+
+/// A − B and A + B, per mm.
+pub(super) struct Generator {
+    pub(super) minus: Mat<f64>,
+    pub(super) plus: Mat<f64>,
+}
+
+impl Scattering {
+    pub(super) fn new(volume: &VolumeCoefficients, directions: &Directions) -> Self {
+        let terms = directions.terms();
+        let peak = volume.g.powi(terms as i32);
+        let sigma_s = volume.sigma_s * (1.0 - peak);
+        let moment = |l: usize| (volume.g.powi(l as i32) - peak) / (1.0 - peak);
+        let factors: Vec<f64> = (0..terms).map(|l| (2 * l + 1) as f64 * moment(l)).collect();
+        let unknowns: Vec<_> = directions.unknowns().collect();
+        let functions: Vec<Vec<f64>> = unknowns.iter().map(|u| legendre(u.order, terms, u.mu)).collect();
+        let n = unknowns.len();
+        // The parts of p over even and odd l + m: ½ Σ (2l + 1) …, twice.
+        let part = |parity: usize| {
+            Mat::from_fn(n, n, |i, j| {
+                let (to, from) = (unknowns[i], unknowns[j]);
+                if to.order != from.order {
+                    return 0.0;
+                }
+                let terms = functions[i].iter().zip(&functions[j]).zip(factors.iter().skip(to.order));
+                let sum: f64 = terms.skip(parity).step_by(2).map(|((a, b), factor)| a * b * factor).sum();
+                sigma_s * to.weight / from.mu * sum
+            })
+        };
+        let (even, odd) = (part(0), part(1));
+        let nodes = directions.mu.len();
+        let lateral = (1..directions.orders).flat_map(|order| {
+            let share = if order == 1 { FRAC_1_SQRT_2 } else { 0.5 };
+            let rate = move |mu: &f64| (1.0 - mu * mu).sqrt() / mu * share;
+            let pair = move |node: usize| ((order - 1) * nodes + node, order * nodes + node);
+            directions.mu.iter().enumerate().map(move |(node, mu)| (pair(node).0, pair(node).1, rate(mu)))
+        });
+        Self {
+            sigma_s,
+            factors,
+            extinction: sigma_s + volume.sigma_a,
+            even,
+            odd,
+            lateral: lateral.collect(),
+            mu: unknowns.iter().map(|u| u.mu).collect(),
+        }
+    }
+
+    /// The equations at spatial frequency `k` rad/mm.
+    pub(super) fn generator(&self, k: f64) -> Generator {
+        let n = self.mu.len();
+        let block = |scattering: &Mat<f64>| {
+            let mut block = Mat::from_fn(n, n, |i, j| -scattering[(i, j)]);
+            for (i, mu) in self.mu.iter().enumerate() {
+                block[(i, i)] += self.extinction / mu;
+            }
+            for &(low, high, rate) in &self.lateral {
+                block[(low, high)] -= k * rate;
+                block[(high, low)] += k * rate;
+            }
+            block
+        };
+        Generator { minus: block(&self.even), plus: block(&self.odd) }
+    }
+}
+
+/// √((l − m)!/(l + m)!) P_l^m(μ) for l = m … terms − 1.
+pub(super) fn legendre(m: usize, terms: usize, mu: f64) -> Vec<f64> {
+    let s = (1.0 - mu * mu).max(0.0).sqrt();
+    let order = m as f64;
+    let first: f64 = (1..=m).map(|i| s * ((2 * i - 1) as f64 / (2 * i) as f64).sqrt()).product();
+    let mut values = Vec::with_capacity(terms.saturating_sub(m));
+    for l in m..terms {
+        let degree = l as f64;
+        values.push(match l - m {
+            0 => first,
+            1 => (2.0 * order + 1.0).sqrt() * mu * first,
+            i => {
+                let rise = (2.0 * degree - 1.0) * mu * values[i - 1];
+                let fall = ((degree - 1.0).powi(2) - order * order).sqrt() * values[i - 2];
+                (rise - fall) / (degree * degree - order * order).sqrt()
+            }
+        });
+    }
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// p_l^m over μ and φ obeys the addition theorem: Σ_m (2 − δ) p_l^m(μ) p_l^m(μ′) cos mφ = P_l(cos of the angle between).
+    #[test]
+    fn addition_theorem() {
+        let (mu, other, phi) = (0.3_f64, 0.8_f64, 1.1_f64);
+        let between = mu * other + ((1.0 - mu * mu) * (1.0 - other * other)).sqrt() * phi.cos();
+        let expected = legendre(0, 12, between);
+        for (l, expected) in expected.into_iter().enumerate() {
+            let term = |m: usize| {
+                let twice = if m == 0 { 1.0 } else { 2.0 };
+                twice * legendre(m, 12, mu)[l - m] * legendre(m, 12, other)[l - m] * (m as f64 * phi).cos()
+            };
+            let sum: f64 = (0..=l).map(term).sum();
+            assert!((sum - expected).abs() < 1e-13, "l {l}: {sum} instead of {expected}");
+        }
+    }
+
+    #[test]
+    fn without_absorption_no_flux_is_lost() {
+        let directions = Directions::new(6, 4);
+        let generator =
+            Scattering::new(&VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.0, g: 0.9 }, &directions).generator(0.0);
+        for j in (0..6).chain([directions.beam()]) {
+            let lost: f64 = (0..6).map(|i| generator.minus[(i, j)]).sum::<f64>()
+                + if j == directions.beam() { generator.minus[(j, j)] } else { 0.0 };
+            assert!(lost.abs() < 1e-11, "direction {j} loses {lost} per mm");
+        }
+    }
+}
