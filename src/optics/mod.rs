@@ -45,7 +45,7 @@ pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERAN
 pub use profile_csv::ProfileFile;
 pub use repair::{LostInNoise, TransmissionRepair, repair_transmission};
 pub use tail::Tail;
-pub use transport::{Transport, TransportOptions, TransportSpectra};
+pub use transport::{ModalReflection, ReflectionSlope, Transport, TransportOptions, TransportSpectra};
 pub use volume::{MAX_COEFFICIENT_PER_MM, VolumeCoefficients};
 
 #[cfg(test)]

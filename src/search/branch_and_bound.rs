@@ -46,6 +46,8 @@ struct Search<'a> {
     /// The best stackings so far, best first, at most `keep`.
     best: Vec<(f64, Vec<(usize, usize)>)>,
     keep: usize,
+    /// Of one sequence of resins only the best is kept.
+    one_per_sequence: bool,
     nodes: u64,
     max_nodes: u64,
     /// Least bound among the nodes the budget left unexplored.
@@ -67,8 +69,22 @@ pub fn match_target(table: &BlockTable, target: &SearchTarget) -> Result<Match, 
 /// # Errors
 /// As [`match_target`].
 pub fn match_candidates(table: &BlockTable, target: &SearchTarget, count: usize) -> Result<Vec<Match>, SearchError> {
+    candidates(table, target, Search::new(table, table.goal(target)?, count.max(1)))
+}
+
+/// The best stacking of each of the `count` best sequences of resins, best first: starts for [`Refiner`](super::Refiner). The sequence is
+/// that of the blocks, so two may differ in a last layer of the core's own resin only, which is not listed. `proven` means that
+/// no sequence is missing.
+///
+/// # Errors
+/// As [`match_target`].
+pub fn match_sequences(table: &BlockTable, target: &SearchTarget, count: usize) -> Result<Vec<Match>, SearchError> {
+    let search = Search::new(table, table.goal(target)?, count.max(1));
+    candidates(table, target, Search { one_per_sequence: true, ..search })
+}
+
+fn candidates(table: &BlockTable, target: &SearchTarget, mut search: Search<'_>) -> Result<Vec<Match>, SearchError> {
     let options = table.options();
-    let mut search = Search::new(table, table.goal(target)?, count.max(1));
     search.run();
     if search.best.is_empty() {
         return Err(match search.unexplored.is_finite() {
@@ -110,6 +126,7 @@ impl<'a> Search<'a> {
             path: Vec::with_capacity(depth),
             best: Vec::with_capacity(keep + 1),
             keep,
+            one_per_sequence: false,
             nodes: 0,
             max_nodes: table.options().max_nodes.unwrap_or(u64::MAX),
             unexplored: f64::INFINITY,
@@ -140,6 +157,14 @@ impl<'a> Search<'a> {
             return;
         }
         let path: Vec<_> = self.path.iter().copied().chain(last).collect();
+        if self.one_per_sequence
+            && let Some(known) = self.best.iter().position(|(_, other)| sequence(other).eq(sequence(&path)))
+        {
+            if objective >= self.best[known].0 {
+                return;
+            }
+            self.best.remove(known);
+        }
         let at = self.best.partition_point(|known| known.0 <= objective);
         self.best.insert(at, (objective, path));
         self.best.truncate(self.keep);
@@ -227,4 +252,10 @@ impl<'a> Search<'a> {
         }
         self.children[node.level] = children;
     }
+}
+
+/// The resins of a path, neighbours of one kind as one.
+fn sequence(path: &[(usize, usize)]) -> impl Iterator<Item = usize> {
+    let starts = path.iter().enumerate().filter(|&(i, block)| i == 0 || path[i - 1].0 != block.0);
+    starts.map(|(_, block)| block.0)
 }

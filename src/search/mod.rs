@@ -20,14 +20,16 @@ mod envelope;
 mod forward;
 mod kernels;
 mod options;
+mod refine;
 mod table;
 #[cfg(test)]
 mod tests;
 
 pub use algorithm_1::algorithm_1;
-pub use branch_and_bound::{match_candidates, match_target, match_targets};
+pub use branch_and_bound::{match_candidates, match_sequences, match_target, match_targets};
 pub use forward::{objective, reflection_of};
 pub use options::{Match, SearchError, SearchOptions, SearchTarget};
+pub use refine::{RefineOptions, Refined, Refiner};
 pub use table::BlockTable;
 
 /// One homogeneous layer.

@@ -93,6 +93,12 @@ pub enum SearchError {
         /// Number of coefficients expected.
         expected: usize,
     },
+    /// Layers of whole steps that keep the limits were not found.
+    #[error("no layers of whole steps of {step_mm} mm keep the limits, expected a finer step or wider limits")]
+    Steps {
+        /// The step, mm.
+        step_mm: f64,
+    },
     /// The target does not fit the resins.
     #[error(
         "target has {channels} channels of {coefficients} coefficients, expected {expected_channels} of {expected_coefficients}"

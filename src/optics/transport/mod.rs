@@ -12,6 +12,7 @@
 
 mod beam;
 mod directions;
+mod modal;
 mod once;
 mod scattering;
 mod slab;
@@ -19,6 +20,7 @@ mod slab;
 use faer::{Col, Mat, Row, Scale, linalg::solvers::Solve};
 use rayon::prelude::*;
 
+pub use self::modal::{ModalReflection, ReflectionSlope};
 use self::{
     beam::{Straight, unscattered},
     directions::Directions,
