@@ -5,16 +5,22 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 use lumislice::{
-    job::{NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingOptions},
-    optics::{FrequencyGrid, ProfileFile},
-    search::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, match_target},
+    job::{NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
+    optics::{
+        DEFAULT_SEED, FrequencyGrid, Light, MaterialFile, MaterialSet, PhotonOptions, Prediction, ProfileFile,
+        TransportOptions, VolumeCoefficients,
+    },
+    search::{
+        BlockTable, Match, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget, Stacking, match_target,
+        objective, reflection_of,
+    },
     target::NormalizedDiffusion,
 };
 use serde_json::json;
 
 use super::{
     Answer, leave_at_once,
-    materials::Materials,
+    materials::{Materials, go_on, no_coefficients},
     print, print_json,
     progress::Bars,
     say,
@@ -58,9 +64,33 @@ pub struct MatchArgs {
     /// Weight of the albedo against the other coefficients, 0 or more.
     #[arg(long, value_name = "W", default_value_t = 1.0, help_heading = "Search")]
     dc_weight: f64,
+    /// Who judges: km (layers of whole units, proven the best by Kubelka-Munk) or transport (refines that to layers of any thickness in a
+    /// model that holds for thin ones too; needs volume coefficients).
+    #[arg(long, value_enum, default_value_t = Judge::Km, help_heading = "Search")]
+    model: Judge,
+    /// Thinnest layer, mm; default 0.027 (transport only).
+    #[arg(long, value_name = "MM", value_parser = parse_layer, help_heading = "Search")]
+    min_layer_mm: Option<f64>,
+    /// Make thicknesses multiples of so many mm, such as a printer's slice (transport only).
+    #[arg(long, value_name = "MM", value_parser = parse_layer, help_heading = "Search")]
+    layer_step_mm: Option<f64>,
+    /// Judge the answer by so many photons per channel as well, at least 2.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Search")]
+    photons: Option<u64>,
     /// Print one JSON document instead of words.
     #[arg(long, help_heading = "Output")]
     json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Judge {
+    Km,
+    Transport,
+}
+
+fn parse_layer(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|mm| (0.001..=10.0).contains(mm));
+    number.ok_or_else(|| "expected 0.001 to 10 mm".to_owned())
 }
 
 fn parse_min_depth(text: &str) -> Result<(String, f64), String> {
@@ -75,14 +105,27 @@ fn parse_depth(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|depth| (1..=12).contains(depth)).ok_or_else(|| "expected 1 to 12".to_owned())
 }
 
+/// A stacking and what the models say of it.
+struct Judged {
+    stacking: Stacking,
+    /// R̂ per channel in the model that was asked for.
+    reflection: Vec<Vec<f64>>,
+    km: f64,
+    transport: Option<f64>,
+    monte_carlo: Option<f64>,
+}
+
 /// Runs the command.
 pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
+    args.check()?;
     let materials = Materials::read(&args.materials)?;
     let target = args.target(materials.file.channels().len())?;
     let core = args.core.as_deref().map(|name| materials.file.resin_index(name)).transpose()?;
     let limits = args.limits(&materials)?;
+    args.check_volumes(&materials.file)?;
     let bars = Bars::new(args.json);
     let set = materials.load(&bars)?;
+    let volumes: Option<Vec<_>> = set.resins.iter().map(|resin| resin.volume.clone()).collect();
     let options = SearchOptions {
         max_thickness_mm: args.max_thickness_mm,
         units: args.units,
@@ -96,11 +139,21 @@ pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
     leave_at_once();
     bars.stage("search", 0);
     let resins: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
-    let found = BlockTable::new(&resins, &options).and_then(|table| match_target(&table, &target));
+    let refiner = (args.model == Judge::Transport).then(|| {
+        let volumes = volumes.as_deref().unwrap_or_default();
+        Refiner::new(volumes, &set.grid, &options, args.refine_options())
+    });
+    let found = BlockTable::new(&resins, &options).and_then(|table| match &refiner {
+        None => match_target(&table, &target).map(|found| (found, None)),
+        Some(refiner) => {
+            let mut found = refiner.match_targets(&table, std::slice::from_ref(&target))?;
+            Ok(found.pop().map(|(found, refined)| (found, Some(refined))).expect("one target, one answer"))
+        }
+    });
     bars.finish();
-    let found = match found {
+    let (found, refined) = match found {
         Ok(found) => found,
-        Err(error @ SearchError::Infeasible { .. }) => {
+        Err(error @ (SearchError::Infeasible { .. } | SearchError::Steps { .. })) => {
             if args.json {
                 print_json(&json!({ "stack": null, "reason": error.to_string() }))?;
             }
@@ -109,20 +162,17 @@ pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
         }
         Err(error) => return Err(error.into()),
     };
-    let layers: Vec<(&str, f64)> =
-        found.stacking.layers.iter().map(|layer| (set.resins[layer.resin].name.as_str(), layer.thickness_mm)).collect();
+    let scorer = Scorer { args, set: &set, volumes: volumes.as_deref(), target: &target, options: &options };
+    let mut answer = match refined {
+        None => scorer.judge(found.stacking.clone(), found.reflection.clone()),
+        Some(refined) => scorer.judge(refined.stacking, refined.reflection),
+    };
+    answer.monte_carlo = args.photons.map(|photons| scorer.monte_carlo(&answer.stacking, photons)).transpose()?;
+    let unrefined = refiner.map(|_| scorer.judge(found.stacking.clone(), found.reflection.clone()));
     if args.json {
-        let stack: Vec<_> =
-            layers.iter().map(|(material, mm)| json!({ "material": material, "thickness_mm": mm })).collect();
-        print_json(&json!({
-            "stack": stack,
-            "objective": { "km": found.objective, "transport": null, "monte_carlo": null },
-            "bound": found.bound,
-            "proven": found.proven,
-            "nodes": found.nodes,
-        }))?;
+        print_json(&scorer.document(&answer, unrefined.as_ref(), &found))?;
     } else {
-        print(&args.report(&found, &target, &layers, &set.channels))?;
+        print(&scorer.report(&answer, unrefined.as_ref(), &found))?;
     }
     Ok(Answer::Yes)
 }
@@ -189,31 +239,139 @@ impl MatchArgs {
             units: self.units,
             depth: self.depth,
             dc_weight: self.dc_weight,
+            model: StackingModel::KubelkaMunk,
             core: self.core.clone(),
             limits,
         };
         Ok(options.resin_limits(&names))
     }
 
-    fn report(&self, found: &Match, target: &SearchTarget, layers: &[(&str, f64)], channels: &[String]) -> String {
-        let rows: Vec<_> = layers.iter().map(|(name, mm)| vec![(*name).to_owned(), format!("{mm:.4}")]).collect();
-        let below = self.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
+    fn check(&self) -> anyhow::Result<()> {
+        if self.model == Judge::Km && (self.min_layer_mm.is_some() || self.layer_step_mm.is_some()) {
+            bail!(
+                "--min-layer-mm and --layer-step-mm: whole units know neither, expected --model transport beside them"
+            );
+        }
+        Ok(())
+    }
+
+    fn refine_options(&self) -> RefineOptions {
+        let default = RefineOptions::default();
+        let min_layer_mm = self.min_layer_mm.unwrap_or(default.min_layer_mm);
+        RefineOptions { min_layer_mm, step_mm: self.layer_step_mm, ..default }
+    }
+
+    /// Who asks for transport or photons needs coefficients of every resin.
+    fn check_volumes(&self, file: &MaterialFile) -> anyhow::Result<()> {
+        if self.model == Judge::Km && self.photons.is_none() {
+            return Ok(());
+        }
+        match file.resin_names().find(|name| file.volume(name).is_none()) {
+            Some(name) => Err(no_coefficients(name, &self.materials)),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Asks the models about a stacking, and tells people or programs.
+struct Scorer<'a> {
+    args: &'a MatchArgs,
+    set: &'a MaterialSet,
+    volumes: Option<&'a [Vec<VolumeCoefficients>]>,
+    target: &'a SearchTarget,
+    options: &'a SearchOptions,
+}
+
+impl Scorer<'_> {
+    fn objective(&self, reflection: &[Vec<f64>]) -> f64 {
+        objective(reflection, self.target, self.options.dc_weight)
+    }
+
+    fn judge(&self, stacking: Stacking, reflection: Vec<Vec<f64>>) -> Judged {
+        let parameters: Vec<_> = self.set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
+        let km = self.objective(&reflection_of(&parameters, &stacking, self.options.core));
+        let spectra = |prediction: Prediction| -> Vec<Vec<f64>> {
+            prediction.light.into_iter().map(|light| light.reflection_hankel).collect()
+        };
+        let transport = self.layers(&stacking).map(|(layers, core)| {
+            let directions = TransportOptions::REFLECTION;
+            let light = Prediction::transport(&self.set.channels, &layers, core, Light::Diffuse, directions);
+            self.objective(&spectra(light))
+        });
+        Judged { stacking, reflection, km, transport, monte_carlo: None }
+    }
+
+    fn monte_carlo(&self, stacking: &Stacking, photons: u64) -> anyhow::Result<f64> {
+        let (layers, core) = self.layers(stacking).expect("checked with the arguments");
+        let options = PhotonOptions { light: Light::Diffuse, photons, seed: DEFAULT_SEED };
+        let prediction = Prediction::monte_carlo(&self.set.channels, &layers, core, options, |_| go_on())?;
+        let spectra: Vec<_> = prediction.light.into_iter().map(|light| light.reflection_hankel).collect();
+        Ok(self.objective(&spectra))
+    }
+
+    /// Coefficients of the layers with their thicknesses, and of the core.
+    #[allow(clippy::type_complexity)]
+    fn layers(
+        &self,
+        stacking: &Stacking,
+    ) -> Option<(Vec<(&[VolumeCoefficients], f64)>, Option<&[VolumeCoefficients]>)> {
+        let volumes = self.volumes?;
+        let layers =
+            stacking.layers.iter().map(|layer| (volumes[layer.resin].as_slice(), layer.thickness_mm)).collect();
+        Some((layers, self.options.core.map(|core| volumes[core].as_slice())))
+    }
+
+    fn named<'b>(&'b self, stacking: &'b Stacking) -> impl Iterator<Item = (&'b str, f64)> {
+        stacking.layers.iter().map(|layer| (self.set.resins[layer.resin].name.as_str(), layer.thickness_mm))
+    }
+
+    fn document(&self, answer: &Judged, unrefined: Option<&Judged>, found: &Match) -> serde_json::Value {
+        let stack = |judged: &Judged| -> Vec<_> {
+            let layers = self.named(&judged.stacking);
+            layers.map(|(material, mm)| json!({ "material": material, "thickness_mm": mm })).collect()
+        };
+        let mut document = json!({
+            "stack": stack(answer),
+            "objective": { "km": answer.km, "transport": answer.transport, "monte_carlo": answer.monte_carlo },
+            "bound": found.bound,
+            "proven": found.proven,
+            "nodes": found.nodes,
+        });
+        if let Some(unrefined) = unrefined {
+            let objective = json!({ "km": unrefined.km, "transport": unrefined.transport });
+            document["unrefined"] = json!({ "stack": stack(unrefined), "objective": objective });
+        }
+        document
+    }
+
+    fn report(&self, answer: &Judged, unrefined: Option<&Judged>, found: &Match) -> String {
+        let rows: Vec<_> =
+            self.named(&answer.stacking).map(|(name, mm)| vec![name.to_owned(), format!("{mm:.4}")]).collect();
+        let below = self.args.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
         let mut text = format!("from the observer down, over {below}:\n{}", table(&["layer", "mm"], &rows));
         let rms = |channel: usize| {
-            let (r, t) = (&found.reflection[channel], &target.channels[channel]);
+            let (r, t) = (&answer.reflection[channel], &self.target.channels[channel]);
             let squares: f64 = r.iter().zip(t).map(|(r, t)| (r - t) * (r - t)).sum();
             (squares / r.len() as f64).sqrt()
         };
-        let rows: Vec<_> = channels
-            .iter()
-            .enumerate()
-            .map(|(channel, name)| {
-                let albedo = |spectra: &[Vec<f64>]| number(spectra[channel].first().copied(), 4);
-                vec![name.clone(), albedo(&target.channels), albedo(&found.reflection), format!("{:.5}", rms(channel))]
-            })
-            .collect();
+        let channels = self.set.channels.iter().enumerate().map(|(channel, name)| {
+            let albedo = |spectra: &[Vec<f64>]| number(spectra[channel].first().copied(), 4);
+            let (asked, predicted) = (albedo(&self.target.channels), albedo(&answer.reflection));
+            vec![name.clone(), asked, predicted, format!("{:.5}", rms(channel))]
+        });
+        let rows: Vec<_> = channels.collect();
         text += &table(&["channel", "albedo asked", "predicted", "rms of a coefficient"], &rows);
-        let proof = if found.proven { "proven the best of its space" } else { "not proven the best" };
-        text + &format!("objective {:.6e} (Kubelka-Munk), {proof}, {} nodes\n", found.objective, found.nodes)
+        let score = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3e}"));
+        let row = |name: &str, judged: &Judged| {
+            vec![name.to_owned(), score(Some(judged.km)), score(judged.transport), score(judged.monte_carlo)]
+        };
+        let rows: Vec<_> = match unrefined {
+            None => vec![row("these layers", answer)],
+            Some(unrefined) => vec![row("these layers", answer), row("in whole units", unrefined)],
+        };
+        text += &table(&["objective", "Kubelka-Munk", "transport", "Monte Carlo"], &rows);
+        let proof = if found.proven { "proven the best" } else { "not proven the best" };
+        let whole = if unrefined.is_some() { "in whole units: " } else { "" };
+        text + &format!("{whole}{proof} by Kubelka-Munk (bound {:.3e}, {} nodes)\n", found.bound, found.nodes)
     }
 }

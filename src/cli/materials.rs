@@ -55,3 +55,9 @@ pub fn say_provenance(set: &str, provenance: &str) {
 pub fn go_on() -> ControlFlow<()> {
     if INTERRUPT.requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
+
+/// The error of a model that needs what a resin of `materials` does not have.
+pub fn no_coefficients(resin: &str, materials: &Path) -> anyhow::Error {
+    let needed = "this model needs scattering-per-mm and absorption-per-mm";
+    anyhow::anyhow!("{}: resin {resin}: found no coefficients; {needed}", materials.display())
+}

@@ -15,7 +15,7 @@ use serde_json::json;
 
 use super::{
     Answer,
-    materials::{Materials, go_on},
+    materials::{Materials, go_on, no_coefficients},
     output_file::OutputFile,
     print, print_json,
     progress::Bars,
@@ -158,12 +158,7 @@ impl PredictArgs {
         file: &'a MaterialFile,
         layers: &[(String, f64)],
     ) -> anyhow::Result<(Vec<(&'a [VolumeCoefficients], f64)>, Option<&'a [VolumeCoefficients]>)> {
-        let volume = |name: &str| {
-            file.volume(name).ok_or_else(|| {
-                let needed = "this model needs scattering-per-mm and absorption-per-mm";
-                anyhow!("resin {name} of {}: found no coefficients; {needed}", file.name())
-            })
-        };
+        let volume = |name: &str| file.volume(name).ok_or_else(|| no_coefficients(name, &self.materials));
         let layers = layers.iter().map(|(name, mm)| Ok((volume(name)?, *mm))).collect::<anyhow::Result<_>>()?;
         Ok((layers, self.core.as_deref().map(volume).transpose()?))
     }

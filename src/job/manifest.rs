@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{prepare::Prepared, stackings::StackingReport};
+use super::{StackingReport, prepare::Prepared};
 use crate::slice::FileEntry;
 
 /// Version of the manifest's form; raised when readers must change.

@@ -24,6 +24,7 @@ mod run;
 mod run_error;
 mod source;
 mod stack;
+mod stacking_report;
 mod stackings;
 mod target;
 #[cfg(test)]
@@ -44,7 +45,7 @@ pub use manifest::{
 pub use object::{ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
-    SUPPORT_MIN_DEPTH_MM, StackingOptions,
+    SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
 };
 pub use paths::InputPath;
 pub use prepare::{InputFile, Prepared, PreparedObject};
@@ -55,7 +56,7 @@ pub use resolved::ResolvedJob;
 pub use run::{RunOptions, STACKINGS, run};
 pub use run_error::{Blame, RunError};
 pub use stack::{StackError, format_stack, parse_stack};
-pub use stackings::{LayerEntry, SearchEntry, StackingEntry, StackingReport};
+pub use stacking_report::{LayerEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};
 pub use target::{AlbedoSource, TargetSpec};
 
 pub use crate::mesh::Unit;

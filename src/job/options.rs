@@ -38,10 +38,26 @@ pub struct StackingOptions {
     pub depth: usize,
     /// Weight of the albedo (k = 0) in the objective, 0 to 1000000; default 1.
     pub dc_weight: f64,
+    /// The model stackings are judged by; default scalar Kubelka–Munk.
+    pub model: StackingModel,
     /// Resin that fills the inside below the stacking; `None`: nothing does. A job always has one, by default `black`.
     pub core: Option<String>,
     /// Limits of single resins, one each at most; support's default stands last if the job gives it none.
     pub limits: Vec<NamedLimit>,
+}
+
+/// How the light in a stacking is predicted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum StackingModel {
+    /// Scalar Kubelka–Munk, layers of whole units.
+    KubelkaMunk,
+    /// The transport equation, which refines what Kubelka–Munk finds.
+    Transport {
+        /// Thinnest layer, mm, 0.001 to 10; `None`: a slice of the printer.
+        min_layer_mm: Option<f64>,
+        /// Thicknesses are multiples of this, mm, 0.001 to 10; `None`: any.
+        layer_step_mm: Option<f64>,
+    },
 }
 
 /// What fills the inside unless the job says otherwise.
@@ -226,7 +242,8 @@ pub(super) fn read_clusters(table: &Table<'_>) -> Result<ClusterOptions> {
     })
 }
 
-pub(super) const STACKING_KEYS: &[&str] = &["max-thickness-mm", "units", "depth", "dc-weight", "core", "limit"];
+pub(super) const STACKING_KEYS: &[&str] =
+    &["max-thickness-mm", "units", "depth", "dc-weight", "model", "min-layer-mm", "layer-step-mm", "core", "limit"];
 
 pub(super) fn read_stacking(table: &Table<'_>) -> Result<StackingOptions> {
     table.allow_only(STACKING_KEYS)?;
@@ -235,9 +252,24 @@ pub(super) fn read_stacking(table: &Table<'_>) -> Result<StackingOptions> {
         units: table.get("units").map_or(Ok(64), |units| read_units(&units))?,
         depth: table.integer_or("depth", 6, range::DEPTH)? as usize,
         dc_weight: table.number_or("dc-weight", 1.0, range::DC_WEIGHT)?,
+        model: read_model(table)?,
         core: table.name("core", "a resin")?.or_else(|| Some(DEFAULT_CORE.to_owned())),
         limits: read_limits(table)?,
     })
+}
+
+fn read_model(table: &Table<'_>) -> Result<StackingModel> {
+    let transport =
+        table.get("model").map_or(Ok(false), |value| value.choice(&[("km", false), ("transport", true)]))?;
+    let number = |key| {
+        let value = table.get(key);
+        match value.filter(|_| !transport) {
+            Some(value) => Err(value.refuse_as("a thickness that nothing uses", "model = \"transport\" beside it")),
+            None => table.get(key).map(|value| value.number(range::PITCH)).transpose(),
+        }
+    };
+    let (min_layer_mm, layer_step_mm) = (number("min-layer-mm")?, number("layer-step-mm")?);
+    Ok(if transport { StackingModel::Transport { min_layer_mm, layer_step_mm } } else { StackingModel::KubelkaMunk })
 }
 
 fn read_units(value: &Value<'_>) -> Result<usize> {

@@ -8,8 +8,8 @@ use sha2::{Digest, Sha256};
 
 use super::{
     AlbedoSource, Distance, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError, Scaling,
-    TargetSpec, checks,
-    stackings::{StackingReport, TargetContext, object_layers},
+    StackingReport, TargetSpec, checks,
+    stackings::{TargetContext, object_layers},
 };
 use crate::{
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},

@@ -75,7 +75,10 @@ pub fn report_data<'a>(manifest: &Manifest, pictures: impl Iterator<Item = &'a s
                 layers: entry.layers.iter().filter_map(layer).collect(),
                 core,
                 share: (object.stackings.len() > 1).then_some(entry.share),
-                error: entry.search.as_ref().map(|search| search.rms),
+                error: entry
+                    .search
+                    .as_ref()
+                    .map(|search| search.transport.as_ref().map_or(search.rms, |found| found.rms)),
             });
         }
     }

@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 
-use super::options::{Distance, MaterialSource};
+use super::options::{Distance, MaterialSource, StackingModel};
 use super::stack::format_stack;
 use super::target::{AlbedoSource, TargetSpec};
 use super::{Job, Scaling};
@@ -99,6 +99,11 @@ struct Stacking {
     units: usize,
     depth: usize,
     dc_weight: f64,
+    model: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    min_layer_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    layer_step_mm: Option<f64>,
     core: String,
     limit: Vec<Limit>,
 }
@@ -138,6 +143,10 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
         Distance::Lp { exponent } => ("lp", Some(exponent)),
     };
     let stacking = &job.stacking;
+    let (model, min_layer_mm, layer_step_mm) = match stacking.model {
+        StackingModel::KubelkaMunk => ("km", None, None),
+        StackingModel::Transport { min_layer_mm, layer_step_mm } => ("transport", min_layer_mm, layer_step_mm),
+    };
     ResolvedJob {
         object: job.objects.iter().map(object).collect(),
         printer: Printer {
@@ -157,6 +166,9 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
             units: stacking.units,
             depth: stacking.depth,
             dc_weight: stacking.dc_weight,
+            model,
+            min_layer_mm,
+            layer_step_mm,
             core: stacking.core_name().to_owned(),
             limit: stacking
                 .limits

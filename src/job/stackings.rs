@@ -1,15 +1,17 @@
 //! From what an object should look like to the layers that do it.
 
-use serde::{Deserialize, Serialize};
-
 use super::{
-    AlbedoSource, Interrupt, Job, Progress, RunError, TargetSpec,
+    AlbedoSource, Interrupt, Job, LayerEntry, Progress, RunError, SearchEntry, StackingEntry, StackingModel,
+    StackingReport, TargetSpec, TransportEntry,
     images::{read_labels, read_picture, srgb_to_linear, to_channels},
 };
 use crate::{
     mesh::Solid,
-    optics::{MaterialSet, ProfileFile},
-    search::{BlockTable, Match, ResinLimit, SearchOptions, SearchTarget, Stacking, match_targets, reflection_of},
+    optics::{Light, MaterialSet, ProfileFile, Transport, TransportOptions, VolumeCoefficients},
+    search::{
+        BlockTable, Match, RefineOptions, Refined, Refiner, ResinLimit, SearchOptions, SearchTarget, Stacking,
+        match_targets, reflection_of,
+    },
     target::{
         self, AppearancePage, Atlas, LabelMap, LayerField, LayerStack, NormalizedDiffusion, SlotTable, TexturedLayers,
         align, cluster, distinct_appearances,
@@ -17,63 +19,20 @@ use crate::{
     voxel::MaterialId,
 };
 
-/// The stackings of one object and how well they do.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct StackingReport {
-    /// `stacking`, `profile`, `texture` or `clusters`.
-    pub kind: String,
-    /// Resins of the aligned sequence, top first; empty for a single stacking.
-    pub sequence: Vec<String>,
-    /// One entry per stacking, in the order of their labels.
-    pub stackings: Vec<StackingEntry>,
-    /// What fills the inside below all stackings.
-    pub core: String,
-    #[serde(skip)]
-    ids: Vec<MaterialId>,
+/// What a search found, refined or not.
+struct Found {
+    search: Match,
+    refined: Option<Refined>,
 }
 
-/// One stacking.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct StackingEntry {
-    /// Layers, top first.
-    pub layers: Vec<LayerEntry>,
-    /// Share of the surface's texels that have it, 0 to 1.
-    pub share: f64,
-    /// Albedo asked for per channel; `None` where the stacking was given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub target_albedo: Option<Vec<f64>>,
-    /// Albedo predicted per channel.
-    pub predicted_albedo: Vec<f64>,
-    /// What the search says; `None` where the stacking was given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub search: Option<SearchEntry>,
-    /// Root mean square distance of the cluster's spectra from their mean; `None` without clusters.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub cluster_rms: Option<f64>,
-}
+impl Found {
+    fn stacking(&self) -> &Stacking {
+        self.refined.as_ref().map_or(&self.search.stacking, |refined| &refined.stacking)
+    }
 
-/// One layer.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct LayerEntry {
-    /// Its resin.
-    pub resin: String,
-    /// Its thickness, mm.
-    pub thickness_mm: f64,
-}
-
-/// How a search ended.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SearchEntry {
-    /// Σ (R̂ − R̂_t)² over coefficients and channels, the first weighted.
-    pub objective: f64,
-    /// Root mean square error of a coefficient.
-    pub rms: f64,
-    /// No stacking of the searched space is better than this.
-    pub bound: f64,
-    /// Whether the objective is proven optimal.
-    pub proven: bool,
-    /// Partial stackings looked at.
-    pub nodes: u64,
+    fn reflection(&self) -> &[Vec<f64>] {
+        self.refined.as_ref().map_or(&self.search.reflection, |refined| &refined.reflection)
+    }
 }
 
 /// What a target is turned into layers with.
@@ -89,13 +48,6 @@ pub(super) struct TargetContext<'a> {
     pub interrupt: &'a Interrupt,
 }
 
-impl StackingReport {
-    /// Every material that may occur, the core's among them.
-    pub fn materials(&self) -> impl Iterator<Item = MaterialId> {
-        self.ids.iter().copied()
-    }
-}
-
 /// Turns the target of an object into its layers.
 pub(super) fn object_layers(
     context: &TargetContext<'_>,
@@ -107,14 +59,14 @@ pub(super) fn object_layers(
         TargetSpec::Stacking { layers } => {
             let layers = layers.iter().filter_map(|(name, t)| Some((context.materials.resin(name)?.0, *t)));
             let stacking = Stacking::from_layers(layers);
-            let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking, core));
+            let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking, core)?);
             Ok(context.uniform("stacking", &stacking, core, entry))
         }
         TargetSpec::Profile { path } => {
             let target = context.profile_target(path.as_ref())?;
             let found = context.search(core, std::slice::from_ref(&target))?.remove(0);
             let entry = context.matched_entry(&found, &target, 1.0, None);
-            Ok(context.uniform("profile", &found.stacking, core, entry))
+            Ok(context.uniform("profile", found.stacking(), core, entry))
         }
         TargetSpec::Clusters { labels, profiles } => {
             let (width, height, labels_of) = read_labels(labels.as_ref())?;
@@ -148,8 +100,19 @@ pub(super) fn object_layers(
     }
 }
 
-fn reflection(context: &TargetContext<'_>, stacking: &Stacking, core: usize) -> Vec<Vec<f64>> {
-    reflection_of(&context.parameters(), stacking, Some(core))
+fn reflection(context: &TargetContext<'_>, stacking: &Stacking, core: usize) -> Result<Vec<Vec<f64>>, RunError> {
+    if context.job.stacking.model == StackingModel::KubelkaMunk {
+        return Ok(reflection_of(&context.parameters(), stacking, Some(core)));
+    }
+    let volumes = context.volumes()?;
+    let channel = |channel: usize| {
+        let layers: Vec<_> =
+            stacking.layers.iter().map(|layer| (volumes[layer.resin][channel], layer.thickness_mm)).collect();
+        let base = Some(volumes[core][channel]);
+        let model = Transport { layers: &layers, base, light: Light::Diffuse, options: TransportOptions::REFLECTION };
+        model.spectra(&context.materials.grid).reflection
+    };
+    Ok((0..context.materials.channels.len()).map(channel).collect())
 }
 
 /// Pages of appearance with the page of every triangle.
@@ -265,7 +228,28 @@ impl TargetContext<'_> {
         }
     }
 
-    fn search(&self, core: usize, targets: &[SearchTarget]) -> Result<Vec<Match>, RunError> {
+    /// Coefficients of all resins, index `[resin][channel]`.
+    fn volumes(&self) -> Result<Vec<Vec<VolumeCoefficients>>, RunError> {
+        let volumes = self.materials.resins.iter().map(|resin| {
+            resin.volume.clone().ok_or_else(|| {
+                let found = format!("\"transport\" with resin {}, which is given by profiles", resin.name);
+                self.refuse("stacking.model", found, "resins given by coefficients, or \"km\"")
+            })
+        });
+        volumes.collect()
+    }
+
+    fn refiner(&self, options: &SearchOptions) -> Result<Option<Refiner>, RunError> {
+        let StackingModel::Transport { min_layer_mm, layer_step_mm } = self.job.stacking.model else { return Ok(None) };
+        let refine = RefineOptions {
+            min_layer_mm: min_layer_mm.unwrap_or(self.job.printer.pitch_mm.z),
+            step_mm: layer_step_mm,
+            ..RefineOptions::default()
+        };
+        Ok(Some(Refiner::new(&self.volumes()?, &self.materials.grid, options, refine)))
+    }
+
+    fn search(&self, core: usize, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
         self.progress.stage("stackings", targets.len() as u64);
         let stacking = &self.job.stacking;
         let options = SearchOptions {
@@ -279,11 +263,21 @@ impl TargetContext<'_> {
         };
         let fault = |source| RunError::Search { object: self.job.objects[self.object].mesh.shown(), source };
         let table = BlockTable::new(&self.parameters(), &options).map_err(fault)?;
+        let refiner = self.refiner(&options)?;
         // In batches, so that the user sees progress and can stop.
         let mut found = Vec::with_capacity(targets.len());
         for batch in targets.chunks(SEARCH_BATCH) {
             self.stop_if_interrupted()?;
-            found.extend(match_targets(&table, batch).map_err(fault)?);
+            match &refiner {
+                None => {
+                    let matches = match_targets(&table, batch).map_err(fault)?;
+                    found.extend(matches.into_iter().map(|search| Found { search, refined: None }));
+                }
+                Some(refiner) => {
+                    let matches = refiner.match_targets(&table, batch).map_err(fault)?;
+                    found.extend(matches.into_iter().map(|(search, refined)| Found { search, refined: Some(refined) }));
+                }
+            }
             self.progress.advance(batch.len() as u64);
         }
         Ok(found)
@@ -384,19 +378,26 @@ impl TargetContext<'_> {
         }
     }
 
-    fn matched_entry(&self, found: &Match, target: &SearchTarget, share: f64, rms: Option<f64>) -> StackingEntry {
+    fn matched_entry(&self, found: &Found, target: &SearchTarget, share: f64, rms: Option<f64>) -> StackingEntry {
         let coefficients: usize = target.channels.iter().map(Vec::len).sum();
+        let rms_of = |objective: f64| (objective / coefficients as f64).sqrt();
+        let Found { search, refined } = found;
         StackingEntry {
             target_albedo: Some(target.channels.iter().map(|channel| channel[0]).collect()),
             search: Some(SearchEntry {
-                objective: found.objective,
-                rms: (found.objective / coefficients as f64).sqrt(),
-                bound: found.bound,
-                proven: found.proven,
-                nodes: found.nodes,
+                objective: search.objective,
+                rms: rms_of(search.objective),
+                bound: search.bound,
+                proven: search.proven,
+                nodes: search.nodes,
+                transport: refined.as_ref().map(|refined| TransportEntry {
+                    objective: refined.objective,
+                    rms: rms_of(refined.objective),
+                    unrefined: refined.unrefined,
+                }),
             }),
             cluster_rms: rms,
-            ..self.entry(&found.stacking, share, &found.reflection)
+            ..self.entry(found.stacking(), share, found.reflection())
         }
     }
 
@@ -424,12 +425,12 @@ impl TargetContext<'_> {
         kind: &'static str,
         atlas: &Atlas,
         labels: &[LabelMap],
-        matches: &[Match],
+        matches: &[Found],
         entries: Vec<StackingEntry>,
         core: usize,
     ) -> Result<(LayerField, StackingReport), RunError> {
         self.progress.stage("layers", 0);
-        let stackings: Vec<_> = matches.iter().map(|found| found.stacking.clone()).collect();
+        let stackings: Vec<_> = matches.iter().map(|found| found.stacking().clone()).collect();
         let aligned = align(&stackings);
         let ids: Vec<_> = aligned.sequence.iter().map(|&resin| self.id(resin)).collect();
         let slots = SlotTable::new(&ids, &aligned, &self.limits(), self.id(core)).ok_or_else(|| {

@@ -49,6 +49,8 @@ fn every_bound_is_documented() {
         ("max-mm", r::LIMIT_MAX),
         ("lp-exponent", r::LP_EXPONENT),
         ("mesh-pitch-mm", r::PITCH),
+        ("min-layer-mm", r::PITCH),
+        ("layer-step-mm", r::PITCH),
     ];
     for (key, range) in numbers {
         let bounds = format!("{} to {}", range.min, range.max).replace('-', "−");

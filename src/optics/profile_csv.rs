@@ -27,7 +27,7 @@ const EDGE_TOLERANCE: f64 = 1e-5;
 pub struct ProfileFile {
     /// R(r).
     pub reflection: Option<RadialProfile>,
-    /// T(r).
+    /// T(r); `None` also where the column holds zeros only, as it does for what lies on a core.
     pub transmission: Option<RadialProfile>,
 }
 
@@ -171,7 +171,10 @@ impl<'a> Table<'a> {
     fn profiles(&self) -> Result<ProfileFile, OpticsError> {
         Ok(ProfileFile {
             reflection: self.profile(REFLECTION, REFLECTION_ERROR)?,
-            transmission: self.profile(TRANSMISSION, TRANSMISSION_ERROR)?,
+            transmission: match self.column(TRANSMISSION) {
+                Some(dark) if self.column(REFLECTION).is_some() && dark.iter().all(|value| *value == 0.0) => None,
+                _ => self.profile(TRANSMISSION, TRANSMISSION_ERROR)?,
+            },
         })
     }
 

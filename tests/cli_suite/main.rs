@@ -17,6 +17,7 @@ mod predict;
 mod slice_bad;
 mod slice_bytes;
 mod slice_folder;
+mod slice_refined;
 mod slice_says;
 mod support;
 mod usage;

@@ -73,6 +73,8 @@ struct Rates {
     real: Vec<f64>,
     /// 0 for a real mode; b for the first mode of a pair, −b for the second.
     imaginary: Vec<f64>,
+    /// The other mode of a pair; a real mode itself.
+    other: Vec<usize>,
 }
 
 /// U and W and their inverses.
@@ -154,7 +156,7 @@ impl Frequency {
         for &(resin, mm) in layers.iter().rev() {
             let enter = Step::new(self.interface(resin, below), rho.as_ref());
             let decay = self.rates[resin].decay(mm);
-            let reflected = decay.from_right(&decay.from_left(&enter.rho));
+            let reflected = decay.right_of(&decay.left_of(&enter.rho));
             steps.push(Step { layer: Some((resin, decay, reflected.clone())), ..enter });
             (rho, below) = (Some(reflected), resin);
         }
@@ -231,7 +233,7 @@ impl Modes {
         let eigen = product.eigen().expect("a finite matrix has eigenvalues");
         let (vectors, values) = (eigen.U(), eigen.S().column_vector());
         let mut u = Mat::zeros(n, n);
-        let mut rates = Rates { real: vec![0.0; n], imaginary: vec![0.0; n] };
+        let mut rates = Rates::zeros(n);
         let mut j = 0;
         while j < n {
             let rate = values[j].sqrt();
@@ -245,28 +247,33 @@ impl Modes {
             u.col_mut(j).copy_from(Col::from_fn(n, |i| vectors[(i, j)].re));
             u.col_mut(j + 1).copy_from(Col::from_fn(n, |i| vectors[(i, j)].im));
             rates.real[j + 1] = rate.re;
+            rates.other.swap(j, j + 1);
             (rates.imaginary[j], rates.imaginary[j + 1]) = (rate.im, -rate.im);
             j += 2;
         }
         let u_inverse = factorise(&u).solve(Mat::<f64>::identity(n, n));
         let inverse = rates.inverse();
-        let w = inverse.from_right(&(minus * &u));
-        let w_inverse = inverse.from_left(&(&u_inverse * plus));
+        let w = inverse.right_of(&(minus * &u));
+        let w_inverse = inverse.left_of(&(&u_inverse * plus));
         Self { u, w, u_inverse, w_inverse, rates }
     }
 
     /// Directions as modes.
     fn air(n: usize) -> Self {
         let identity = || Mat::identity(n, n);
-        let rates = Rates { real: vec![0.0; n], imaginary: vec![0.0; n] };
+        let rates = Rates::zeros(n);
         Self { u: identity(), w: identity(), u_inverse: identity(), w_inverse: identity(), rates }
     }
 }
 
 impl Rates {
+    fn zeros(n: usize) -> Self {
+        Self { real: vec![0.0; n], imaginary: vec![0.0; n], other: (0..n).collect() }
+    }
+
     fn map(&self, of: impl Fn(f64, f64) -> (f64, f64)) -> Self {
         let (real, imaginary) = self.real.iter().zip(&self.imaginary).map(|(&re, &im)| of(re, im)).unzip();
-        Self { real, imaginary }
+        Self { real, imaginary, other: self.other.clone() }
     }
 
     /// e^{−Λh}.
@@ -285,50 +292,31 @@ impl Rates {
         })
     }
 
-    /// The other mode of a pair; itself for a real mode.
-    fn other(&self, i: usize) -> usize {
-        if self.imaginary[i] == 0.0 {
-            i
-        } else if self.first(i) {
-            i + 1
-        } else {
-            i - 1
-        }
-    }
-
-    /// Whether mode `i` is the first of its pair.
-    fn first(&self, i: usize) -> bool {
-        let before = self.imaginary[..i].iter().rev().take_while(|im| **im != 0.0).count();
-        before % 2 == 0
-    }
-
     /// Λ M.
-    fn from_left(&self, matrix: &Mat<f64>) -> Mat<f64> {
+    fn left_of(&self, matrix: &Mat<f64>) -> Mat<f64> {
         let n = matrix.nrows();
-        let other: Vec<_> = (0..n).map(|i| self.other(i)).collect();
         Mat::from_fn(n, matrix.ncols(), |i, j| {
-            self.real[i] * matrix[(i, j)] + self.imaginary[i] * matrix[(other[i], j)]
+            self.real[i] * matrix[(i, j)] + self.imaginary[i] * matrix[(self.other[i], j)]
         })
     }
 
     /// M Λ.
-    fn from_right(&self, matrix: &Mat<f64>) -> Mat<f64> {
+    fn right_of(&self, matrix: &Mat<f64>) -> Mat<f64> {
         let n = matrix.ncols();
-        let other: Vec<_> = (0..n).map(|i| self.other(i)).collect();
         Mat::from_fn(matrix.nrows(), n, |i, j| {
-            self.real[j] * matrix[(i, j)] + self.imaginary[other[j]] * matrix[(i, other[j])]
+            self.real[j] * matrix[(i, j)] + self.imaginary[self.other[j]] * matrix[(i, self.other[j])]
         })
     }
 
     fn row(&self, row: &Row<f64>) -> Row<f64> {
         Row::from_fn(row.ncols(), |j| {
-            let other = self.other(j);
-            self.real[j] * row[j] + if other == j { 0.0 } else { self.imaginary[other] * row[other] }
+            let other = self.other[j];
+            self.real[j] * row[j] + self.imaginary[other] * row[other]
         })
     }
 
     fn column(&self, column: &Col<f64>) -> Col<f64> {
-        Col::from_fn(column.nrows(), |i| self.real[i] * column[i] + self.imaginary[i] * column[self.other(i)])
+        Col::from_fn(column.nrows(), |i| self.real[i] * column[i] + self.imaginary[i] * column[self.other[i]])
     }
 }
 

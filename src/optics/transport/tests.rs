@@ -61,6 +61,69 @@ proptest! {
     }
 }
 
+/// Modes against doubling: two ways to the same matrices, which share the equations only.
+#[test]
+fn modes_and_doubling_agree() {
+    let k = [0.0, 0.7, 5.0, 20.0];
+    let grid = FrequencyGrid::linear(k.len(), 20.0);
+    let resins = [WHITE, SUPPORT, BLACK];
+    let options = TransportOptions::REFLECTION;
+    for base in [None, Some(2)] {
+        let modal = ModalReflection::new(&resins, base, grid.as_slice(), options);
+        for stack in [
+            vec![],
+            vec![(0, 1.0)],
+            vec![(1, 1e-3)],
+            vec![(0, 0.25), (1, 2.0), (0, 0.5)],
+            vec![(0, 0.05), (1, 0.078), (2, 0.03), (1, 3.0), (1, 0.0), (0, 8.0)],
+        ] {
+            let layers: Vec<_> = stack.iter().map(|&(resin, mm)| (resins[resin], mm)).collect();
+            let base = base.map(|base| resins[base]);
+            let exact = Transport { layers: &layers, base, light: Light::Diffuse, options }.spectra(&grid);
+            for (found, exact) in modal.reflection(&stack).iter().zip(&exact.reflection) {
+                assert!((found - exact).abs() < 1e-10, "{stack:?}: {found} and {exact}");
+            }
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn modes_hold_for_any_resins(resins in prop::collection::vec(volume(), 2..4), mm in prop::collection::vec(0.001..3.0, 1..4)) {
+        let grid = FrequencyGrid::linear(3, 12.0);
+        let options = TransportOptions { polar: 4, orders: 5 };
+        let modal = ModalReflection::new(&resins, Some(0), grid.as_slice(), options);
+        let stack: Vec<_> = mm.iter().enumerate().map(|(i, &mm)| ((i + 1) % resins.len(), mm)).collect();
+        let layers: Vec<_> = stack.iter().map(|&(resin, mm)| (resins[resin], mm)).collect();
+        let model = Transport { layers: &layers, base: Some(resins[0]), light: Light::Diffuse, options };
+        for (found, exact) in modal.reflection(&stack).iter().zip(&model.spectra(&grid).reflection) {
+            prop_assert!((found - exact).abs() < 1e-6, "{found} and {exact}");
+        }
+    }
+
+    #[test]
+    fn slopes_are_those_of_differences(mm in prop::collection::vec(0.02..2.0, 3)) {
+        /// Step of the differences, mm: their error is of its square.
+        const STEP: f64 = 1e-4;
+        let modal = ModalReflection::new(&[WHITE, SUPPORT, BLACK], Some(2), &[0.0, 3.0, 20.0], TransportOptions::REFLECTION);
+        let stack: Vec<_> = [0, 1, 0].into_iter().zip(mm).collect();
+        let slope = modal.slope(&stack);
+        for layer in 0..stack.len() {
+            let moved = |by: f64| {
+                let mut moved = stack.clone();
+                moved[layer].1 += by;
+                modal.reflection(&moved)
+            };
+            for ((above, below), slope) in moved(STEP).iter().zip(moved(-STEP)).zip(&slope.per_mm[layer]) {
+                let difference = (above - below) / (2.0 * STEP);
+                prop_assert!((difference - slope).abs() < 1e-5 * (1.0 + slope.abs()), "{difference} and {slope}");
+            }
+        }
+    }
+}
+
 #[test]
 fn without_scattering_light_goes_straight() {
     let clear = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.5, g: 0.0 };

@@ -9,7 +9,7 @@ pub(super) struct Residuals {
 }
 
 impl Residuals {
-    fn objective(&self) -> f64 {
+    pub(super) fn objective(&self) -> f64 {
         dot(&self.values, &self.values)
     }
 }
@@ -26,7 +26,7 @@ const FIRST_DAMPING: f64 = 1e-3;
 /// Gives up when no damping helps.
 const MOST_DAMPING: f64 = 1e6;
 /// A step that gains less than this share of the objective is the last.
-const LEAST_GAIN: f64 = 1e-4;
+const LEAST_GAIN: f64 = 1e-3;
 /// Share of the mean curvature that a layer without any gets, so that H can be inverted.
 const FLOOR: f64 = 1e-9;
 
@@ -63,6 +63,20 @@ pub(super) fn fit(
         }
     }
     Some(Fit { objective: here.objective(), mm })
+}
+
+impl Residuals {
+    /// JᵀJ.
+    pub(super) fn curvature(&self) -> Vec<Vec<f64>> {
+        self.per_mm.iter().map(|a| self.per_mm.iter().map(|b| dot(a, b)).collect()).collect()
+    }
+
+    /// By how much the objective would rise were a layer left out and the others fitted anew, to second order: h² / (H⁻¹)_ii, after Hassibi
+    /// and Stork 1992. `None` where the layers' effects cannot be told apart.
+    pub(super) fn loss_without(&self, mm: &[f64]) -> Option<Vec<f64>> {
+        let inverse = damped_inverse(&self.per_mm, 0.0)?;
+        Some(mm.iter().enumerate().map(|(i, h)| h * h / inverse[i][i]).collect())
+    }
 }
 
 /// (JᵀJ + damping · diag)⁻¹ by Gauss and Jordan's elimination with pivots on the diagonal: the matrix is positive definite.

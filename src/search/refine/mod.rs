@@ -6,22 +6,22 @@
 //!
 //! ```text
 //!   match_sequences ──► a short fit of each ──► a long fit of the best few ──► with one layer more or less? ──► Refined
-//!                        coarse directions                        fine directions
+//!                        few directions                           all directions
 //! ```
 //!
-//! Fits see a third of the frequencies, close together where R̂ bends; the objective that is reported sees all of them. Nothing is random, and
+//! Layers more or less are tried in few directions, whose error is that of the layers so far. Fits see a third of the frequencies, close together where R̂ bends; the objective that is reported sees all of them. Nothing is random, and
 //! nothing depends on the number of threads.
 
 mod fit;
 mod polytope;
 
-use std::cmp::Ordering;
+use rayon::prelude::*;
 
 use self::{
     fit::{Fit, Residuals, fit},
     polytope::Polytope,
 };
-use super::{Match, SearchError, SearchOptions, SearchTarget, Stacking, objective};
+use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, Stacking, match_sequences, objective};
 use crate::optics::{FrequencyGrid, ModalReflection, TransportOptions, VolumeCoefficients};
 
 /// What refining may do.
@@ -73,14 +73,29 @@ pub struct Refiner {
 const COARSE: TransportOptions = TransportOptions { polar: 4, orders: 6 };
 /// Evaluations of a fit that only ranks, and of one that counts.
 const RANKING_STEPS: usize = 5;
-const FINAL_STEPS: usize = 25;
+const FINAL_STEPS: usize = 12;
 /// A layer more must lower the objective by this share.
 const WORTH_A_LAYER: f64 = 0.1;
-/// Rounds of trying a layer more or less.
+/// Rounds of trying a layer more or less, and layers that are tried in each.
 const EDITS: usize = 3;
+const INSERTIONS: usize = 2;
+/// Moves between multiples of a step, and how many are tried before each.
+const STEP_ROUNDS: usize = 12;
+const STEP_TRIALS: usize = 4;
+/// Root mean square error of a coefficient that is good enough: the model itself is off by 1e-4 (docs/accuracy.md).
+const ENOUGH: f64 = 1e-4;
+
+/// Layers of a fit: the resins and where their thicknesses ended.
+type Fitted = (Vec<usize>, Fit);
+/// Layers to start from.
+type Start = (Vec<usize>, Vec<f64>);
+
+/// What a model should give at the nodes, per channel.
+#[derive(Debug, Clone)]
+struct Goal(Vec<Vec<f64>>);
 
 impl Refiner {
-    /// Sequences of resins worth asking [`match_sequences`](super::match_sequences) for. Evidence: docs/accuracy.md, "Refined stackings".
+    /// Sequences of resins worth asking [`match_sequences`] for. Evidence: docs/accuracy.md, "Refined stackings".
     pub const SEQUENCES: usize = 16;
 
     /// `resins` has index `[resin][channel]`; `options` are those of the search whose candidates will be refined.
@@ -118,17 +133,18 @@ impl Refiner {
     }
 
     /// The best stacking for `target` that can be reached from `candidates`, best first as
-    /// [`match_sequences`](super::match_sequences) gives them; at least one.
+    /// [`match_sequences`] gives them; at least one.
     ///
     /// # Errors
     /// No multiples of the step within reach that keep the limits.
     pub fn refine(&self, candidates: &[Match], target: &SearchTarget) -> Result<Refined, SearchError> {
         let unrefined = candidates.first().map_or(Vec::new(), |best| self.reflection(&best.stacking));
         let unrefined_objective = objective(&unrefined, target, self.options.dc_weight);
-        let mut ranked = self.fits(&self.coarse, target, RANKING_STEPS, distinct(candidates));
+        let goal =
+            Goal(target.channels.iter().map(|channel| self.nodes.iter().map(|&(i, _)| channel[i]).collect()).collect());
+        let mut ranked = self.fits(&self.coarse, &goal, RANKING_STEPS, distinct(candidates));
         ranked.truncate(self.refine.finalists);
-        let starts = ranked.into_iter().map(|(sequence, fit)| (sequence, fit.mm));
-        let finished = self.fits(&self.fine, target, FINAL_STEPS, starts.collect());
+        let finished = self.fits(&self.fine, &goal, FINAL_STEPS, ranked.into_iter().map(start).collect());
         let Some(mut best) = finished.into_iter().next() else {
             // Limits that whole units keep and thin layers do not: nothing to refine.
             let stacking = candidates.first().map_or_else(Stacking::default, |best| best.stacking.clone());
@@ -139,31 +155,66 @@ impl Refiner {
                 unrefined: unrefined_objective,
             });
         };
+        let coefficients: usize = target.channels.iter().map(Vec::len).sum();
         for _ in 0..EDITS {
-            let Some(better) = self.edit(&best, target) else { break };
+            if best.1.objective <= coefficients as f64 * ENOUGH * ENOUGH {
+                break;
+            }
+            let Some(better) = self.edit(&best, &goal) else { break };
             best = better;
         }
         if let Some(step_mm) = self.refine.step_mm {
-            best = self.on_steps(best, target, step_mm).ok_or(SearchError::Steps { step_mm })?;
+            best = self.on_steps(best, &goal, step_mm).ok_or(SearchError::Steps { step_mm })?;
         }
         let (sequence, Fit { mm, .. }) = best;
         let stacking = Stacking::from_layers(sequence.into_iter().zip(mm));
         let reflection = self.reflection(&stacking);
         let found = objective(&reflection, target, self.options.dc_weight);
-        Ok(Refined { stacking, objective: found, reflection, unrefined: unrefined_objective })
+        // A fit ends in the nearest valley; the start may lie in a deeper one that no finalist was in.
+        let kept = candidates.first().filter(|first| unrefined_objective < found && self.allows(&first.stacking));
+        Ok(match kept {
+            Some(first) => Refined {
+                stacking: first.stacking.clone(),
+                objective: unrefined_objective,
+                reflection: unrefined,
+                unrefined: unrefined_objective,
+            },
+            None => Refined { stacking, objective: found, reflection, unrefined: unrefined_objective },
+        })
+    }
+
+    /// Whether a stacking of whole units keeps what only refined ones must.
+    fn allows(&self, stacking: &Stacking) -> bool {
+        let (sequence, mm): Start = stacking.layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).unzip();
+        self.refine.step_mm.is_none()
+            && Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)
+                .is_some_and(|limits| limits.contains(&mm))
+    }
+
+    /// Searches and refines every target, in parallel; the answers do not depend on the number of threads. The first of each pair is
+    /// what the search found.
+    ///
+    /// # Errors
+    /// The first error in the order of the targets, of [`match_sequences`] or of [`Self::refine`].
+    pub fn match_targets(
+        &self,
+        table: &BlockTable,
+        targets: &[SearchTarget],
+    ) -> Result<Vec<(Match, Refined)>, SearchError> {
+        let one = |target: &SearchTarget| {
+            let mut candidates = match_sequences(table, target, Self::SEQUENCES)?;
+            let refined = self.refine(&candidates, target)?;
+            Ok((candidates.swap_remove(0), refined))
+        };
+        let answers: Vec<_> = targets.par_iter().with_max_len(1).map(one).collect();
+        answers.into_iter().collect()
     }
 
     /// Fits each start, best first.
-    fn fits(
-        &self,
-        model: &[ModalReflection],
-        target: &SearchTarget,
-        steps: usize,
-        starts: Vec<(Vec<usize>, Vec<f64>)>,
-    ) -> Vec<(Vec<usize>, Fit)> {
+    fn fits(&self, model: &[ModalReflection], goal: &Goal, steps: usize, starts: Vec<Start>) -> Vec<Fitted> {
         let fitted = starts.into_iter().filter_map(|(sequence, mm)| {
             let polytope = Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)?;
-            let found = fit(&mm, &polytope, steps, |mm| self.residuals(model, target, &sequence, mm))?;
+            let found = fit(&mm, &polytope, steps, |mm| self.residuals(model, goal, &sequence, mm))?;
             Some((sequence, found))
         });
         let mut fitted: Vec<_> = fitted.collect();
@@ -171,133 +222,172 @@ impl Refiner {
         fitted
     }
 
-    fn residuals(&self, model: &[ModalReflection], target: &SearchTarget, sequence: &[usize], mm: &[f64]) -> Residuals {
+    fn residuals(&self, model: &[ModalReflection], goal: &Goal, sequence: &[usize], mm: &[f64]) -> Residuals {
         let layers: Vec<_> = sequence.iter().copied().zip(mm.iter().copied()).collect();
         let mut residuals = Residuals { values: Vec::new(), per_mm: vec![Vec::new(); layers.len()] };
-        for (model, wanted) in model.iter().zip(&target.channels) {
+        let roots: Vec<f64> =
+            self.nodes.iter().map(|&(i, weight)| if i == 0 { self.options.dc_weight } else { weight }.sqrt()).collect();
+        for (model, wanted) in model.iter().zip(&goal.0) {
             let slope = model.slope(&layers);
-            let root = |&(i, weight): &(usize, f64)| {
-                let weight = if i == 0 { self.options.dc_weight } else { weight };
-                weight.sqrt()
-            };
-            let of = |at: usize, node: &(usize, f64)| root(node) * (slope.reflection[at] - wanted[node.0]);
-            residuals.values.extend(self.nodes.iter().enumerate().map(|(at, node)| of(at, node)));
+            let off = slope.reflection.iter().zip(wanted).zip(&roots);
+            residuals.values.extend(off.map(|((found, wanted), root)| root * (found - wanted)));
             for (all, per_mm) in residuals.per_mm.iter_mut().zip(&slope.per_mm) {
-                all.extend(self.nodes.iter().zip(per_mm).map(|(node, value)| root(node) * value));
+                all.extend(per_mm.iter().zip(&roots).map(|(slope, root)| root * slope));
             }
         }
         residuals
     }
 
-    /// The best of all stackings with one layer more or one less, if it is worth it.
-    fn edit(&self, (sequence, found): &(Vec<usize>, Fit), target: &SearchTarget) -> Option<(Vec<usize>, Fit)> {
-        let mut starts = Vec::new();
-        let polytope = Polytope::new(sequence, &self.options, self.refine.min_layer_mm)?;
-        for layer in 0..sequence.len() {
-            // A layer pressed to its least thickness may be one too many.
-            if found.mm[layer] <= polytope.least[layer] * 1.001 {
-                let layers = sequence.iter().zip(&found.mm).enumerate().filter(|&(i, _)| i != layer);
-                starts.push(joined(layers.map(|(_, (&resin, &mm))| (resin, mm))));
-            }
-        }
-        let fewer = self.fits(&self.fine, target, FINAL_STEPS, starts);
-        if let Some(fewer) = fewer.into_iter().next().filter(|fewer| fewer.1.objective <= found.objective) {
-            return Some(fewer);
-        }
+    /// What few directions should give near `layers` for all directions to give `goal` there.
+    fn shifted(&self, goal: &Goal, (sequence, found): &Fitted) -> Goal {
+        let layers: Vec<_> = sequence.iter().copied().zip(found.mm.iter().copied()).collect();
+        let channel = |((wanted, coarse), fine): ((&Vec<f64>, &ModalReflection), &ModalReflection)| {
+            let (coarse, fine) = (coarse.reflection(&layers), fine.reflection(&layers));
+            wanted.iter().zip(coarse.iter().zip(&fine)).map(|(wanted, (coarse, fine))| wanted + coarse - fine).collect()
+        };
+        Goal(goal.0.iter().zip(&self.coarse).zip(&self.fine).map(channel).collect())
+    }
+
+    /// The best of all stackings with one layer less or more, if it is worth it.
+    fn edit(&self, found: &Fitted, goal: &Goal) -> Option<Fitted> {
+        let shifted = self.shifted(goal, found);
+        let best_of = |starts: Vec<Start>| {
+            let mut ranked = self.fits(&self.coarse, &shifted, 2 * RANKING_STEPS, starts);
+            ranked.truncate(1);
+            self.fits(&self.fine, goal, FINAL_STEPS, ranked.into_iter().map(start).collect()).into_iter().next()
+        };
+        let objective = found.1.objective;
+        let fewer = best_of(self.without_a_layer(found, &shifted)).filter(|fewer| fewer.1.objective <= objective);
+        fewer.or_else(|| {
+            let more = best_of(self.with_a_layer(found, &shifted))?;
+            (more.1.objective < (1.0 - WORTH_A_LAYER) * objective).then_some(more)
+        })
+    }
+
+    /// The stacking without the layer that is missed least.
+    fn without_a_layer(&self, (sequence, found): &Fitted, goal: &Goal) -> Vec<Start> {
+        let residuals = self.residuals(&self.coarse, goal, sequence, &found.mm);
+        let Some(loss) = residuals.loss_without(&found.mm) else { return Vec::new() };
+        let Some(least) = (0..sequence.len()).min_by(|&a, &b| loss[a].total_cmp(&loss[b])) else { return Vec::new() };
+        let layers = sequence.iter().zip(&found.mm).enumerate().filter(|&(i, _)| i != least);
+        let start = joined(layers.map(|(_, (&resin, &mm))| (resin, mm)));
+        if start.0.is_empty() { Vec::new() } else { vec![start] }
+    }
+
+    /// A thin layer more, where and of what the objective falls fastest with its thickness.
+    fn with_a_layer(&self, (sequence, found): &Fitted, goal: &Goal) -> Vec<Start> {
         if sequence.len() >= self.options.depth {
-            return None;
+            return Vec::new();
         }
-        // ∂objective/∂h of a layer of no thickness, at every boundary and in the middle of every layer.
-        let mut places = Vec::new();
-        for at in 0..=2 * sequence.len() {
-            let mut layers: Vec<(usize, f64)> = sequence.iter().copied().zip(found.mm.iter().copied()).collect();
-            let (boundary, split) = (at / 2, at % 2 == 1);
-            if split {
-                layers[boundary].1 *= 0.5;
-                layers.insert(boundary, layers[boundary]);
-            }
-            let position = boundary + usize::from(split);
-            for resin in 0..self.resins {
-                let mut with = layers.clone();
-                with.insert(position, (resin, 0.0));
-                places.push((position, with));
-            }
+        // Every resin at every boundary and in the middle of every layer, 0 mm thick: what is not there changes nothing but has slopes.
+        let nothing = || (0..self.resins).map(|resin| (resin, 0.0));
+        let mut layers: Vec<(usize, f64)> = nothing().collect();
+        for (&resin, &mm) in sequence.iter().zip(&found.mm) {
+            layers.push((resin, 0.5 * mm));
+            layers.extend(nothing());
+            layers.push((resin, 0.5 * mm));
+            layers.extend(nothing());
         }
-        let slope = |(position, layers): &(usize, Vec<(usize, f64)>)| {
-            let (sequence, mm): (Vec<_>, Vec<_>) = layers.iter().copied().unzip();
-            let residuals = self.residuals(&self.coarse, target, &sequence, &mm);
-            polytope::dot(&residuals.per_mm[*position], &residuals.values)
-        };
-        let mut steepest: Vec<_> = places.iter().map(|place| (slope(place), place)).filter(|(s, _)| *s < 0.0).collect();
-        steepest.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let thicker = |(_, (position, layers)): &(f64, &(usize, Vec<(usize, f64)>))| {
-            let mut layers = layers.clone();
-            layers[*position].1 = self.refine.min_layer_mm;
-            joined(layers)
-        };
-        let mut starts: Vec<(Vec<usize>, Vec<f64>)> = Vec::new();
-        for start in steepest.iter().map(thicker) {
-            if start.0 != *sequence && start.0.len() <= self.options.depth && starts.iter().all(|s| s.0 != start.0) {
+        let (all, mm): Start = layers.iter().copied().unzip();
+        let residuals = self.residuals(&self.coarse, goal, &all, &mm);
+        let mut slopes: Vec<(f64, usize)> = residuals
+            .per_mm
+            .iter()
+            .map(|slope| polytope::dot(slope, &residuals.values))
+            .zip(0..)
+            .filter(|&(slope, at)| slope < 0.0 && mm[at] == 0.0)
+            .collect();
+        slopes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut starts: Vec<Start> = Vec::new();
+        for (_, at) in slopes {
+            let mut thicker = layers.clone();
+            thicker[at].1 = self.refine.min_layer_mm;
+            let start = joined(thicker);
+            let new = start.0 != *sequence && starts.iter().all(|known| known.0 != start.0);
+            if new && start.0.len() <= self.options.depth && starts.len() < INSERTIONS {
                 starts.push(start);
             }
         }
-        starts.truncate(self.refine.finalists);
-        let more = self.fits(&self.fine, target, FINAL_STEPS, starts).into_iter().next()?;
-        (more.1.objective < (1.0 - WORTH_A_LAYER) * found.objective).then_some(more)
+        starts
     }
 
-    /// Brings the thicknesses to multiples of a step: from the rounded ones to better neighbours, which have a step more in one layer or a
-    /// step moved from one layer to another, until there is none. `None` where no multiples within reach keep the limits.
-    fn on_steps(
-        &self,
-        (sequence, found): (Vec<usize>, Fit),
-        target: &SearchTarget,
-        step_mm: f64,
-    ) -> Option<(Vec<usize>, Fit)> {
-        let polytope = Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)?;
-        // What breaks a limit is worse than anything that keeps them all.
-        let judge = |steps: &[f64]| {
-            let mm: Vec<f64> = steps.iter().map(|count| count * step_mm).collect();
-            let violation = polytope.violation(&mm);
-            if violation > 0.0 {
-                return (violation, 0.0);
-            }
-            let residuals = self.residuals(&self.fine, target, &sequence, &mm);
-            (0.0, polytope::dot(&residuals.values, &residuals.values))
-        };
-        let mut steps: Vec<f64> = found.mm.iter().map(|mm| (mm / step_mm).round()).collect();
-        let mut lowest = judge(&steps);
-        let n = steps.len();
-        loop {
-            let moves =
-                (0..n).flat_map(|i| (0..=n).flat_map(move |j| [(i, j, 1.0), (i, j, -1.0)])).filter(|m| m.0 != m.1);
-            let neighbours = moves.map(|(i, j, sign)| {
-                let mut next = steps.clone();
-                next[i] += sign;
-                if let Some(other) = next.get_mut(j) {
-                    *other -= sign;
+    /// Brings the thicknesses to multiples of a step: the layer that matters most first, down or up, whichever the others can make up for
+    /// better. `None` where that ends outside the limits.
+    fn on_steps(&self, (sequence, found): Fitted, goal: &Goal, step_mm: f64) -> Option<Fitted> {
+        let mut polytope = Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)?;
+        let residuals = |mm: &[f64]| self.residuals(&self.fine, goal, &sequence, mm);
+        let stiffness: Vec<f64> = residuals(&found.mm).per_mm.iter().map(|slope| polytope::dot(slope, slope)).collect();
+        let mut order: Vec<usize> = (0..sequence.len()).collect();
+        order.sort_by(|&a, &b| stiffness[b].total_cmp(&stiffness[a]));
+        let mut best = found;
+        for layer in order {
+            let steps = best.mm[layer] / step_mm;
+            let mut tried: Vec<(Polytope, Fit)> = Vec::new();
+            for count in [steps.floor(), steps.floor() + 1.0] {
+                let with = polytope.with_fixed(layer, count * step_mm);
+                if let Some(found) = fit(&best.mm, &with, RANKING_STEPS, residuals) {
+                    tried.push((with, found));
                 }
-                (judge(&next), next)
-            });
-            let Some((value, next)) = neighbours.min_by(|a, b| a.0.partial_cmp(&b.0).unwrap_or(Ordering::Equal)) else {
-                break;
-            };
-            if value.partial_cmp(&lowest) != Some(Ordering::Less) {
-                break;
             }
-            (lowest, steps) = (value, next);
+            (polytope, best) = tried.into_iter().min_by(|a, b| a.1.objective.total_cmp(&b.1.objective))?;
         }
-        let mm = steps.iter().map(|count| count * step_mm).collect();
-        (lowest.0 == 0.0).then_some((sequence, Fit { mm, objective: lowest.1 }))
+        let polytope = Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)?;
+        let mut counts: Vec<f64> = best.mm.iter().map(|mm| (mm / step_mm).round()).collect();
+        let thickness = |counts: &[f64]| -> Vec<f64> { counts.iter().map(|count| count * step_mm).collect() };
+        let mut here = residuals(&thickness(&counts));
+        for _ in 0..STEP_ROUNDS {
+            let mut next = None;
+            for counts in neighbours(&counts, &here, step_mm, |counts| polytope.contains(&thickness(counts))) {
+                let there = residuals(&thickness(&counts));
+                if there.objective() < here.objective() {
+                    next = Some((counts, there));
+                    break;
+                }
+            }
+            let Some(better) = next else { break };
+            (counts, here) = better;
+        }
+        Some((sequence, Fit { mm: thickness(&counts), objective: here.objective() }))
     }
 }
 
+/// Counts of steps with at most three layers one step thinner or thicker: those that promise most to second order, most first.
+fn neighbours(counts: &[f64], here: &Residuals, step_mm: f64, allowed: impl Fn(&[f64]) -> bool) -> Vec<Vec<f64>> {
+    let n = counts.len();
+    let curvature = here.curvature();
+    let slope: Vec<f64> = here.per_mm.iter().map(|per_mm| polytope::dot(per_mm, &here.values)).collect();
+    let mut moves: Vec<Vec<(usize, f64)>> = vec![Vec::new()];
+    for first in 0..3 {
+        let longer = moves.iter().filter(|m| m.len() == first).flat_map(|m| {
+            let next = m.last().map_or(0, |last| last.0 + 1);
+            (next..n).flat_map(move |layer| [1.0, -1.0].map(|sign| m.iter().copied().chain([(layer, sign)]).collect()))
+        });
+        let longer: Vec<Vec<(usize, f64)>> = longer.collect();
+        moves.extend(longer);
+    }
+    let gain = |m: &Vec<(usize, f64)>| {
+        let linear: f64 = m.iter().map(|&(i, sign)| 2.0 * sign * slope[i]).sum();
+        let pairs = m.iter().flat_map(|&(i, a)| m.iter().map(move |&(j, b)| (i, a, j, b)));
+        linear + step_mm * pairs.map(|(i, a, j, b)| a * b * curvature[i][j]).sum::<f64>()
+    };
+    let mut promising: Vec<(f64, Vec<f64>)> = moves
+        .iter()
+        .map(|m| {
+            let mut next = counts.to_vec();
+            m.iter().for_each(|&(layer, sign)| next[layer] += sign);
+            (gain(m), next)
+        })
+        .filter(|(gain, next)| *gain < 0.0 && allowed(next))
+        .collect();
+    promising.sort_by(|a, b| a.0.total_cmp(&b.0));
+    promising.into_iter().map(|(_, counts)| counts).take(STEP_TRIALS).collect()
+}
+
 /// The first candidate of every sequence of resins.
-fn distinct(candidates: &[Match]) -> Vec<(Vec<usize>, Vec<f64>)> {
-    let mut starts: Vec<(Vec<usize>, Vec<f64>)> = Vec::new();
+fn distinct(candidates: &[Match]) -> Vec<Start> {
+    let mut starts: Vec<Start> = Vec::new();
     for candidate in candidates {
-        let start: (Vec<usize>, Vec<f64>) =
-            candidate.stacking.layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).unzip();
+        let start: Start = candidate.stacking.layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).unzip();
         if !start.0.is_empty() && starts.iter().all(|known| known.0 != start.0) {
             starts.push(start);
         }
@@ -305,7 +395,11 @@ fn distinct(candidates: &[Match]) -> Vec<(Vec<usize>, Vec<f64>)> {
     starts
 }
 
-fn joined(layers: impl IntoIterator<Item = (usize, f64)>) -> (Vec<usize>, Vec<f64>) {
+fn start((sequence, fit): Fitted) -> Start {
+    (sequence, fit.mm)
+}
+
+fn joined(layers: impl IntoIterator<Item = (usize, f64)>) -> Start {
     Stacking::from_layers(layers).layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).unzip()
 }
 

@@ -13,8 +13,6 @@ struct Constraint {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Polytope {
     constraints: Vec<Constraint>,
-    /// Thinnest each layer may be, mm.
-    pub(super) least: Vec<f64>,
 }
 
 /// Violations below this are rounding, mm.
@@ -30,7 +28,6 @@ impl Polytope {
         let above = |last: usize| (0..n).map(|i| if i < last { 1.0 } else { 0.0 }).collect::<Vec<_>>();
         let only = |layer: usize, sign: f64| (0..n).map(|i| if i == layer { sign } else { 0.0 }).collect::<Vec<_>>();
         let mut constraints = Vec::new();
-        let mut least = Vec::with_capacity(n);
         let mut keep_depth = |layer: usize, resin: usize| {
             let min_depth = limit(resin).min_depth_mm;
             if min_depth > 0.0 {
@@ -50,20 +47,23 @@ impl Polytope {
                 constraints.push(Constraint { a: only(layer, -1.0), b: -max_mm });
             }
             possible &= min_mm <= max_mm;
-            least.push(min_mm);
         }
         constraints.push(Constraint { a: vec![-1.0; n], b: -options.max_thickness_mm });
-        possible.then_some(Self { constraints, least })
+        possible.then_some(Self { constraints })
+    }
+
+    /// The same with one layer of a given thickness.
+    pub(super) fn with_fixed(&self, layer: usize, mm: f64) -> Self {
+        let n = self.constraints.first().map_or(0, |constraint| constraint.a.len());
+        let only = |sign: f64| (0..n).map(|i| if i == layer { sign } else { 0.0 }).collect();
+        let mut fixed = self.clone();
+        fixed.constraints.extend([Constraint { a: only(1.0), b: mm }, Constraint { a: only(-1.0), b: -mm }]);
+        fixed
     }
 
     /// Whether `mm` keeps all constraints.
     pub(super) fn contains(&self, mm: &[f64]) -> bool {
-        self.violation(mm) == 0.0
-    }
-
-    /// How far `mm` is from keeping the constraints: the sum of what each lacks, mm; 0 up to rounding where all are kept.
-    pub(super) fn violation(&self, mm: &[f64]) -> f64 {
-        self.constraints.iter().map(|c| c.b - dot(&c.a, mm)).filter(|lack| *lack > TOLERANCE_MM).sum::<f64>() + 0.0
+        self.constraints.iter().all(|c| dot(&c.a, mm) >= c.b - TOLERANCE_MM)
     }
 
     /// The step δ of least ½ δᵀHδ + gᵀδ for which `mm` + δ keeps all constraints, with H⁻¹ given: Hildreth's procedure, coordinate
