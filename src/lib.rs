@@ -47,6 +47,7 @@ pub mod job;
 pub mod measure;
 pub mod mesh;
 pub mod optics;
+pub mod plot;
 pub mod sdf;
 pub mod search;
 pub mod slice;

@@ -8,6 +8,10 @@ use super::scan::{ScannedProfile, scan};
 use super::{Capture, Finding, MeasureError, Series};
 use crate::optics::{FrequencyGrid, ProfileFile, RadialProfile, ResinSpectrum, Tail};
 
+const REFLECTION: &str = "reflection";
+const TRANSMISSION: &str = "transmission";
+const SERIES: [&str; 2] = [REFLECTION, TRANSMISSION];
+
 /// A resin, measured.
 #[derive(Debug, Clone)]
 pub struct Measurement {
@@ -69,8 +73,8 @@ pub fn measure(capture: Capture, step: Step<'_>, stop: &dyn Fn() -> bool) -> Res
             }
             Ok(SeriesMeasurement { profile: shape.scaled(albedo.value / integral), albedo, scan })
         };
-        let reflection = series(&capture.reflection, "reflection", Centre::Pole, 0)?;
-        let transmission = series(&capture.transmission, "transmission", Centre::Flat, 1)?;
+        let reflection = series(&capture.reflection, REFLECTION, Centre::Pole, 0)?;
+        let transmission = series(&capture.transmission, TRANSMISSION, Centre::Flat, 1)?;
         let mut channel = ChannelMeasurement { name, reflection, transmission, findings: Vec::new() };
         channel.check_energy(capture.resin.thickness_mm)?;
         channels.push(channel);
@@ -102,7 +106,7 @@ impl ChannelMeasurement {
             self.findings.push(Finding::Remark(text));
         }
         for (name, tail) in
-            [("reflection", spectrum.reflection_tail), ("transmission", spectrum.transmission_tail)]
+            [(REFLECTION, spectrum.reflection_tail), (TRANSMISSION, spectrum.transmission_tail)]
         {
             if let Tail::Exponential { from_mm, share, .. } = tail {
                 let share = 100.0 * share;
@@ -116,33 +120,37 @@ impl ChannelMeasurement {
     /// Everything noticed, each with the series it was noticed in.
     pub fn all_findings(&self) -> impl Iterator<Item = (&'static str, &Finding)> {
         let series = |name, series: &'_ SeriesMeasurement| series.scan.findings.iter().map(move |f| (name, f)).collect();
-        let reflection: Vec<_> = series("reflection", &self.reflection);
-        let transmission: Vec<_> = series("transmission", &self.transmission);
+        let reflection: Vec<_> = series(REFLECTION, &self.reflection);
+        let transmission: Vec<_> = series(TRANSMISSION, &self.transmission);
         reflection.into_iter().chain(transmission).chain(self.findings.iter().map(|finding| ("both", finding)))
     }
 }
 
 impl Measurement {
+    /// Names of the files that [`Measurement::files`] makes, in its order.
+    pub fn file_names(capture: &Capture, stem: &str) -> Vec<String> {
+        let channels = capture.channels();
+        let suffix = |channel: &str| if channels.len() > 1 { format!("-{}", channel.to_lowercase()) } else { String::new() };
+        let both = channels.iter().flat_map(|channel| {
+            SERIES.map(|word| format!("{stem}-{word}{}.csv", suffix(channel)))
+        });
+        both.chain([format!("{stem}.toml")]).collect()
+    }
+
     /// Name and text of the files next to a material file called `stem`.toml: the profiles, and the material file last.
     pub fn files(&self, stem: &str) -> Vec<(String, String)> {
-        let mut files = Vec::new();
-        let (mut reflection, mut transmission) = (Vec::new(), Vec::new());
-        let many = self.channels.len() > 1;
+        let mut names = Self::file_names(&self.capture, stem).into_iter();
+        let (mut reflection, mut transmission, mut files) = (Vec::new(), Vec::new(), Vec::new());
         for channel in &self.channels {
-            let suffix = if many { format!("-{}", channel.name.to_lowercase()) } else { String::new() };
-            let both = [
-                ("reflection", &channel.reflection, &mut reflection),
-                ("transmission", &channel.transmission, &mut transmission),
-            ];
-            for (word, series, names) in both {
-                let name = format!("{stem}-{word}{suffix}.csv");
+            let both = [(&channel.reflection, &mut reflection), (&channel.transmission, &mut transmission)];
+            for ((series, listed), (word, name)) in both.into_iter().zip(SERIES.into_iter().zip(&mut names)) {
                 let profile = Some(series.profile.clone());
                 let file = match word {
-                    "reflection" => ProfileFile { reflection: profile, transmission: None },
+                    REFLECTION => ProfileFile { reflection: profile, transmission: None },
                     _ => ProfileFile { reflection: None, transmission: profile },
                 };
                 files.push((name.clone(), file.to_csv(&self.comment(channel, series, word))));
-                names.push(name);
+                listed.push(name);
             }
         }
         files.push((format!("{stem}.toml"), self.toml(&reflection, &transmission)));

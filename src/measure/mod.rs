@@ -31,6 +31,7 @@ mod frame;
 mod albedo;
 mod material;
 mod outliers;
+mod report;
 mod rings;
 mod scan;
 pub mod simulate;
