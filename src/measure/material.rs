@@ -57,7 +57,7 @@ pub fn measure(capture: Capture, step: Step<'_>, stop: &dyn Fn() -> bool) -> Res
     let count = 2 * names.len();
     let mut channels = Vec::new();
     for (index, name) in names.into_iter().enumerate() {
-        let mut series = |series: &Series, word: &str, centre: Centre, number: usize| {
+        let series = |series: &Series, word: &str, centre: Centre, number: usize| {
             let what = if count == 2 { word.to_owned() } else { format!("{word}, channel {name}") };
             step(&what, 2 * index + number, count);
             let plane = capture.planes[index];
@@ -119,10 +119,11 @@ impl ChannelMeasurement {
 
     /// Everything noticed, each with the series it was noticed in.
     pub fn all_findings(&self) -> impl Iterator<Item = (&'static str, &Finding)> {
-        let series = |name, series: &'_ SeriesMeasurement| series.scan.findings.iter().map(move |f| (name, f)).collect();
-        let reflection: Vec<_> = series(REFLECTION, &self.reflection);
-        let transmission: Vec<_> = series(TRANSMISSION, &self.transmission);
-        reflection.into_iter().chain(transmission).chain(self.findings.iter().map(|finding| ("both", finding)))
+        fn of<'a>(name: &'static str, series: &'a SeriesMeasurement) -> impl Iterator<Item = (&'static str, &'a Finding)> {
+            series.scan.findings.iter().map(move |finding| (name, finding))
+        }
+        let (reflection, transmission) = (of(REFLECTION, &self.reflection), of(TRANSMISSION, &self.transmission));
+        reflection.chain(transmission).chain(self.findings.iter().map(|finding| ("both", finding)))
     }
 }
 

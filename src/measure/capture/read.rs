@@ -105,14 +105,17 @@ pub(super) fn capture(path: &Path) -> Result<Capture> {
     let date = resin_table.keys.string("date")?.map(|date| date.value);
     let date = date.ok_or_else(|| resin_table.keys.missing("date", "when the pictures were taken"))?;
     let camera_table = top.require("camera", &CAMERA_KEYS)?;
-    let camera = camera_table.camera()?;
+    let mut camera = camera_table.camera()?;
     let planes = camera_table.planes()?;
     let bin_mm = match top.table("profile", &PROFILE_KEYS)? {
         Some(table) => table.number("bin-mm", bounds::BIN)?.unwrap_or(DEFAULT_BIN_MM),
         None => DEFAULT_BIN_MM,
     };
     let series = |name| top.require(name, &SERIES_KEYS)?.series(&camera_table, &planes, name, &camera);
-    let (reflection, transmission) = (series("reflection")?, series("transmission")?);
+    let ((reflection, header), (transmission, _)) = (series("reflection")?, series("transmission")?);
+    // What the file knows of its sensor, the user need not say.
+    camera.black_level = camera.black_level.or(header.black_level);
+    camera.saturation_level = camera.saturation_level.or(header.saturation_level);
     Ok(Capture { path: path.to_path_buf(), resin, date, planes, camera, bin_mm, reflection, transmission })
 }
 
@@ -228,12 +231,12 @@ impl<'a, 't> Reader<'a, 't> {
         planes: &[ColourPlane],
         name: &'static str,
         camera: &Camera,
-    ) -> Result<Series> {
+    ) -> Result<(Series, Header)> {
         let mut all = Headers { first: None, planes, camera };
         let frames = self.exposures("frames", "exposures-s", &mut all)?;
-        if frames.is_empty() {
+        let Some((_, header)) = frames.first().cloned() else {
             return Err(self.keys.missing("frames", "the pictures of the bracket").into());
-        }
+        };
         let dark = self.exposures("dark", "dark-exposures-s", &mut all)?;
         let shape = match self.keys.string("aperture")? {
             None => name == "transmission",
@@ -250,14 +253,15 @@ impl<'a, 't> Reader<'a, 't> {
             None => camera_table.number("distance-mm", bounds::DISTANCE)?,
         };
         let (frames, dark) = (frames.into_iter().map(|f| f.0).collect(), dark.into_iter().map(|f| f.0).collect());
-        Ok(Series {
+        let series = Series {
             frames,
             dark,
             aperture,
             mm_per_pixel: self.scale(camera_table)?,
             camera_distance_mm: distance,
             albedo: self.require("albedo", &ALBEDO_KEYS)?.albedo(name, &all)?,
-        })
+        };
+        Ok((series, header))
     }
 
     /// mm per pixel: said here, by a ruler in the picture, or for the whole camera.

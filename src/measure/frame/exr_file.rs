@@ -18,7 +18,7 @@ fn damaged(path: &Path, error: &exr::error::Error) -> MeasureError {
 pub(super) fn header(path: &Path) -> Result<Header, MeasureError> {
     let meta = MetaData::read_from_file(path, false).map_err(|error| damaged(path, &error))?;
     let Some(layer) = meta.headers.first() else { return Err(MeasureError::frame(path, "no layer", "one")) };
-    let has = |name: &str| layer.channels.list.iter().any(|channel| channel.name == name);
+    let has = |name: &str| layer.channels.list.iter().any(|channel| channel.name == *name);
     let colour = has("R") && has("G") && has("B");
     if !colour && !has(GREY) {
         return Err(MeasureError::frame(path, "an EXR without them", "channels R, G, B or Y"));
@@ -45,7 +45,7 @@ pub(super) fn planes(path: &Path, wanted: &[ColourPlane]) -> Result<Vec<Plane>, 
     let plane = |wanted: &ColourPlane| {
         let letter = wanted.letter().to_string();
         let channels = &layer.channel_data.list;
-        let named = |name: &str| channels.iter().find(|channel| channel.name == name);
+        let named = |name: &str| channels.iter().find(|channel| channel.name == *name);
         let channel = named(&letter)
             .or_else(|| named(GREY))
             .ok_or_else(|| MeasureError::frame(path, format!("no channel {letter}"), "R, G, B or Y"))?;

@@ -11,4 +11,5 @@ mod sensor;
 pub use folder::{Laboratory, write_capture};
 pub use scene::{Defects, Scene, Truth};
 pub use sensor::SimulatedCamera;
+#[cfg(test)]
 pub(in crate::measure) use sensor::normal;

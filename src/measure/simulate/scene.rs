@@ -6,14 +6,17 @@ use crate::measure::Aperture;
 use crate::optics::RadialProfile;
 
 /// Pixels within so many widths of the spot are averaged point by point; farther out the spot's blur is round.
-const NEAR_WIDTHS: f64 = 8.0;
-/// Points a side in a near pixel and across the spot: 400 × 169, so that pole and points are 2 µm apart on average.
-const PIXEL_POINTS: usize = 20;
+const NEAR_WIDTHS: f64 = 4.0;
+/// Points a side in a near pixel and across the spot: 144 × 169 pairs, of which neighbours are a micrometre apart.
+const PIXEL_POINTS: usize = 12;
 const SPOT_POINTS: usize = 13;
 /// Points a side in a far pixel.
 const FAR_POINTS: usize = 4;
 /// Inside this radius the profile is replaced by its mean there, mm: it grows like 1/r, and points may hit the pole.
 const POLE_MM: f64 = 0.002;
+
+/// Smallest half of a field, mm: stray light must have a place of its own.
+const NEAREST_MM: f64 = 5.5;
 
 /// A profile as a function: ln(r f) is straight between the samples' radii for reflection, ln f for transmission.
 #[derive(Debug, Clone)]
@@ -105,6 +108,16 @@ pub struct Defects {
 }
 
 impl Scene {
+    /// The paper's camera, 44 µm a pixel, over a square field that reaches to 1e-6 of the innermost light, but no farther than
+    /// `farthest_mm`.
+    pub fn around(truth: &Truth, spot: Aperture, farthest_mm: f64) -> Self {
+        const MM_PER_PIXEL: f64 = 0.044;
+        let reach = (1.35 * truth.radius_of(1e-6, MM_PER_PIXEL)).max(NEAREST_MM).min(farthest_mm);
+        let half = (reach / MM_PER_PIXEL).ceil();
+        let centre = [half + 3.37, half - 2.21];
+        Self { size: [2 * half as usize + 1; 2], mm_per_pixel: MM_PER_PIXEL, centre, spot, distance_mm: 250.0 }
+    }
+
     /// The light of every pixel: the profile's unit, averaged over the pixel.
     pub fn picture(&self, truth: &Truth, defects: &Defects, shift: [f64; 2]) -> Vec<f32> {
         let spot = self.spot_points();
