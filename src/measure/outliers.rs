@@ -45,19 +45,20 @@ impl Outliers {
         }
     }
 
-    /// Adds the pixels that stand out of their rings, over the whole picture.
+    /// Adds the pixels that stand out of their rings; corners beyond the last whole ring are not judged, and not used.
     pub fn add_odd(&mut self, picture: &Radiance, grid: &Grid) {
         let (medians, scatter) = medians(picture, grid);
         let model = Model::through(grid, &medians);
         let scatter = Model::through(grid, &scatter);
+        let reach_mm = grid.bins as f64 * grid.bin_mm;
         for y in 0..picture.height {
             for x in 0..picture.width {
                 let i = y * picture.width + x;
                 let r_px = (x as f64 - grid.centre[0]).hypot(y as f64 - grid.centre[1]);
-                if r_px < SPARED_PX || picture.value[i].is_nan() {
+                let r_mm = r_px * grid.mm_per_pixel;
+                if r_px < SPARED_PX || r_mm > reach_mm || picture.value[i].is_nan() {
                     continue;
                 }
-                let r_mm = r_px * grid.mm_per_pixel;
                 let (expected, value) = (model.at(r_mm), f64::from(picture.value[i]));
                 let sigma = f64::from(picture.variance[i]).sqrt().max(scatter.at(r_mm));
                 if (value - expected).abs() > SIGMAS * sigma + SHARE * expected.abs() {

@@ -68,7 +68,7 @@ pub(super) fn links(survey: &Survey, sensor: &Sensor) -> Vec<Link> {
 impl Link {
     fn between(survey: &Survey, sensor: &Sensor, i: usize, j: usize) -> Option<Self> {
         let (a, b) = (&survey.windows[i], &survey.windows[j]);
-        let range = if sensor.clipped.is_finite() { sensor.clipped } else { f64::from(survey.top.0) } - sensor.black;
+        let range = if sensor.clipped.is_finite() { sensor.clipped } else { f64::from(survey.top()) } - sensor.black;
         let lowest = (sensor.black + WELL_EXPOSED * range) as f32;
         let clipped = sensor.clipped as f32;
         let well = |value: f32| value > lowest && value < clipped;

@@ -7,8 +7,6 @@ use crate::measure::{Camera, Finding, MeasureError};
 
 /// Values from this share of the range on are taken for saturated: sensors bend before they clip.
 const CLIPPED_SHARE: f64 = 0.95;
-/// So many pixels of exactly the largest value are a sensor's ceiling, not chance.
-const CEILING_PIXELS: usize = 16;
 /// Variance of rounding to whole numbers, DN².
 const ROUNDING: f64 = 1.0 / 12.0;
 /// Without any statement and without pairs of exposures: a photographic sensor at base ISO in 14 bits.
@@ -38,15 +36,16 @@ impl Sensor {
         let border = survey.windows.first().map(|window| border(&window.plane));
         let quiet = survey.dark.as_ref().map(|plane| plane.values.as_slice()).or(border.as_deref()).unwrap_or(&[]);
         let (level, noise) = level_and_noise(quiet, survey.dark.as_ref().map_or(0, |plane| plane.width));
-        let mut estimated = |what, value| {
+        let mut estimated = |what, value: f64| {
             findings.push(Finding::Estimated { what, value });
             value
         };
         let black = camera.black_level.unwrap_or_else(|| estimated("black level (DN)", level));
-        let full = match (camera.saturation_level, survey.top) {
-            (Some(full), _) => full,
-            (None, (top, count)) if count >= CEILING_PIXELS => estimated("saturation level (DN)", f64::from(top)),
-            (None, _) => f64::INFINITY,
+        let full = match camera.saturation_level {
+            Some(full) => full,
+            None => survey
+                .ceiling(black)
+                .map_or(f64::INFINITY, |ceiling| estimated("saturation level (DN)", ceiling)),
         };
         if !(full > black) {
             let expected = format!("more than the black level, {black}");

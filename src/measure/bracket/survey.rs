@@ -10,10 +10,16 @@ const WINDOW: usize = 512;
 /// The brightest spot is the brightest square of this side, so that a hot pixel is none.
 const SPOT: usize = 6;
 
+/// Largest values that agree to this share of the range are a ceiling, if one exposure is longer than the other by a factor.
+const SAME_CEILING: f64 = 0.02;
+const LONGER: f64 = 1.2;
+
 /// One exposure's window.
 pub(in crate::measure) struct Window {
     pub exposure: Exposure,
     pub plane: Plane,
+    /// Largest value of the whole picture.
+    pub top: f32,
 }
 
 /// What the first look saw.
@@ -22,8 +28,6 @@ pub(in crate::measure) struct Survey {
     pub windows: Vec<Window>,
     /// The window of the shortest dark exposure, if there is one.
     pub dark: Option<Plane>,
-    /// Largest value of all lit exposures, and how many pixels of its picture have it.
-    pub top: (f32, usize),
     /// Centre of the brightest spot: column, row.
     pub brightest: [usize; 2],
 }
@@ -37,19 +41,16 @@ impl Survey {
     ) -> Result<Self, MeasureError> {
         let mut sorted: Vec<&Exposure> = frames.iter().collect();
         sorted.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
-        let (mut windows, mut top, mut brightest, mut corner) = (Vec::new(), (f32::MIN, 0), [0; 2], [0; 2]);
+        let (mut windows, mut brightest, mut corner) = (Vec::new(), [0; 2], [0; 2]);
         for_each(&sorted, plane, stop, |i, picture| {
             if i == 0 {
                 brightest = brightest_spot(&picture);
                 let start = |at: usize, length: usize| at.saturating_sub(WINDOW / 2).min(length.saturating_sub(WINDOW));
                 corner = [start(brightest[0], picture.width), start(brightest[1], picture.height)];
             }
-            let highest = picture.values.iter().copied().filter(|value| value.is_finite()).fold(f32::MIN, f32::max);
-            if highest >= top.0 {
-                top = (highest, picture.values.iter().filter(|value| **value == highest).count());
-            }
+            let top = picture.values.iter().copied().filter(|value| value.is_finite()).fold(f32::MIN, f32::max);
             let window = picture.crop(corner[0], corner[1], WINDOW, WINDOW);
-            windows.push(Window { exposure: sorted[i].clone(), plane: window });
+            windows.push(Window { exposure: sorted[i].clone(), plane: window, top });
             Ok(())
         })?;
         let shortest = dark.iter().min_by(|a, b| a.seconds.total_cmp(&b.seconds));
@@ -58,7 +59,27 @@ impl Survey {
             dark_window = Some(picture.crop(corner[0], corner[1], WINDOW, WINDOW));
             Ok(())
         })?;
-        Ok(Self { windows, dark: dark_window, top, brightest })
+        Ok(Self { windows, dark: dark_window, brightest })
+    }
+
+    /// Largest value of all lit exposures.
+    pub fn top(&self) -> f32 {
+        self.windows.iter().map(|window| window.top).fold(f32::MIN, f32::max)
+    }
+
+    /// The value that lit exposures of different times end at; `None` if brighter ones still grow.
+    pub fn ceiling(&self, black: f64) -> Option<f64> {
+        let [.., shorter, longest] = self.windows.as_slice() else { return None };
+        let [low, high] = [shorter, longest].map(|window| f64::from(window.top) - black);
+        let same = (low / high - 1.0).abs() < SAME_CEILING;
+        if !same || longest.exposure.seconds < LONGER * shorter.exposure.seconds {
+            return None;
+        }
+        // Reading scatters the ceiling: its middle is meant, not its top.
+        let from = black + (1.0 - SAME_CEILING) * low.max(high);
+        let pile = longest.plane.values.iter().map(|value| f64::from(*value)).filter(|value| *value >= from);
+        let (sum, count) = pile.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+        (count > 0.0).then(|| sum / count)
     }
 
     /// Refuses a bracket whose shortest exposure is saturated at the light, or shows none.

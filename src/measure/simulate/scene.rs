@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::measure::Aperture;
 use crate::optics::RadialProfile;
 
-/// Pixels within so many widths of the spot are averaged point by point; farther out the spot's blur is round.
+/// Pixels within so many widths of a square spot are averaged point by point; farther out, and of a disc, its blur is round.
 const NEAR_WIDTHS: f64 = 4.0;
 /// Points a side in a near pixel and across the spot: 144 × 169 pairs, of which neighbours are a micrometre apart.
 const PIXEL_POINTS: usize = 12;
@@ -15,6 +15,10 @@ const FAR_POINTS: usize = 4;
 /// Inside this radius the profile is replaced by its mean there, mm: it grows like 1/r, and points may hit the pole.
 const POLE_MM: f64 = 0.002;
 
+/// Samples count up to the last one this many standard errors above zero…
+const CLEAR: f64 = 5.0;
+/// …and their fall over the last few is continued.
+const LAST_FEW: usize = 6;
 /// Smallest half of a field, mm: stray light must have a place of its own.
 const NEAREST_MM: f64 = 5.5;
 
@@ -27,10 +31,15 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Through the lit samples of a profile; `pole` if it grows like 1/r at the centre.
+    /// Through the samples of a profile that are well above their own noise; `pole` if it grows like 1/r at the centre.
     pub fn new(profile: &RadialProfile, pole: bool) -> Self {
-        let samples = profile.r_mm().iter().zip(profile.value_per_mm2());
-        let lit: Vec<(f64, f64)> = samples.take_while(|(_, value)| **value > 0.0).map(|(r, v)| (*r, *v)).collect();
+        let samples = profile.r_mm().iter().zip(profile.value_per_mm2()).enumerate();
+        let noise = |i: usize| profile.standard_error().map_or(0.0, |errors| errors[i]);
+        // The innermost rings of a transmission are small, and noisy without being dark.
+        let clear = samples.clone().filter(|(i, (_, value))| **value > CLEAR * noise(*i)).map(|(i, _)| i).last();
+        let clear = clear.map_or(0, |last| last + 1);
+        let lit: Vec<(f64, f64)> =
+            samples.take(clear).filter(|(_, (_, value))| **value > 0.0).map(|(_, (r, value))| (*r, *value)).collect();
         let log = lit.iter().map(|(r, value)| if pole { (r * value).ln() } else { value.ln() }).collect();
         Self { r_mm: lit.iter().map(|sample| sample.0).collect(), log, pole }
     }
@@ -39,10 +48,10 @@ impl Truth {
     pub fn at(&self, r: f64) -> f64 {
         let last = self.r_mm.len() - 1;
         let i = self.r_mm.partition_point(|sample| *sample < r).clamp(1, last);
-        let (a, b) = (self.r_mm[i - 1], self.r_mm[i]);
-        // Inside the first sample and beyond the last the end stretches go on, inside with no more than its value.
-        let at = ((r - a) / (b - a)).max(0.0);
-        let value = (self.log[i - 1] + at * (self.log[i] - self.log[i - 1])).exp();
+        // Beyond the last sample the fall over the last few goes on; inside the first its value stays.
+        let before = if r > self.r_mm[last] { last.saturating_sub(LAST_FEW) } else { i - 1 };
+        let at = ((r - self.r_mm[before]) / (self.r_mm[i] - self.r_mm[before])).max(0.0);
+        let value = (self.log[before] + at * (self.log[i] - self.log[before])).exp();
         if self.pole { value / r } else { value }
     }
 
@@ -121,7 +130,7 @@ impl Scene {
     /// The light of every pixel: the profile's unit, averaged over the pixel.
     pub fn picture(&self, truth: &Truth, defects: &Defects, shift: [f64; 2]) -> Vec<f32> {
         let spot = self.spot_points();
-        let width_mm = self.spot_width();
+        let (width_mm, square) = (self.spot_width(), matches!(self.spot, Aperture::Square { .. }));
         let far = FarTable::new(truth, &spot, self.diagonal_mm() * 1.1);
         let centre_mean = truth.ring_mean(1e-9, POLE_MM);
         let near_value = |x: f64, y: f64| {
@@ -142,7 +151,7 @@ impl Scene {
                     (x as f64 - self.centre[0] - shift[0]) * self.mm_per_pixel,
                     (y as f64 - self.centre[1] - shift[1]) * self.mm_per_pixel,
                 ];
-                let near = from_centre[0].hypot(from_centre[1]) < NEAR_WIDTHS * width_mm;
+                let near = square && from_centre[0].hypot(from_centre[1]) < NEAR_WIDTHS * width_mm;
                 let points = if near { PIXEL_POINTS } else { FAR_POINTS };
                 let offset = |i: usize| ((i as f64 + 0.5) / points as f64 - 0.5) * self.mm_per_pixel;
                 let mut sum = 0.0;
