@@ -18,6 +18,7 @@ mod slice_bad;
 mod slice_bytes;
 mod slice_folder;
 mod slice_refined;
+mod slice_resume;
 mod slice_says;
 mod support;
 mod usage;
