@@ -211,7 +211,7 @@ impl Prepared {
         let slice = self.job.wants(OutputFormat::Png).then(|| slice_path(k));
         let masks = self.printed().filter(|_| self.job.wants(OutputFormat::Masks));
         let masks = masks.map(|(_, resin)| mask_path(&self.materials.resins[resin].name, k));
-        slice.into_iter().chain(masks).fold(true, |whole, path| output.keep(&path) && whole)
+        slice.into_iter().chain(masks).all(|path| output.keep(&path))
     }
 
     /// The manifest in `folder` if this very job is finished there.
