@@ -4,6 +4,7 @@
 //! cargo run --release --example simulate_capture -- white capture [--defects]
 //! lumislice material measure capture/capture.toml -o white.toml
 //! ```
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program")]
 
 use std::path::Path;
 use std::process::ExitCode;

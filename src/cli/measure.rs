@@ -44,7 +44,9 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Answer> {
         output.1.finish(content.as_bytes())?;
     }
     for channel in &measurement.channels {
-        channel.all_findings().for_each(|(series, finding)| say(&format!("note: {} {series}: {finding}", channel.name)));
+        channel
+            .all_findings()
+            .for_each(|(series, finding)| say(&format!("note: {} {series}: {finding}", channel.name)));
     }
     if args.json {
         print_json(&record(&measurement, &args.output))?;

@@ -112,16 +112,18 @@ fn patch(
 fn average(plane: &Plane, rect: Rect) -> (f64, f64) {
     let mean = |part: Rect| {
         let values = plane.crop(part.x, part.y, part.width, part.height).values;
-        let (sum, squares) = values.iter().fold((0.0, 0.0), |(sum, squares), value| {
-            (sum + f64::from(*value), squares + f64::from(*value).powi(2))
-        });
+        let (sum, squares) = values
+            .iter()
+            .fold((0.0, 0.0), |(sum, squares), value| (sum + f64::from(*value), squares + f64::from(*value).powi(2)));
         let n = values.len() as f64;
         (sum / n, (squares / n - (sum / n).powi(2)).max(0.0) / n)
     };
     let (value, variance) = mean(rect);
     let halves = |second: bool| {
-        let across = Rect { width: (rect.width / 2).max(1), x: rect.x + if second { rect.width / 2 } else { 0 }, ..rect };
-        let down = Rect { height: (rect.height / 2).max(1), y: rect.y + if second { rect.height / 2 } else { 0 }, ..rect };
+        let across =
+            Rect { width: (rect.width / 2).max(1), x: rect.x + if second { rect.width / 2 } else { 0 }, ..rect };
+        let down =
+            Rect { height: (rect.height / 2).max(1), y: rect.y + if second { rect.height / 2 } else { 0 }, ..rect };
         [mean(across).0, mean(down).0]
     };
     let (first, second) = (halves(false), halves(true));

@@ -109,13 +109,7 @@ pub(super) fn tail_end(grid: &Grid, tail: &DiffuseTail, peak: f64, lost: usize) 
 }
 
 /// Best decay of all tried, refined by a parabola's vertex; amplitude and level follow linearly.
-fn fit(
-    grid: &Grid,
-    mean: &[f64],
-    error: &[f64],
-    rings: std::ops::Range<usize>,
-    with_level: bool,
-) -> Option<Fit> {
+fn fit(grid: &Grid, mean: &[f64], error: &[f64], rings: std::ops::Range<usize>, with_level: bool) -> Option<Fit> {
     if rings.len() < MIN_FIT || error[rings.clone()].iter().any(|error| !(*error > 0.0)) {
         return None;
     }
@@ -178,7 +172,8 @@ mod tests {
     fn rings(level: f64) -> (Grid, Vec<f64>, Vec<f64>) {
         let grid = Grid { centre: [0.0; 2], mm_per_pixel: 0.05, bin_mm: 0.05, bins: 200 };
         let light = |bin| 1e3 * (-1.5 * grid.radius(bin)).exp() / grid.radius(bin).sqrt();
-        let mean = (0..200).map(|bin| light(bin) + level + 1e-3 * f64::from((bin * 7919 % 13) as u32 as f32 - 6.0) / 4.0);
+        let mean =
+            (0..200).map(|bin| light(bin) + level + 1e-3 * f64::from((bin * 7919 % 13) as u32 as f32 - 6.0) / 4.0);
         (grid, mean.collect(), vec![1e-3; 200])
     }
 

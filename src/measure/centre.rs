@@ -166,9 +166,9 @@ impl Asymmetry {
             });
             // Beyond the signal only a gradient is left to be seen.
             let last = ring.last().map_or(0, |ring| ring.bin + 1);
-            let beyond = (last..rings.grid.bins).filter(|bin| rings.error[*bin] > 0.0).map(|bin| {
-                ([0.0, 0.0, inside(bin)], rings.harmonics[bin][axis], 2.0 * rings.error[bin].powi(2))
-            });
+            let beyond = (last..rings.grid.bins)
+                .filter(|bin| rings.error[*bin] > 0.0)
+                .map(|bin| ([0.0, 0.0, inside(bin)], rings.harmonics[bin][axis], 2.0 * rings.error[bin].powi(2)));
             let rows: Vec<_> = rows.chain(beyond).collect();
             let Some(fit) = least_squares(&rows) else { continue };
             let targets = [&mut asymmetry.perspective, &mut asymmetry.gradient];

@@ -136,10 +136,18 @@ impl fmt::Display for Finding {
                 write!(f, "stray light, {:.2} ± {:.2}% of the light, subtracted", 100.0 * share, 100.0 * error)
             }
             Self::Gradient { per_mm, significance } => {
-                write!(f, "gradient across the field, {per_mm:.1e} of the peak per mm ({significance:.0} σ); cancels over rings")
+                write!(
+                    f,
+                    "gradient across the field, {per_mm:.1e} of the peak per mm ({significance:.0} σ); cancels over rings"
+                )
             }
             Self::Ellipticity { share, error } => {
-                write!(f, "rings are ellipses: axes differ by {:.2} ± {:.2}%; averaged over", 100.0 * share, 100.0 * error)
+                write!(
+                    f,
+                    "rings are ellipses: axes differ by {:.2} ± {:.2}%; averaged over",
+                    100.0 * share,
+                    100.0 * error
+                )
             }
             Self::Extrapolated { from_mm, share } => {
                 write!(f, "continued as a diffuse tail beyond {from_mm:.2} mm, {:.3}% of the light", 100.0 * share)

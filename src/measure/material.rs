@@ -105,9 +105,7 @@ impl ChannelMeasurement {
             let text = format!("{} negative coefficients of reflection are read as 0", spectrum.clipped);
             self.findings.push(Finding::Remark(text));
         }
-        for (name, tail) in
-            [(REFLECTION, spectrum.reflection_tail), (TRANSMISSION, spectrum.transmission_tail)]
-        {
+        for (name, tail) in [(REFLECTION, spectrum.reflection_tail), (TRANSMISSION, spectrum.transmission_tail)] {
             if let Tail::Exponential { from_mm, share, .. } = tail {
                 let share = 100.0 * share;
                 let text = format!("{name}: {share:.2}% of the light is beyond {from_mm:.1} mm, out of the picture");
@@ -119,7 +117,10 @@ impl ChannelMeasurement {
 
     /// Everything noticed, each with the series it was noticed in.
     pub fn all_findings(&self) -> impl Iterator<Item = (&'static str, &Finding)> {
-        fn of<'a>(name: &'static str, series: &'a SeriesMeasurement) -> impl Iterator<Item = (&'static str, &'a Finding)> {
+        fn of<'a>(
+            name: &'static str,
+            series: &'a SeriesMeasurement,
+        ) -> impl Iterator<Item = (&'static str, &'a Finding)> {
             series.scan.findings.iter().map(move |finding| (name, finding))
         }
         let (reflection, transmission) = (of(REFLECTION, &self.reflection), of(TRANSMISSION, &self.transmission));
@@ -131,10 +132,10 @@ impl Measurement {
     /// Names of the files that [`Measurement::files`] makes, in its order.
     pub fn file_names(capture: &Capture, stem: &str) -> Vec<String> {
         let channels = capture.channels();
-        let suffix = |channel: &str| if channels.len() > 1 { format!("-{}", channel.to_lowercase()) } else { String::new() };
-        let both = channels.iter().flat_map(|channel| {
-            SERIES.map(|word| format!("{stem}-{word}{}.csv", suffix(channel)))
-        });
+        let suffix =
+            |channel: &str| if channels.len() > 1 { format!("-{}", channel.to_lowercase()) } else { String::new() };
+        let both =
+            channels.iter().flat_map(|channel| SERIES.map(|word| format!("{stem}-{word}{}.csv", suffix(channel))));
         both.chain([format!("{stem}.toml")]).collect()
     }
 
@@ -201,13 +202,17 @@ impl Measurement {
             }
         }
         let provenance = format!("measured on {} with {}", capture.date, capture.camera.model);
-        let albedos: Vec<String> = self.channels.iter().map(|channel| {
-            let (r, t) = (channel.reflection.albedo, channel.transmission.albedo);
-            format!(
-                "{}: reflects {:.4} +- {:.4}, transmits {:.5} +- {:.5}",
-                channel.name, r.value, r.error, t.value, t.error
-            )
-        }).collect();
+        let albedos: Vec<String> = self
+            .channels
+            .iter()
+            .map(|channel| {
+                let (r, t) = (channel.reflection.albedo, channel.transmission.albedo);
+                format!(
+                    "{}: reflects {:.4} +- {:.4}, transmits {:.5} +- {:.5}",
+                    channel.name, r.value, r.error, t.value, t.error
+                )
+            })
+            .collect();
         let notes = [resin.notes.clone(), albedos.join("; ")].into_iter().filter(|note| !note.is_empty());
         let notes = notes.collect::<Vec<_>>().join("; ");
         let [r, g, b, a] = resin.rgba;

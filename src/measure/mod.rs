@@ -20,6 +20,7 @@
 //!
 //! Radiance is in DN/s of the camera until the last step; only its shape counts. Pictures are read one at a time.
 
+mod albedo;
 mod aperture;
 mod background;
 mod bracket;
@@ -28,7 +29,6 @@ mod centre;
 mod error;
 mod finding;
 mod frame;
-mod albedo;
 mod material;
 mod outliers;
 mod report;
@@ -36,10 +36,10 @@ mod rings;
 mod scan;
 pub mod simulate;
 
+pub use albedo::MeasuredAlbedo;
 pub use capture::{Albedo, Aperture, Camera, Capture, Exposure, Rect, ResinFacts, Series};
 pub use error::MeasureError;
 pub use finding::Finding;
-pub use albedo::MeasuredAlbedo;
 pub use frame::{ColourPlane, Plane};
 pub use material::{ChannelMeasurement, Measurement, SeriesMeasurement, Step, measure};
 pub use scan::{Preview, ScannedProfile};

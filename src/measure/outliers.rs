@@ -130,7 +130,7 @@ fn medians(picture: &Radiance, grid: &Grid) -> (Vec<f64>, Vec<f64>) {
             if bin >= grid.bins || value.is_nan() {
                 continue;
             }
-            if seen[bin] % strides[bin] == 0 {
+            if seen[bin].is_multiple_of(strides[bin]) {
                 values[bin].push(value);
             }
             seen[bin] += 1;

@@ -73,14 +73,20 @@ fn table(channel: &ChannelMeasurement) -> String {
 
 /// Picture, profile, harmonics.
 fn figure(name: &str, series: &SeriesMeasurement) -> Figure {
-    Figure::new(name).columns(3).panel_size(330.0, 330.0).with(picture(series)).with(profile(series)).with(harmonics(series))
+    Figure::new(name)
+        .columns(3)
+        .panel_size(330.0, 330.0)
+        .with(picture(series))
+        .with(profile(series))
+        .with(harmonics(series))
 }
 
 fn picture(series: &SeriesMeasurement) -> Panel {
     let preview = &series.scan.preview;
     let half = 0.5 * preview.side as f64 * preview.mm_per_pixel;
     let values: Vec<f64> = preview.log10.iter().map(|log| f64::from(*log)).collect();
-    let bar = ColourBar { label: "log₁₀ of the brightest".into(), range: [-DECADES + 1.0, 0.0], scale: Scale::Linear };
+    let bar =
+        ColourBar { label: "log₁₀ of the brightest".into(), range: [-DECADES + 1.0, 0.0], scale: Scale::Linear };
     let circle = |radius: f64| {
         (0..=CIRCLE).map(move |i| {
             let angle = i as f64 * std::f64::consts::TAU / CIRCLE as f64;

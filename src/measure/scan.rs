@@ -246,4 +246,3 @@ fn preview(picture: &Radiance, grid: &Grid) -> Preview {
     let log10 = means.iter().map(|mean| (mean / largest).log10()).collect();
     Preview { side, log10, mm_per_pixel: grid.mm_per_pixel * block as f64 }
 }
-

@@ -27,12 +27,7 @@ pub(in crate::measure) struct Sensor {
 
 impl Sensor {
     /// From what the capture file says, or else from the pictures; the gain is provisional.
-    pub fn of(
-        survey: &Survey,
-        camera: &Camera,
-        what: &str,
-        findings: &mut Vec<Finding>,
-    ) -> Result<Self, MeasureError> {
+    pub fn of(survey: &Survey, camera: &Camera, what: &str, findings: &mut Vec<Finding>) -> Result<Self, MeasureError> {
         let border = survey.windows.first().map(|window| border(&window.plane));
         let quiet = survey.dark.as_ref().map(|plane| plane.values.as_slice()).or(border.as_deref()).unwrap_or(&[]);
         let (level, noise) = level_and_noise(quiet, survey.dark.as_ref().map_or(0, |plane| plane.width));
@@ -43,9 +38,7 @@ impl Sensor {
         let black = camera.black_level.unwrap_or_else(|| estimated("black level (DN)", level));
         let full = match camera.saturation_level {
             Some(full) => full,
-            None => survey
-                .ceiling(black)
-                .map_or(f64::INFINITY, |ceiling| estimated("saturation level (DN)", ceiling)),
+            None => survey.ceiling(black).map_or(f64::INFINITY, |ceiling| estimated("saturation level (DN)", ceiling)),
         };
         if !(full > black) {
             let expected = format!("more than the black level, {black}");

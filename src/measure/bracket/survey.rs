@@ -85,9 +85,8 @@ impl Survey {
     /// Refuses a bracket whose shortest exposure is saturated at the light, or shows none.
     pub fn require_light(&self, what: &str, sensor: &Sensor) -> Result<(), MeasureError> {
         let Some(shortest) = self.windows.first() else { return Ok(()) };
-        let bright = |window: &Window| {
-            window.plane.values.iter().filter(|value| !(f64::from(**value) < sensor.clipped)).count()
-        };
+        let bright =
+            |window: &Window| window.plane.values.iter().filter(|value| !(f64::from(**value) < sensor.clipped)).count();
         if bright(shortest) >= SPOT * SPOT / 2 {
             let found = format!(
                 "{} pixels at or above {:.0} in the shortest exposure, {} s",

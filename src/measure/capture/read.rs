@@ -400,7 +400,11 @@ impl<'a, 't> Reader<'a, 't> {
             let (without, other) = self.require_picture("without", Some("without-exposure-s"), all)?;
             if (header.width, header.height) != (other.width, other.height) {
                 let expected = format!("{} × {} as {}", header.width, header.height, with.file.display());
-                return Err(MeasureError::frame(&without.file, format!("{} × {}", other.width, other.height), expected));
+                return Err(MeasureError::frame(
+                    &without.file,
+                    format!("{} × {}", other.width, other.height),
+                    expected,
+                ));
             }
             return Ok(Albedo::Screen { with, without, region: self.rect("region", &header)? });
         }
@@ -449,8 +453,7 @@ impl Headers<'_> {
         if !header.colour && self.planes.len() > 1 {
             return Err(MeasureError::frame(file, "a grey picture", "colours, as [camera] `channels` asks for"));
         }
-        let (name, width, height) =
-            self.first.get_or_insert_with(|| (file.to_path_buf(), header.width, header.height));
+        let (name, width, height) = self.first.get_or_insert_with(|| (file.to_path_buf(), header.width, header.height));
         if (*width, *height) != (header.width, header.height) {
             let found = format!("{} × {} pixels", header.width, header.height);
             return Err(MeasureError::frame(file, found, format!("{width} × {height} as {}", name.display())));

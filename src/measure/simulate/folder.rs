@@ -168,7 +168,8 @@ impl Laboratory {
         const BARE_S: f64 = 1.0 / 60.0;
         let rate = self.camera.full_well_e / 1.5 / BARE_S;
         let with_s = (BARE_S / transmittance).min(60.0);
-        for (name, light, seconds) in [("screen-without", rate, BARE_S), ("screen-with", rate * transmittance, with_s)] {
+        for (name, light, seconds) in [("screen-without", rate, BARE_S), ("screen-with", rate * transmittance, with_s)]
+        {
             *seeds += 1;
             let values = self.camera.expose(&vec![light as f32; SIZE[0] * SIZE[1]], SIZE[0], seconds, *seeds);
             write_png(&folder.join(format!("{name}.png")), &values, SIZE[0])?;

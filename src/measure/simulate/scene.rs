@@ -36,7 +36,7 @@ impl Truth {
         let samples = profile.r_mm().iter().zip(profile.value_per_mm2()).enumerate();
         let noise = |i: usize| profile.standard_error().map_or(0.0, |errors| errors[i]);
         // The innermost rings of a transmission are small, and noisy without being dark.
-        let clear = samples.clone().filter(|(i, (_, value))| **value > CLEAR * noise(*i)).map(|(i, _)| i).last();
+        let clear = samples.clone().filter(|(i, (_, value))| **value > CLEAR * noise(*i)).map(|(i, _)| i).next_back();
         let clear = clear.map_or(0, |last| last + 1);
         let lit: Vec<(f64, f64)> =
             samples.take(clear).filter(|(_, (_, value))| **value > 0.0).map(|(_, (r, value))| (*r, *value)).collect();
