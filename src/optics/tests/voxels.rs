@@ -45,7 +45,7 @@ fn layered(layers: &[(VolumeCoefficients, f64)], base: Option<VolumeCoefficients
 #[track_caller]
 fn agree(what: &str, a: Estimate, b: Estimate) {
     let sigma = a.standard_error.hypot(b.standard_error);
-    assert!((a.mean - b.mean).abs() < 3.0 * sigma, "{what}: {} and {}, sigma {sigma}", a.mean, b.mean);
+    assert!((a.mean - b.mean).abs() <= 3.0 * sigma, "{what}: {} and {}, sigma {sigma}", a.mean, b.mean);
 }
 
 #[test]
@@ -118,8 +118,8 @@ fn a_fine_checkerboard_is_its_mixture() {
     agree("reflection", fine.reflection, expected.reflection);
     agree("transmission", fine.transmission, expected.transmission);
     // Cells of more than a mean free path let light past the black.
-    let coarse = board(0.2).transmission.mean;
-    assert!(coarse > 1.1 * expected.transmission.mean, "{coarse} and {}", expected.transmission.mean);
+    let (coarse, fine) = (board(0.2).reflection, expected.reflection);
+    assert!(coarse.mean > fine.mean + 10.0 * coarse.standard_error, "{} and {}", coarse.mean, fine.mean);
 }
 
 #[test]
@@ -173,17 +173,12 @@ fn responses_are_reciprocal_and_bounded_by_the_albedo() {
     let responses = striped_responses(Sides::Periodic, Photons { count: 60_000, ..DIFFUSE });
     let (width, row) = (9, 3); // the window's middle row
     for lit in 4..16_usize {
-        for step in 1..=4 {
-            let there = &responses[lit];
-            let back = &responses[lit + step - 4 + 4 - step]; // itself
-            assert_eq!(there.share, back.share);
+        for step in 1..=4.min(19 - lit) {
+            let (there, back) = (&responses[lit], &responses[lit + step]);
             let (to, from) = (4 + step + width * row, 4 - step + width * row);
-            if lit + step < 20 {
-                let other = &responses[lit + step];
-                let sigma = f64::from(there.standard_error[to]).hypot(f64::from(other.standard_error[from]));
-                let difference = f64::from(there.share[to] - other.share[from]);
-                assert!(difference.abs() < 4.0 * sigma, "{lit} to {}: {difference}, sigma {sigma}", lit + step);
-            }
+            let sigma = f64::from(there.standard_error[to]).hypot(f64::from(back.standard_error[from]));
+            let difference = f64::from(there.share[to] - back.share[from]);
+            assert!(difference.abs() < 4.0 * sigma, "{lit} to {}: {difference}, sigma {sigma}", lit + step);
         }
         let seen: f64 = responses[lit].share.iter().map(|&share| f64::from(share)).sum();
         assert!(seen > 0.5 * responses[lit].reflection.mean && seen <= responses[lit].reflection.mean + 1e-6);
