@@ -74,12 +74,10 @@ fn a_slab_is_layered_from_its_top() {
     assert_eq!((stackings[0]["share"].as_f64(), stackings[1]["share"].as_f64()), (Some(3.0 / 8.0), Some(5.0 / 8.0)));
     let inputs = manifest["inputs"].as_array().unwrap();
     assert!(inputs.iter().any(|input| input["path"] == "factored/profiles/cluster_001.csv"), "{inputs:?}");
-    // The top slice: white where cluster 0 is, black where 1 is, right up to the slab's walls.
+    // The top slice: white where cluster 0 is, black where 1 is.
     let (white, black) = (pixel(&bench, 23, 5, 15), pixel(&bench, 23, 35, 15));
     assert_ne!(white, black);
-    assert_eq!(pixel(&bench, 23, 0, 19), white);
-    assert_eq!(pixel(&bench, 23, 0, 0), black, "row 0 of the labels is the largest y");
-    assert_eq!(pixel(&bench, 23, 39, 19), black);
+    assert_eq!(pixel(&bench, 23, 5, 4), black, "row 0 of the labels is the largest y");
     // Below the stacking there is core to the very bottom, for neither walls nor underside count.
     assert_eq!([pixel(&bench, 0, 0, 19), pixel(&bench, 2, 5, 15)], [black; 2]);
     bench.run(["verify", "out"]).exits(0);
