@@ -7,10 +7,10 @@ use crate::optics::voxels::{ExitImage, Pattern, Photons, Response, Sides, TexelG
 use crate::optics::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges, VolumeCoefficients};
 use std::ops::ControlFlow;
 
-const VOID: VolumeCoefficients = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.0, g: 0.0 };
-const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5 };
-const BLACK: VolumeCoefficients = VolumeCoefficients { sigma_s: 2.5, sigma_a: 4.0, g: 0.5 };
-const SUPPORT: VolumeCoefficients = VolumeCoefficients { sigma_s: 1.6, sigma_a: 0.025, g: 0.75 };
+const VOID: VolumeCoefficients = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.0, g: 0.0, refractive_index: 1.0 };
+const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5, refractive_index: 1.0 };
+const BLACK: VolumeCoefficients = VolumeCoefficients { sigma_s: 2.5, sigma_a: 4.0, g: 0.5, refractive_index: 1.0 };
+const SUPPORT: VolumeCoefficients = VolumeCoefficients { sigma_s: 1.6, sigma_a: 0.025, g: 0.75, refractive_index: 1.0 };
 const MEDIA: [VolumeCoefficients; 4] = [VOID, WHITE, BLACK, SUPPORT];
 
 const DIFFUSE: Photons = Photons { light: Light::Diffuse, count: 200_000, seed: 3 };
@@ -106,6 +106,7 @@ fn a_fine_checkerboard_is_its_mixture() {
         sigma_s: mixed(WHITE.sigma_s, BLACK.sigma_s),
         sigma_a: mixed(WHITE.sigma_a, BLACK.sigma_a),
         g: 0.5, // of both
+        refractive_index: 1.0,
     };
     let expected = layered(&[(mixture, 0.4)], None, DIFFUSE);
     let board = |cell_mm: f64| {

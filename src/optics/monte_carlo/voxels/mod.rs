@@ -6,7 +6,8 @@
 //! ([`VoxelScene::responses`]), each value with its standard error.
 //!
 //! *Guaranteed:* estimates without bias; the same bytes for the same seed whatever the number of threads.
-//! *Not covered:* refractive indices are matched, voxel faces and the top neither reflect nor bend; polarisation; time of flight.
+//! *Not covered:* refractive indices count as matched, whatever the resins say: voxel faces and the top neither reflect nor bend; polarisation; time
+//! of flight.
 
 mod grid;
 mod light;
