@@ -117,7 +117,9 @@ impl<'a> LocalProfiles<'a> {
                         sum.iter_mut().zip(around.row(y, *offset)).for_each(|(sum, value)| *sum += value);
                     }
                     let area = self.rings.texel_mm2 as f32;
-                    seen.iter_mut().zip(sum.iter().zip(local)).for_each(|(seen, (sum, root))| *seen += area * root * sum);
+                    seen.iter_mut()
+                        .zip(sum.iter().zip(local))
+                        .for_each(|(seen, (sum, root))| *seen += area * root * sum);
                 });
             }
         }
@@ -128,7 +130,7 @@ impl<'a> LocalProfiles<'a> {
 }
 
 /// Adds light that goes far: what texel xₒ gets of xᵢ is √(t(xᵢ) t(xₒ)) over the number of texels, for `root` = √t.
-pub(crate) fn spread(root: &[f32], light: &[f32], seen: &mut [f32]) {
+fn spread(root: &[f32], light: &[f32], seen: &mut [f32]) {
     let sum: f64 = root.iter().zip(light).map(|(root, light)| f64::from(root * light)).sum();
     let mean = sum / root.len() as f64;
     seen.iter_mut().zip(root).for_each(|(seen, root)| *seen += (mean * f64::from(*root)) as f32);
@@ -159,7 +161,7 @@ impl Mirrored {
 }
 
 /// The index in 0..n that an index beyond stands for where the ends are mirrors.
-pub(crate) fn mirrored(index: isize, n: usize) -> usize {
+fn mirrored(index: isize, n: usize) -> usize {
     let n = n as isize;
     let within = index.rem_euclid(2 * n);
     (if within < n { within } else { 2 * n - 1 - within }) as usize

@@ -25,6 +25,10 @@ pub(super) fn lamps(width: usize, height: usize) -> [Lamp; 3] {
     [
         Lamp { name: "area light", key: "area", irradiance: image(&|_, _| true) },
         Lamp { name: "shadow edge", key: "edge", irradiance: image(&|x, _| x < middle_x.max(1.0)) },
-        Lamp { name: "projected spot", key: "spot", irradiance: image(&|x, y| (x - middle_x).hypot(y - middle_y) <= radius) },
+        Lamp {
+            name: "projected spot",
+            key: "spot",
+            irradiance: image(&|x, y| (x - middle_x).hypot(y - middle_y) <= radius),
+        },
     ]
 }

@@ -50,7 +50,8 @@ mod tests {
     fn noise_is_taken_off() {
         // Alternating ±0.1 is noise of 0.1 rms that no average notices.
         let goal: Vec<f32> = (0..400).map(|i| (i / 100) as f32).collect();
-        let found: Vec<f32> = goal.iter().enumerate().map(|(i, v)| v + 0.5 + if i % 2 == 0 { 0.1 } else { -0.1 }).collect();
+        let found: Vec<f32> =
+            goal.iter().enumerate().map(|(i, v)| v + 0.5 + if i % 2 == 0 { 0.1 } else { -0.1 }).collect();
         let apart = Difference::new(&found, &goal, Some(&[0.1; 400]));
         assert!((apart.bias - 0.5).abs() < 1e-6 && (apart.rms - 0.5).abs() < 1e-6 && (apart.noise - 0.1).abs() < 1e-6);
         assert!((apart.correlation.unwrap() - 1.0).abs() < 1e-6);

@@ -18,8 +18,6 @@ pub(super) struct Printed {
     pub manifest: Manifest,
     /// The voxels inside the slab, seen from above.
     pub grid: VoxelGrid,
-    /// Height of the slab's bottom layer of voxels over nothing, mm.
-    pub thickness_mm: f64,
 }
 
 /// Most voxels that are held in memory.
@@ -79,10 +77,9 @@ impl Printed {
         };
         // Seen from above: layer 0 is the highest.
         let layers = slices.par_iter().rev().map(read).collect::<Result<Vec<_>, _>>()?;
-        let thickness_mm = slices.len() as f64 * lattice.pitch_mm[2];
         let pitch = [size_mm[0] / dims[0] as f64, size_mm[1] / dims[1] as f64, lattice.pitch_mm[2]];
         let grid = VoxelGrid::new(dims, pitch, layers.concat())?;
-        Ok(Self { folder: folder.to_owned(), manifest, grid, thickness_mm })
+        Ok(Self { folder: folder.to_owned(), manifest, grid })
     }
 
     /// Coefficients by material id in channel `channel`.
@@ -100,7 +97,10 @@ impl Printed {
         file: &MaterialFile,
         channel: usize,
     ) -> Result<(Vec<Vec<(VolumeCoefficients, f64)>>, VolumeCoefficients), CompareError> {
-        let [report] = self.manifest.stackings.as_slice() else { return Ok((Vec::new(), volume(file, "")?[channel])) };
+        let Some(report) = self.manifest.stackings.first() else {
+            let (folder, found) = (self.folder.clone(), "no stackings".to_owned());
+            return Err(CompareError::Folder { folder, found, expected: "those of one object" });
+        };
         let layers = report.stackings.iter().map(|entry| {
             let layer = |layer: &crate::job::LayerEntry| Ok((volume(file, &layer.resin)?[channel], layer.thickness_mm));
             entry.layers.iter().map(layer).collect::<Result<Vec<_>, CompareError>>()
