@@ -55,7 +55,10 @@ fn defaults() {
     assert_eq!(object.target, texture);
     assert_eq!((job.clusters.k, job.clusters.seed), (100, 1));
     let stacking = &job.stacking;
-    assert_eq!((stacking.max_thickness_mm, stacking.units, stacking.depth, stacking.dc_weight), (5.0, 64, 6, 1.0));
+    assert_eq!(
+        (stacking.max_thickness_mm, stacking.units, stacking.depth, stacking.objective.dc_weight),
+        (5.0, 64, 6, 1.0)
+    );
     assert_eq!(stacking.core.as_deref(), Some("black"));
     assert_eq!(job.field.distance, Distance::Exact);
     assert_eq!(job.output.formats, [OutputFormat::Png, OutputFormat::Preview]);

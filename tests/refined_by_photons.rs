@@ -7,8 +7,8 @@ use std::{ops::ControlFlow, time::Instant};
 use lumislice::{
     optics::{Light, MaterialSet, PhotonOptions, Prediction, VolumeCoefficients},
     search::{
-        BlockTable, RefineOptions, Refiner, ResinLimit, SearchOptions, SearchTarget, Stacking, match_sequences,
-        objective,
+        BlockTable, Objective, RefineOptions, Refiner, ResinLimit, SearchOptions, SearchTarget, Stacking,
+        match_sequences,
     },
 };
 
@@ -85,6 +85,7 @@ fn what_was_promised_is_what_photons_see() {
     let refiner = Refiner::new(&volumes, &set.grid, &options, RefineOptions::default());
     println!("tables {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
     let judge = Judge { core, photons: number("LUMISLICE_PHOTONS", 20_000_000), set };
+    let objective = Objective::default();
     let mut random = SplitMix(2010);
     let mut ratios = Vec::new();
     println!("{:>9} {:>9} {:>9} {:>9} {:>7}  target → found", "promise", "photons", "discrete", "ratio", "ms");
@@ -95,8 +96,8 @@ fn what_was_promised_is_what_photons_see() {
         let candidates = match_sequences(&table, &target, Refiner::SEQUENCES).unwrap();
         let refined = refiner.refine(&candidates, &target).unwrap();
         let ms = start.elapsed().as_secs_f64() * 1e3;
-        let photons = objective(&judge.reflection(&refined.stacking, 3 * number + 1), &target, 1.0);
-        let discrete = objective(&judge.reflection(&candidates[0].stacking, 3 * number + 2), &target, 1.0);
+        let photons = objective.of(&judge.reflection(&refined.stacking, 3 * number + 1), &target);
+        let discrete = objective.of(&judge.reflection(&candidates[0].stacking, 3 * number + 2), &target);
         let ratio = discrete / photons;
         let layers = |stacking: &Stacking| -> String {
             let name = |resin: usize| &judge.set.resins[resin].name[..1];

@@ -47,6 +47,7 @@ pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
     SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
 };
+pub use images::{srgb_to_linear, to_channels};
 pub use paths::InputPath;
 pub use prepare::{InputFile, Prepared, PreparedObject};
 pub use progress::{Interrupt, Progress, Silent};

@@ -156,7 +156,7 @@ impl BlockTable {
                 return Err(SearchError::TargetValue { channel, index, found: values[index] });
             }
         }
-        let weight: Vec<Vec<f64>> = vec![weights(self.coefficients, self.options.dc_weight); channels];
+        let weight: Vec<_> = target.channels.iter().map(|channel| self.options.objective.weights(channel)).collect();
         Ok(Goal { target: interleave(&target.channels, self.lanes, 0.0), weight: interleave(&weight, self.lanes, 0.0) })
     }
 
@@ -179,16 +179,9 @@ impl BlockTable {
     /// The finished answer: objective and reflection recomputed from whole layers in closed form.
     pub(super) fn answer(&self, stacking: Stacking, target: &SearchTarget, nodes: u64) -> Match {
         let reflection = reflection_of(&self.resins, &stacking, self.options.core);
-        let objective = super::objective(&reflection, target, self.options.dc_weight);
+        let objective = self.options.objective.of(&reflection, target);
         Match { stacking, objective, reflection, bound: objective, proven: true, nodes }
     }
-}
-
-/// The objective's weights of one channel.
-fn weights(coefficients: usize, dc_weight: f64) -> Vec<f64> {
-    let mut weights = vec![1.0; coefficients];
-    weights[0] = dc_weight;
-    weights
 }
 
 /// `[channel][coefficient]` to lanes.

@@ -21,7 +21,7 @@ use self::{
     fit::{Fit, Residuals, fit},
     polytope::Polytope,
 };
-use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, Stacking, match_sequences, objective};
+use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, Stacking, match_sequences};
 use crate::optics::{FrequencyGrid, ModalReflection, TransportOptions, VolumeCoefficients};
 
 /// What refining may do.
@@ -60,8 +60,8 @@ pub struct Refined {
 pub struct Refiner {
     options: SearchOptions,
     refine: RefineOptions,
-    /// Indices of the frequencies that fits see, and what each weighs.
-    nodes: Vec<(usize, f64)>,
+    /// Indices of the frequencies that fits see.
+    nodes: Vec<usize>,
     /// One per channel: few directions at the nodes, all directions at the nodes, and at every frequency.
     coarse: Vec<ModalReflection>,
     fine: Vec<ModalReflection>,
@@ -90,9 +90,12 @@ type Fitted = (Vec<usize>, Fit);
 /// Layers to start from.
 type Start = (Vec<usize>, Vec<f64>);
 
-/// What a model should give at the nodes, per channel.
+/// What a model should give at the nodes, per channel, and the roots of what each node weighs.
 #[derive(Debug, Clone)]
-struct Goal(Vec<Vec<f64>>);
+struct Goal {
+    wanted: Vec<Vec<f64>>,
+    roots: Vec<Vec<f64>>,
+}
 
 impl Refiner {
     /// Sequences of resins worth asking [`match_sequences`] for. Evidence: docs/accuracy.md, "Refined stackings".
@@ -106,7 +109,7 @@ impl Refiner {
         refine: RefineOptions,
     ) -> Self {
         let nodes = nodes(grid.len());
-        let chosen: Vec<f64> = nodes.iter().map(|&(i, _)| grid.as_slice()[i]).collect();
+        let chosen: Vec<f64> = nodes.iter().map(|&i| grid.as_slice()[i]).collect();
         let channels = resins.first().map_or(0, Vec::len);
         let tables = |k: &[f64], directions: TransportOptions| -> Vec<ModalReflection> {
             let channel = |channel: usize| {
@@ -139,9 +142,8 @@ impl Refiner {
     /// No multiples of the step within reach that keep the limits.
     pub fn refine(&self, candidates: &[Match], target: &SearchTarget) -> Result<Refined, SearchError> {
         let unrefined = candidates.first().map_or(Vec::new(), |best| self.reflection(&best.stacking));
-        let unrefined_objective = objective(&unrefined, target, self.options.dc_weight);
-        let goal =
-            Goal(target.channels.iter().map(|channel| self.nodes.iter().map(|&(i, _)| channel[i]).collect()).collect());
+        let unrefined_objective = self.options.objective.of(&unrefined, target);
+        let goal = self.goal(target);
         let mut ranked = self.fits(&self.coarse, &goal, RANKING_STEPS, distinct(candidates));
         ranked.truncate(self.refine.finalists);
         let finished = self.fits(&self.fine, &goal, FINAL_STEPS, ranked.into_iter().map(start).collect());
@@ -155,9 +157,9 @@ impl Refiner {
                 unrefined: unrefined_objective,
             });
         };
-        let coefficients: usize = target.channels.iter().map(Vec::len).sum();
+        let weight: f64 = target.channels.iter().flat_map(|channel| self.options.objective.weights(channel)).sum();
         for _ in 0..EDITS {
-            if best.1.objective <= coefficients as f64 * ENOUGH * ENOUGH {
+            if best.1.objective <= weight * ENOUGH * ENOUGH {
                 break;
             }
             let Some(better) = self.edit(&best, &goal) else { break };
@@ -169,7 +171,7 @@ impl Refiner {
         let (sequence, Fit { mm, .. }) = best;
         let stacking = Stacking::from_layers(sequence.into_iter().zip(mm));
         let reflection = self.reflection(&stacking);
-        let found = objective(&reflection, target, self.options.dc_weight);
+        let found = self.options.objective.of(&reflection, target);
         // A fit ends in the nearest valley; the start may lie in a deeper one that no finalist was in.
         let kept = candidates.first().filter(|first| unrefined_objective < found && self.allows(&first.stacking));
         Ok(match kept {
@@ -222,17 +224,27 @@ impl Refiner {
         fitted
     }
 
+    fn goal(&self, target: &SearchTarget) -> Goal {
+        let at_nodes = |channel: &Vec<f64>| self.nodes.iter().map(|&i| channel[i]).collect();
+        let roots = |channel: &Vec<f64>| {
+            let weights = node_weights(&self.nodes, &self.options.objective.weights(channel));
+            weights.into_iter().map(f64::sqrt).collect()
+        };
+        Goal {
+            wanted: target.channels.iter().map(at_nodes).collect(),
+            roots: target.channels.iter().map(roots).collect(),
+        }
+    }
+
     fn residuals(&self, model: &[ModalReflection], goal: &Goal, sequence: &[usize], mm: &[f64]) -> Residuals {
         let layers: Vec<_> = sequence.iter().copied().zip(mm.iter().copied()).collect();
         let mut residuals = Residuals { values: Vec::new(), per_mm: vec![Vec::new(); layers.len()] };
-        let roots: Vec<f64> =
-            self.nodes.iter().map(|&(i, weight)| if i == 0 { self.options.dc_weight } else { weight }.sqrt()).collect();
-        for (model, wanted) in model.iter().zip(&goal.0) {
+        for ((model, wanted), roots) in model.iter().zip(&goal.wanted).zip(&goal.roots) {
             let slope = model.slope(&layers);
-            let off = slope.reflection.iter().zip(wanted).zip(&roots);
+            let off = slope.reflection.iter().zip(wanted).zip(roots);
             residuals.values.extend(off.map(|((found, wanted), root)| root * (found - wanted)));
             for (all, per_mm) in residuals.per_mm.iter_mut().zip(&slope.per_mm) {
-                all.extend(per_mm.iter().zip(&roots).map(|(slope, root)| root * slope));
+                all.extend(per_mm.iter().zip(roots).map(|(slope, root)| root * slope));
             }
         }
         residuals
@@ -245,7 +257,8 @@ impl Refiner {
             let (coarse, fine) = (coarse.reflection(&layers), fine.reflection(&layers));
             wanted.iter().zip(coarse.iter().zip(&fine)).map(|(wanted, (coarse, fine))| wanted + coarse - fine).collect()
         };
-        Goal(goal.0.iter().zip(&self.coarse).zip(&self.fine).map(channel).collect())
+        let wanted = goal.wanted.iter().zip(&self.coarse).zip(&self.fine).map(channel).collect();
+        Goal { wanted, roots: goal.roots.clone() }
     }
 
     /// The best of all stackings with one layer less or more, if it is worth it.
@@ -403,13 +416,12 @@ fn joined(layers: impl IntoIterator<Item = (usize, f64)>) -> Start {
     Stacking::from_layers(layers).layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).unzip()
 }
 
-/// Indices of a third of `len` frequencies, dense at the low ones, and the number of frequencies that each speaks for: those between two nodes
-/// count for both, the more the nearer. The first speaks for itself.
-fn nodes(len: usize) -> Vec<(usize, f64)> {
-    let mut indices = vec![0];
+/// Indices of a third of `len` frequencies, dense at the low ones.
+fn nodes(len: usize) -> Vec<usize> {
+    let mut nodes = vec![0];
     let mut at = 1;
     while at < len {
-        indices.push(at);
+        nodes.push(at);
         at += match at {
             ..8 => 1,
             8..24 => 2,
@@ -417,18 +429,24 @@ fn nodes(len: usize) -> Vec<(usize, f64)> {
             _ => 8,
         };
     }
-    if indices[indices.len() - 1] + 1 < len {
-        indices.push(len - 1);
-    }
-    let mut nodes: Vec<(usize, f64)> = indices.into_iter().map(|i| (i, 1.0)).collect();
-    for i in 2..nodes.len() {
-        let (low, high) = (nodes[i - 1].0, nodes[i].0);
-        // Half of the frequencies strictly between.
-        let share = (high - low - 1) as f64 / 2.0;
-        nodes[i - 1].1 += share;
-        nodes[i].1 += share;
+    if nodes[nodes.len() - 1] + 1 < len {
+        nodes.push(len - 1);
     }
     nodes
+}
+
+/// What nodes weigh if they speak for all frequencies: one between two nodes gives its weight to both, the more to the nearer.
+fn node_weights(nodes: &[usize], weights: &[f64]) -> Vec<f64> {
+    let mut at_nodes: Vec<f64> = nodes.iter().map(|&i| weights[i]).collect();
+    for (lower, pair) in nodes.windows(2).enumerate() {
+        let (low, high) = (pair[0], pair[1]);
+        for i in low + 1..high {
+            let share = (i - low) as f64 / (high - low) as f64;
+            at_nodes[lower] += (1.0 - share) * weights[i];
+            at_nodes[lower + 1] += share * weights[i];
+        }
+    }
+    at_nodes
 }
 
 #[cfg(test)]
