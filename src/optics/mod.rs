@@ -46,7 +46,7 @@ pub use profile_csv::ProfileFile;
 pub use repair::{LostInNoise, TransmissionRepair, repair_transmission};
 pub use tail::Tail;
 pub use transport::{ModalReflection, ReflectionSlope, Transport, TransportOptions, TransportSpectra};
-pub use volume::{MAX_COEFFICIENT_PER_MM, VolumeCoefficients};
+pub use volume::{MAX_COEFFICIENT_PER_MM, MAX_REFRACTIVE_INDEX, VolumeCoefficients};
 
 #[cfg(test)]
 mod tests;
