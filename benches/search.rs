@@ -80,7 +80,7 @@ fn colour() {
     println!("{:>9} {:>10} {:>10} {:>10} {:>6}  target", "ms", "nodes", "objective", "bound", "proven");
     let (mut times, mut proven) = (Vec::new(), 0);
     for (name, target) in &targets {
-        let (time, found) = best_of(1, || match_target(&table, target).unwrap());
+        let (time, found) = best_of(3, || match_target(&table, target).unwrap());
         times.push(ms(time));
         proven += usize::from(found.proven);
         println!(

@@ -122,6 +122,9 @@ fn shapes() -> Vec<String> {
          [clusters]\nk = 1\nseed = 9223372036854775807\n[stacking]\nunits = 2\ndepth = 12\ndc-weight = 0\n\
          [[stacking.limit]]\nresin = \"white\"\nmin-mm = 0.1\nmax-mm = 2\n[output]\nbackground-as = \"white\""
             .to_owned(),
+        // A profile for each channel.
+        format!("{base}[target]\nkind = \"profile\"\nprofile = [\"a.csv\", \"b.csv\", \"p.csv\"]\n[stacking]\nobjective = \"spatial\""),
+        format!("{base}[target]\nkind = \"clusters\"\nlabels = \"labels.png\"\nprofiles = [\"a.csv\", [\"a.csv\", \"b.csv\"]]"),
         // Windows line ends, a byte order mark.
         format!("\u{feff}{}", MINIMAL.replace('\n', "\r\n")),
     ]

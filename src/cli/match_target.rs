@@ -6,7 +6,8 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 use lumislice::{
     job::{
-        NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions, srgb_to_linear, to_channels,
+        NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions, srgb_to_linear,
+        to_channels,
     },
     optics::{
         DEFAULT_SEED, FrequencyGrid, Light, MaterialFile, MaterialSet, PhotonOptions, Prediction, ProfileFile,

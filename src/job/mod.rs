@@ -39,6 +39,7 @@ use toml::de::DeTable;
 
 pub use error::{JobError, Place};
 pub use estimate::Estimate;
+pub use images::{srgb_to_linear, to_channels};
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
 };
@@ -47,7 +48,6 @@ pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
     SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
 };
-pub use images::{srgb_to_linear, to_channels};
 pub use paths::InputPath;
 pub use prepare::{InputFile, Prepared, PreparedObject};
 pub use progress::{Interrupt, Progress, Silent};

@@ -301,11 +301,7 @@ impl TargetContext<'_> {
     }
 
     /// Reads the textures of a texture target.
-    fn appearance(
-        &self,
-        albedo: &AlbedoSource,
-        mean_free_path: Option<&InputPath>,
-    ) -> Result<Appearance, RunError> {
+    fn appearance(&self, albedo: &AlbedoSource, mean_free_path: Option<&InputPath>) -> Result<Appearance, RunError> {
         let channels = self.materials.channels.len();
         let mean_free_path = mean_free_path.map(|path| read_picture(path.as_ref())).transpose()?;
         if mean_free_path.is_some() {

@@ -16,6 +16,7 @@
 
 mod algorithm_1;
 mod branch_and_bound;
+mod endings;
 mod envelope;
 mod forward;
 mod kernels;

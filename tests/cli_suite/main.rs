@@ -16,6 +16,7 @@ mod material;
 mod predict;
 mod slice_bad;
 mod slice_bytes;
+mod slice_colour;
 mod slice_folder;
 mod slice_refined;
 mod slice_says;

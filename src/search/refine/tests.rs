@@ -89,22 +89,6 @@ fn limits_and_steps_are_kept() {
 }
 
 #[test]
-fn nodes_speak_for_every_frequency_once() {
-    for len in [1, 2, 3, 9, 100, 128, 129] {
-        let nodes = nodes(len);
-        assert!(nodes.windows(2).all(|pair| pair[0] < pair[1]) && nodes[nodes.len() - 1] + 1 == len);
-        let weights: Vec<f64> = (0..len).map(|i| 1.0 + i as f64).collect();
-        let at_nodes = node_weights(&nodes, &weights);
-        assert!((at_nodes.iter().sum::<f64>() - weights.iter().sum::<f64>()).abs() < 1e-9, "{len}: {nodes:?}");
-        // What is straight between nodes is summed exactly.
-        let line = |i: usize| 3.0 - 0.1 * i as f64;
-        let all: f64 = weights.iter().enumerate().map(|(i, weight)| weight * line(i)).sum();
-        let found: f64 = at_nodes.iter().zip(&nodes).map(|(weight, &i)| weight * line(i)).sum();
-        assert!((found - all).abs() < 1e-9 * all.abs(), "{len}: {found} against {all}");
-    }
-}
-
-#[test]
 fn the_targets_grid_is_the_refiners() {
     let bench = bench(RefineOptions::default());
     assert_eq!(bench.target(&[(WHITE, 1.0)]).channels[0].len(), bench.grid.len());
