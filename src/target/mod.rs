@@ -10,6 +10,7 @@ mod diffusion;
 mod equation_7;
 mod layers;
 mod limits;
+mod metric;
 mod slots;
 mod texture;
 mod textured;
