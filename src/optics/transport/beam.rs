@@ -1,11 +1,16 @@
 //! Diffuse light that goes straight through.
 //!
-//! A slab of optical thickness τ lets through ∫ e^{−τ/μ} J₀(k h tanθ) 2μ dμ of a diffuse point source at spatial frequency k, in the unit of the
-//! flux that enters. Few directions sample this badly where k h is large.
+//! A stack lets through ∫ e^{−Σ τ/μ} J₀(k Σ h tanθ) 2μ dμ of a diffuse point source at spatial frequency k, less what its boundaries
+//! reflect, in the unit of the flux that enters; Σ is over the layers, each with its own μ and θ. Few directions sample this badly where kh is
+//! large.
 
 use std::f64::consts::PI;
 
-use super::{directions::Directions, scattering::Scattering};
+use super::{
+    directions::Directions,
+    rays::{Ray, stream},
+    scattering::{Scattering, ratio},
+};
 
 /// Abscissae and weights of the 8-point Gauss–Legendre rule on [0, 1].
 pub(super) const GAUSS: [(f64, f64); 8] = [
@@ -23,73 +28,106 @@ pub(super) const GAUSS: [(f64, f64); 8] = [
 const TOLERANCE: f64 = 1e-9;
 
 /// Light that crosses the whole stack unscattered.
-pub(super) struct Straight {
-    tau: f64,
-    thickness_mm: f64,
+pub(super) struct Straight<'a> {
+    layers: &'a [(Scattering, f64)],
+    rays: Vec<Ray>,
+    orders: usize,
     /// Share of the exact beam that the directions see at k = 0; kept, so that R + T stays what it is.
     share: f64,
 }
 
-impl Straight {
-    pub(super) fn new(layers: &[(Scattering, f64)], directions: &Directions) -> Self {
-        let (tau, thickness_mm) =
-            layers.iter().fold((0.0, 0.0), |(tau, sum), (scattering, mm)| (tau + scattering.extinction * mm, sum + mm));
-        let exact = unscattered(tau, thickness_mm, 0.0);
-        let share = if exact > 0.0 { unscattered_over(directions, tau, thickness_mm, 0.0) / exact } else { 0.0 };
-        Self { tau, thickness_mm, share }
+impl<'a> Straight<'a> {
+    pub(super) fn new(layers: &'a [(Scattering, f64)], directions: &Directions) -> Self {
+        let rays = directions.crossing(layers);
+        let mut it = Self { layers, rays, orders: directions.orders, share: 0.0 };
+        let exact = unscattered(layers, 0.0);
+        if exact > 0.0 {
+            it.share = it.seen(0.0) / exact;
+        }
+        it
     }
 
     /// The exact beam in place of the directions' own.
-    pub(super) fn correction(&self, directions: &Directions, k: f64) -> f64 {
-        self.share * unscattered(self.tau, self.thickness_mm, k)
-            - unscattered_over(directions, self.tau, self.thickness_mm, k)
+    pub(super) fn correction(&self, k: f64) -> f64 {
+        self.share * unscattered(self.layers, k) - self.seen(k)
+    }
+
+    /// The beam as the directions see it.
+    fn seen(&self, k: f64) -> f64 {
+        let mut orders = vec![0.0; self.orders];
+        let mut scratch = vec![0.0; 2 * self.orders];
+        let one = |ray: &Ray| {
+            orders.fill(0.0);
+            orders[0] = ray.flux * ray.crossings() * (-depth(self.layers, ray)).exp();
+            // Dead light needs no waves.
+            if orders[0] > TOLERANCE {
+                for (leg, (resin, mm)) in ray.legs.iter().zip(self.layers) {
+                    let ratio = ratio(resin.extinction, k * (1.0 - leg.mu * leg.mu).sqrt());
+                    stream(&mut orders, k * mm * leg.slope, ratio, false, &mut scratch);
+                }
+            }
+            orders[0]
+        };
+        self.rays.iter().map(one).sum()
     }
 }
 
-/// Unscattered diffuse light through optical thickness `tau` ≥ 0, `thickness_mm` ≥ 0 thick, at `k` ≥ 0 rad/mm.
-pub(super) fn unscattered(tau: f64, thickness_mm: f64, k: f64) -> f64 {
-    // In u = tanθ: ∫ e^{−τ√(1+u²)} J₀(k h u) 2u / (1 + u²)² du.
-    let turn = k * thickness_mm;
+/// Σ τ/μ.
+fn depth(layers: &[(Scattering, f64)], ray: &Ray) -> f64 {
+    ray.legs.iter().zip(layers).map(|(leg, (resin, mm))| mm * resin.extinction / leg.mu).sum()
+}
+
+/// Unscattered diffuse light through a stack at `k` ≥ 0 rad/mm.
+pub(super) fn unscattered(layers: &[(Scattering, f64)], k: f64) -> f64 {
+    // In u = tanθ of the air: ∫ … J₀ 2u / (1 + u²)² du.
     let (mut sum, mut from) = (0.0, 0.0_f64);
     loop {
+        let squared = 1.0 + from * from;
+        let ray = Ray::new(layers, 1.0 / squared.sqrt(), 1.0);
+        // How fast the wave turns: d(k h tanθ)/du, p = n sinθ.
+        let turns = layers.iter().zip(&ray.legs).map(|((resin, mm), leg)| {
+            let (index, p) = (resin.index, from / squared.sqrt());
+            let denser = index * index - p * p;
+            if index == super::directions::AIR {
+                k * mm
+            } else {
+                k * mm * leg.mu.recip() * index / (denser * squared.powf(1.5))
+            }
+        });
+        let turn: f64 = turns.sum();
         // What remains, with a wave cancelling what is over a length of 1/turn, is below u · envelope.
-        let envelope = 2.0 * from / (1.0 + from * from).powi(2) * (-tau * from.hypot(1.0)).exp();
+        let envelope = 2.0 * from / (squared * squared) * (-depth(layers, &ray)).exp();
         if from > 2.0 && envelope * from.min(1.0 / turn.max(1e-300)) < TOLERANCE {
             return sum;
         }
         let step = (0.25 * (1.0 + from)).min(PI / turn);
-        sum += step
-            * GAUSS
-                .iter()
-                .map(|(x, weight)| {
-                    let u = from + step * x;
-                    let squared = 1.0 + u * u;
-                    weight * (-tau * squared.sqrt()).exp() * libm::j0(turn * u) * 2.0 * u / (squared * squared)
-                })
-                .sum::<f64>();
+        let point = |(x, weight): &(f64, f64)| {
+            let u = from + step * x;
+            let squared = 1.0 + u * u;
+            let ray = Ray::new(layers, 1.0 / squared.sqrt(), 1.0);
+            let phase: f64 = ray.legs.iter().zip(layers).map(|(leg, (_, mm))| k * mm * leg.slope).sum();
+            let through = ray.crossings() * (-depth(layers, &ray)).exp();
+            weight * through * libm::j0(phase) * 2.0 * u / (squared * squared)
+        };
+        sum += step * GAUSS.iter().map(point).sum::<f64>();
         from += step;
     }
-}
-
-/// The same as the directions see it.
-fn unscattered_over(directions: &Directions, tau: f64, thickness_mm: f64, k: f64) -> f64 {
-    // The orders' coupling has the eigenvalues cos((j + ½)π/orders): Gauss–Chebyshev quadrature of the integral behind J₀.
-    let orders = directions.orders;
-    let wave = |x: f64| {
-        (0..orders).map(|j| (x * ((j as f64 + 0.5) * PI / orders as f64).cos()).cos()).sum::<f64>() / orders as f64
-    };
-    let nodes = directions.mu.iter().zip(&directions.weight);
-    nodes
-        .map(|(mu, weight)| {
-            let slope = (1.0 - mu * mu).sqrt() / mu;
-            2.0 * weight * mu * (-tau / mu).exp() * wave(k * thickness_mm * slope)
-        })
-        .sum()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::optics::{TransportOptions, VolumeCoefficients};
+
+    /// One layer that only absorbs, of optical thickness `tau` > 0.
+    fn dye(tau: f64, mm: f64, directions: &Directions) -> [(Scattering, f64); 1] {
+        let volume = VolumeCoefficients { sigma_s: 0.0, sigma_a: tau / mm, g: 0.0, refractive_index: 1.0 };
+        [(Scattering::new(&volume, directions), mm)]
+    }
+
+    fn few() -> Directions {
+        Directions::new([], TransportOptions { polar: 2, orders: 1 })
+    }
 
     /// Without extinction the light spreads as 1/(r² + h²)²; its transform is x K₁(x), Abramowitz and Stegun 9.6.25, x = kh.
     #[test]
@@ -97,7 +135,7 @@ mod tests {
         for (x, x_k1) in
             [(0.0, 1.0), (0.1, 0.985_384_478_087_3), (1.0, 0.601_907_230_197_2), (5.0, 0.020_223_065_727_6)]
         {
-            let found = unscattered(0.0, 0.5, x / 0.5);
+            let found = unscattered(&dye(1e-12, 0.5, &few()), x / 0.5);
             assert!((found - x_k1).abs() < 1e-6, "x = {x}: {found} instead of {x_k1}");
         }
     }
@@ -106,16 +144,18 @@ mod tests {
     #[test]
     fn uniform_light() {
         for (tau, e3) in [(0.1, 0.416_291_5), (0.5, 0.221_604_4), (1.0, 0.109_692_0), (2.0, 0.030_133_4)] {
-            let found = unscattered(tau, 1.0, 0.0);
+            let found = unscattered(&dye(tau, 1.0, &few()), 0.0);
             assert!((found - 2.0 * e3).abs() < 2e-6, "τ = {tau}: {found} instead of {}", 2.0 * e3);
         }
     }
 
     #[test]
     fn enough_directions_see_the_same() {
-        let directions = Directions::new(64, 200);
+        let directions = Directions::new([], TransportOptions { polar: 64, orders: 60 });
+        let layers = dye(1.6, 1.0, &directions);
+        let straight = Straight::new(&layers, &directions);
         for k in [0.0, 3.0, 20.0] {
-            let (exact, seen) = (unscattered(1.6, 1.0, k), unscattered_over(&directions, 1.6, 1.0, k));
+            let (exact, seen) = (unscattered(&layers, k), straight.seen(k));
             assert!((exact - seen).abs() < 1e-5, "k = {k}: {exact} and {seen}");
         }
     }
