@@ -8,10 +8,11 @@
 //!
 //! *Guaranteed:* estimates without bias; the same bytes for the same seed whatever the number of threads, because photons
 //! come in batches of fixed size, each with a random stream of its own, summed in their order.
-//! *Not covered:* polarisation, lateral inhomogeneity, time of flight.
+//! *Not covered:* polarisation, time of flight; lateral inhomogeneity is [`voxels`]' task, which is index-matched.
 
 mod rings;
 mod tally;
+pub mod voxels;
 mod walk;
 
 use std::ops::ControlFlow;

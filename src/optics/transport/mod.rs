@@ -48,14 +48,14 @@ pub struct TransportOptions {
 }
 
 impl TransportOptions {
-    /// 5 × 5: R̂ within 3e-4 rms of Monte Carlo from 0 to 20 rad/mm (docs/accuracy.md), at a third of the default's cost.
-    pub const REFLECTION: Self = Self { polar: 5, orders: 5 };
+    /// 6 × 5: R̂ within 2.5e-4 rms of Monte Carlo from 0 to 20 rad/mm (docs/accuracy.md), at half the default's cost.
+    pub const REFLECTION: Self = Self { polar: 6, orders: 5 };
 }
 
 impl Default for TransportOptions {
-    /// 7 × 5: T̂ of thin layers within 3e-3 rms of Monte Carlo from 0 to 20 rad/mm too (docs/accuracy.md).
+    /// 8 × 5: T̂ of thin layers within 2e-3 rms of Monte Carlo from 0 to 20 rad/mm too (docs/accuracy.md).
     fn default() -> Self {
-        Self { polar: 7, orders: 5 }
+        Self { polar: 8, orders: 5 }
     }
 }
 
