@@ -7,8 +7,8 @@ use clap::Args;
 use lumislice::{
     job::{NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
     optics::{
-        DEFAULT_SEED, FrequencyGrid, Light, MaterialFile, MaterialSet, PhotonOptions, Prediction, ProfileFile,
-        TransportOptions, VolumeCoefficients,
+        DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, PhotonOptions, Prediction, ProfileFile, TransportOptions,
+        VolumeCoefficients,
     },
     search::{
         BlockTable, Match, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget, Stacking, match_target,

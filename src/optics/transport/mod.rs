@@ -28,7 +28,7 @@ use rayon::prelude::*;
 
 pub use self::modal::{ModalReflection, ReflectionSlope};
 use self::{
-    beam::{Straight, unscattered},
+    beam::Straight,
     directions::{AIR, Directions},
     doubled::Doubled,
     interface::glint,
@@ -97,10 +97,9 @@ impl Transport<'_> {
         let base = self.base.as_ref().and_then(place);
         let setting = Setting::new(&resins, base, self.light, self.options);
         let doubled = Doubled::new(self, &merged);
-        let few_turns = if base.is_none() && !layers.is_empty() {
-            FewTurns::new(&doubled.layers, &doubled.directions, self.light)
-        } else {
-            None
+        let few_turns = match base {
+            None => FewTurns::new(&doubled.layers, &doubled.directions, self.light, grid.as_slice()),
+            Some(_) => None,
         };
         let at = |&k: &f64| {
             // Without absorption there are no modes at k = 0, and there the energy has to be right.
@@ -164,15 +163,21 @@ impl<'a> FewTurns<'a> {
     /// Where less comes through unscattered, T̂ is right to 1e-3 without (docs/accuracy.md).
     const LEAST: f64 = 1e-3;
 
-    fn new(layers: &'a [(Scattering, f64)], directions: &Directions, light: Light) -> Option<Self> {
-        let (through, straight) = match light {
-            Light::Diffuse => (unscattered(layers, 0.0), Some(Straight::new(layers, directions))),
-            Light::Normal => {
-                let tau: f64 = layers.iter().map(|(resin, mm)| resin.extinction * mm).sum();
-                ((-tau).exp(), None)
+    fn new(layers: &'a [(Scattering, f64)], directions: &Directions, light: Light, k: &[f64]) -> Option<Self> {
+        let tau: f64 = layers.iter().map(|(resin, mm)| resin.extinction * mm).sum();
+        // What comes through under any angle is less than what comes straight down.
+        if layers.is_empty() || (-tau).exp() < Self::LEAST {
+            return None;
+        }
+        let straight = match light {
+            Light::Diffuse => {
+                let straight = Straight::new(layers, directions, k.last().copied().unwrap_or(0.0));
+                Some(straight).filter(|straight| straight.through() >= Self::LEAST)
             }
+            Light::Normal => None,
         };
-        (through >= Self::LEAST).then(|| Self { straight, once: Once::new(layers, directions, light) })
+        let needed = light == Light::Normal || straight.is_some();
+        needed.then(|| Self { straight, once: Once::new(layers, directions, light, k) })
     }
 
     fn correction(&self, k: f64) -> f64 {

@@ -46,20 +46,28 @@ pub(super) struct Modes {
     pub(super) rates: Rates,
 }
 
-/// A boundary, by the names above.
+/// A boundary, by the names above; with one refractive index on both sides Q = N₁, P = N₂.
 #[derive(Debug)]
-pub(super) enum Interface {
-    /// Of one refractive index: N₁ = Q, N₂ = P.
-    Matched { n1: Mat<f64>, n2: Mat<f64> },
-    /// Of two.
-    Fresnel { n1: Mat<f64>, n2: Mat<f64>, p: Mat<f64>, q: Mat<f64>, c: Mat<f64>, m: Mat<f64> },
+pub(super) struct Interface {
+    n1: Mat<f64>,
+    n2: Mat<f64>,
+    mirror: Option<Box<Mirror>>,
+}
+
+/// What only a boundary between different refractive indices has.
+#[derive(Debug)]
+struct Mirror {
+    p: Mat<f64>,
+    q: Mat<f64>,
+    c: Mat<f64>,
+    m: Mat<f64>,
 }
 
 impl Interface {
     pub(super) fn new(above: &Modes, below: &Modes, reflectances: Option<&[f64]>) -> Self {
         let Some(f) = reflectances else {
             let (x, z) = (&above.u_inverse * &below.u, &above.w_inverse * &below.w);
-            return Self::Matched { n1: half(&x + &z), n2: half(x - z) };
+            return Self { n1: half(&x + &z), n2: half(x - z), mirror: None };
         };
         let f = Col::from_fn(above.u.nrows(), |i| f[i]);
         let (f, t) = (f.as_diagonal(), Col::from_fn(f.nrows(), |i| 1.0 - f[i]));
@@ -71,66 +79,58 @@ impl Interface {
         let (p, q) = (k.solve(t * &h_below), k.solve(t * &e_below));
         let n1 = &e_below - f * &h_below - t * (&h * &p);
         let n2 = &h_below - f * &e_below - t * (&h * &q);
-        Self::Fresnel { n1, n2, p, q, c, m }
+        Self { n1, n2, mirror: Some(Box::new(Mirror { p, q, c, m })) }
+    }
+
+    fn p(&self) -> &Mat<f64> {
+        self.mirror.as_ref().map_or(&self.n2, |mirror| &mirror.p)
+    }
+
+    fn q(&self) -> &Mat<f64> {
+        self.mirror.as_ref().map_or(&self.n1, |mirror| &mirror.q)
     }
 
     /// N₁ + N₂ρ.
     pub(super) fn down(&self, rho: Option<&Mat<f64>>) -> Mat<f64> {
-        let (Self::Matched { n1, n2 } | Self::Fresnel { n1, n2, .. }) = self;
-        rho.map_or_else(|| n1.clone(), |rho| n1 + n2 * rho)
+        rho.map_or_else(|| self.n1.clone(), |rho| &self.n1 + &self.n2 * rho)
     }
 
     /// P + Qρ.
     pub(super) fn up(&self, rho: Option<&Mat<f64>>) -> Mat<f64> {
-        let (p, q) = match self {
-            Self::Matched { n1, n2 } => (n2, n1),
-            Self::Fresnel { p, q, .. } => (p, q),
-        };
-        rho.map_or_else(|| p.clone(), |rho| p + q * rho)
+        rho.map_or_else(|| self.p().clone(), |rho| self.p() + self.q() * rho)
     }
 
     /// ρ above, from (P + Qρ)(N₁ + N₂ρ)⁻¹.
     pub(super) fn above(&self, up: &Mat<f64>) -> Mat<f64> {
-        match self {
-            Self::Matched { .. } => up.clone(),
-            Self::Fresnel { c, m, .. } => c + up * m,
-        }
+        self.mirror.as_ref().map_or_else(|| up.clone(), |mirror| &mirror.c + up * &mirror.m)
     }
 
     /// M a.
     pub(super) fn enter(&self, column: Col<f64>) -> Col<f64> {
-        match self {
-            Self::Matched { .. } => column,
-            Self::Fresnel { m, .. } => m * column,
+        match &self.mirror {
+            None => column,
+            Some(mirror) => &mirror.m * column,
         }
     }
 
     /// Row × M.
     pub(super) fn enter_row(&self, row: &Row<f64>) -> Row<f64> {
-        match self {
-            Self::Matched { .. } => row.clone(),
-            Self::Fresnel { m, .. } => row * m,
-        }
+        self.mirror.as_ref().map_or_else(|| row.clone(), |mirror| row * &mirror.m)
     }
 
     /// Row × P and row × Q.
     pub(super) fn leaving(&self, row: &Row<f64>) -> (Row<f64>, Row<f64>) {
-        match self {
-            Self::Matched { n1, n2 } => (row * n2, row * n1),
-            Self::Fresnel { p, q, .. } => (row * p, row * q),
-        }
+        (row * self.p(), row * self.q())
     }
 
     /// Row × N₂.
     pub(super) fn change_below(&self, row: &Row<f64>) -> Row<f64> {
-        let (Self::Matched { n2, .. } | Self::Fresnel { n2, .. }) = self;
-        row * n2
+        row * &self.n2
     }
 
     /// Row × (Q − (P + Qρ)(N₁ + N₂ρ)⁻¹ N₂): how ρ above changes with ρ below, but for a factor on the right.
     pub(super) fn change(&self, row: &Row<f64>, up: &Mat<f64>) -> Row<f64> {
-        let (Self::Matched { n2, n1: q } | Self::Fresnel { n2, q, .. }) = self;
-        row * q - (row * up) * n2
+        row * self.q() - (row * up) * &self.n2
     }
 }
 

@@ -1,5 +1,7 @@
 //! Straight ways through a stack, bent at its boundaries.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use super::{directions::AIR, scattering::Scattering};
 use crate::optics::fresnel::refraction;
 
@@ -58,29 +60,51 @@ fn crossing(cosine: f64, from: f64, into: f64) -> f64 {
 }
 
 /// Azimuthal orders along a way as the directions see it: v ← e^{−xC} v, x = k z tanθ, with C the orders' coupling and
-/// ρ at its end (see [`super::scattering`]); `backwards`, with C's transpose. By Taylor's series over parts of at most [`PART`].
-pub(super) fn stream(orders: &mut [f64], x: f64, ratio: f64, backwards: bool, scratch: &mut [f64]) {
-    /// Longest part, and terms for it: what is left out is below 1e-10.
+/// ρ at its end (see [`super::scattering`]); `backwards`, with C's transpose. By Taylor's series over parts of at most [`PART`]. At most 32 orders.
+pub(super) fn stream(orders: &mut [f64], x: f64, ratio: f64, backwards: bool) {
+    /// Longest part.
     const PART: f64 = 1.0;
-    const TERMS: usize = 12;
-    let parts = (x / PART).ceil().max(1.0);
+    /// Terms that are smaller end the series.
+    const ENOUGH: f64 = 1e-9;
+    const MOST: usize = 32;
+    if x == 0.0 || orders.is_empty() {
+        return;
+    }
+    let count = orders.len().min(MOST);
+    let parts = (x / PART).ceil();
     let step = if backwards { x / parts } else { -x / parts };
-    let (last, loss) = (orders.len() - 1, if orders.len() == 1 { ratio } else { 0.5 * ratio });
-    let (term, next) = scratch.split_at_mut(orders.len());
+    // The loss at the end damps in both directions.
+    let loss = if count == 1 { ratio } else { 0.5 * ratio } * if backwards { -1.0 } else { 1.0 };
+    // A zero on either side of the orders.
+    let (mut term, mut next) = ([0.0; MOST + 2], [0.0; MOST + 2]);
     for _ in 0..parts as usize {
-        term.copy_from_slice(orders);
-        for i in 1..=TERMS {
-            for m in 0..=last {
-                let lower = if m > 0 { super::directions::coupling(m) * term[m - 1] } else { 0.0 };
-                let upper = if m < last { super::directions::coupling(m + 1) * term[m + 1] } else { 0.0 };
-                next[m] = lower - upper;
+        term[1..=count].copy_from_slice(&orders[..count]);
+        let mut power = 1.0;
+        loop {
+            for m in 1..=count {
+                next[m] = 0.5 * (term[m - 1] - term[m + 1]);
             }
-            // The loss at the end damps in both directions.
-            next[last] += if backwards { -loss } else { loss } * term[last];
-            for ((order, term), next) in orders.iter_mut().zip(term.iter_mut()).zip(next.iter()) {
-                *term = step / i as f64 * next;
+            // Order 0 is coupled by √½.
+            if count > 1 {
+                next[1] = -FRAC_1_SQRT_2 * term[2];
+                next[2] = FRAC_1_SQRT_2 * term[1] - 0.5 * term[3];
+            } else {
+                next[1] = 0.0;
+            }
+            next[count] += loss * term[count];
+            let scale = step / power;
+            let mut largest = 0.0_f64;
+            for (order, (term, next)) in
+                orders[..count].iter_mut().zip(term[1..=count].iter_mut().zip(&next[1..=count]))
+            {
+                *term = scale * next;
                 *order += *term;
+                largest = largest.max(term.abs());
             }
+            if largest < ENOUGH {
+                break;
+            }
+            power += 1.0;
         }
     }
 }
