@@ -11,7 +11,7 @@ use faer::{
 use rayon::prelude::*;
 
 use super::{
-    TransportOptions, TransportSpectra,
+    FewTurns, TransportOptions, TransportSpectra,
     directions::{AIR, Directions},
     flux,
     interface::reflectances,
@@ -28,6 +28,8 @@ const LEAST_ABSORPTION: f64 = 1e-8;
 /// The reflection of any stack of some resins, in one channel, under diffuse light, without the glint of its surface.
 #[derive(Debug)]
 pub struct ModalReflection {
+    setting: Setting,
+    k: Vec<f64>,
     frequencies: Vec<Frequency>,
 }
 
@@ -41,6 +43,7 @@ pub struct ReflectionSlope {
 }
 
 /// Resins under air, over a half-space of one of them or over air, and the light on them: what holds at every frequency.
+#[derive(Debug)]
 pub(super) struct Setting {
     scattering: Vec<Scattering>,
     indices: Vec<f64>,
@@ -85,7 +88,7 @@ impl ModalReflection {
     /// `resins` over a half-space of the resin `base` (an index), or over nothing, at spatial frequencies `k` in rad/mm.
     pub fn new(resins: &[VolumeCoefficients], base: Option<usize>, k: &[f64], options: TransportOptions) -> Self {
         let setting = Setting::new(resins, base, Light::Diffuse, options);
-        Self { frequencies: k.par_iter().map(|&k| Frequency::new(&setting, k)).collect() }
+        Self { frequencies: k.par_iter().map(|&k| Frequency::new(&setting, k)).collect(), setting, k: k.to_vec() }
     }
 
     /// R̂ of `layers`, (resin, mm ≥ 0) from the observer down, at each frequency.
@@ -93,8 +96,29 @@ impl ModalReflection {
         self.frequencies.iter().map(|frequency| frequency.spectra(layers).0).collect()
     }
 
-    /// The same with T̂; 0 over a half-space. Of thin stacks, T̂ as the directions see it (see [`super::Transport`]).
+    /// The same with T̂; 0 over a half-space.
     pub fn spectra(&self, layers: &[(usize, f64)]) -> TransportSpectra {
+        let mut spectra = self.discrete(layers);
+        if self.setting.base.is_none() {
+            let mut merged: Vec<(usize, f64)> = Vec::new();
+            for &(resin, mm) in layers.iter().filter(|(_, mm)| *mm > 0.0) {
+                match merged.last_mut() {
+                    Some((above, sum)) if *above == resin => *sum += mm,
+                    _ => merged.push((resin, mm)),
+                }
+            }
+            let layers: Vec<_> =
+                merged.iter().map(|&(resin, mm)| (self.setting.scattering[resin].clone(), mm)).collect();
+            if let Some(light) = FewTurns::new(&layers, &self.setting.directions, Light::Diffuse, &self.k) {
+                let pairs = spectra.transmission.iter_mut().zip(&self.k);
+                pairs.for_each(|(value, &k)| *value += light.correction(k));
+            }
+        }
+        spectra
+    }
+
+    /// R̂ and T̂ as the directions see them.
+    pub(super) fn discrete(&self, layers: &[(usize, f64)]) -> TransportSpectra {
         let (reflection, transmission) = self.frequencies.iter().map(|frequency| frequency.spectra(layers)).unzip();
         TransportSpectra { reflection, transmission }
     }
