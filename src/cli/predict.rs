@@ -98,8 +98,11 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
     if model != Model::Km {
         let names: Vec<&str> = layers.iter().map(|(name, _)| name.as_str()).chain(args.core.as_deref()).collect();
         let refused = materials.fit(Some(&names), &bars)?;
-        refused.iter().for_each(|reason| say(&format!("warning: {reason}")));
-        if !refused.is_empty() && model == Model::Transport && args.light == Source::Diffuse {
+        if let Some(reason) = refused.first() {
+            if model == Model::MonteCarlo || args.light == Source::Normal {
+                bail!("{}: {reason}", args.materials.display());
+            }
+            // Loading says what was refused, and why.
             say("warning: predicting by Kubelka-Munk instead");
             model = Model::Km;
         }
