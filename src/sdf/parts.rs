@@ -169,8 +169,8 @@ fn lay(prepared: &[Prepared], frame: &Frame, error: f32, out: &mut [Planes]) -> 
         let (planes, lane) = (&mut out[index / LANES], index % LANES);
         for part in 0..PARTS {
             planes.value[part][lane] = value[part];
-            for axis in 0..3 {
-                planes.rise[part][axis][lane] = rise[axis][part];
+            for (to, from) in planes.rise[part].iter_mut().zip(&rise) {
+                to[lane] = from[part];
             }
         }
     }

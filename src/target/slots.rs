@@ -105,7 +105,8 @@ impl SlotTable {
     /// The material at a `depth` where limits change nothing, and where a footprint of one stacking has it on one texel; `None` at others.
     #[inline(always)]
     pub fn material_below_limits(&self, footprint: &Footprint, depth: f32) -> Option<MaterialId> {
-        (depth > self.reach).then(|| self.ids[self.passed_between(footprint, depth)])
+        // Not by a closure: it would be built for the plainest instruction set.
+        if depth > self.reach { Some(self.ids[self.passed_between(footprint, depth)]) } else { None }
     }
 
     /// [`passed`] of the mean of four rows, without writing it down.
