@@ -8,6 +8,7 @@
 mod checks;
 mod error;
 mod estimate;
+mod factored;
 mod images;
 mod manifest;
 mod object;
@@ -42,7 +43,7 @@ pub use estimate::Estimate;
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
 };
-pub use object::{ObjectJob, Scaling};
+pub use object::{DepthFrom, ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
     SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
@@ -53,7 +54,7 @@ pub use progress::{Interrupt, Progress, Silent};
 pub use redraw::{RedrawError, redraw};
 pub use report::{REPORT, draw_again, report_data};
 pub use resolved::ResolvedJob;
-pub use run::{RunOptions, STACKINGS, run};
+pub use run::{Finished, RunOptions, STACKINGS, run};
 pub use run_error::{Blame, RunError};
 pub use stack::{StackError, format_stack, parse_stack};
 pub use stacking_report::{LayerEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};
