@@ -19,6 +19,7 @@ use super::{
     output_file::OutputFile,
     print, print_json,
     progress::Bars,
+    say,
     table::{number, table},
 };
 
@@ -41,6 +42,9 @@ pub struct PredictArgs {
     /// Light from all directions, or a pencil beam straight down (not with km).
     #[arg(long, value_enum, default_value_t = Source::Diffuse, help_heading = "Light")]
     light: Source,
+    /// Root mean square error of the reflection over spatial frequencies that transport may have: 1e-3 to 3e-5; chooses the number of directions.
+    #[arg(long, value_name = "RMS", default_value_t = 1e-4, value_parser = parse_accuracy, help_heading = "Light")]
+    accuracy: f64,
     /// Photons per channel, at least 2 (monte-carlo only); default 2000000.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Light")]
     photons: Option<u64>,
@@ -62,6 +66,11 @@ enum Model {
     MonteCarlo,
 }
 
+fn parse_accuracy(text: &str) -> Result<f64, String> {
+    let valid = |accuracy: &f64| (3e-5..=1e-3).contains(accuracy);
+    text.parse().ok().filter(valid).ok_or_else(|| "expected 3e-5 to 1e-3".to_owned())
+}
+
 fn parse_model(text: &str) -> Result<Model, String> {
     Model::from_str(text, false).map_err(|_| "expected km, transport or monte-carlo".to_owned())
 }
@@ -78,14 +87,28 @@ enum Source {
 pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
     args.check()?;
     let layers = parse_stack(&args.stack).map_err(|error| anyhow!("--stack: {error}"))?;
-    let materials = Materials::read(&args.materials)?;
+    let mut materials = Materials::read(&args.materials)?;
     let file = &materials.file;
     let indices =
         layers.iter().map(|(name, mm)| Ok((file.resin_index(name)?, *mm))).collect::<anyhow::Result<Vec<_>>>()?;
     let core = args.core.as_deref().map(|name| file.resin_index(name)).transpose()?;
     let csv = args.open_csv(file.channels())?;
     let bars = Bars::new(args.json);
-    let prediction = match args.model {
+    let mut model = args.model;
+    if model != Model::Km {
+        let names: Vec<&str> = layers.iter().map(|(name, _)| name.as_str()).chain(args.core.as_deref()).collect();
+        let refused = materials.fit(Some(&names), &bars)?;
+        if let Some(reason) = refused.first() {
+            if model == Model::MonteCarlo || args.light == Source::Normal {
+                bail!("{}: {reason}", args.materials.display());
+            }
+            // Loading says what was refused, and why.
+            say("warning: predicting by Kubelka-Munk instead");
+            model = Model::Km;
+        }
+    }
+    let file = &materials.file;
+    let prediction = match model {
         Model::Km => Prediction::kubelka_munk(&materials.load(&bars)?, &indices, core),
         Model::Transport => args.transport(file, &layers)?,
         Model::MonteCarlo => args.trace(file, &layers, &bars)?,
@@ -108,6 +131,7 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
             "k_rad_per_mm": prediction.grid.as_slice(),
             "reflection_hankel": reflection,
             "transmission_hankel": transmission,
+            "glint": prediction.light.iter().map(|light| light.glint).collect::<Vec<_>>(),
             "half_energy_radius_mm": prediction.light.iter().map(|light| light.half_energy_radius_mm).collect::<Vec<_>>(),
         }))?;
         return Ok(Answer::Yes);
@@ -127,7 +151,7 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
         })
         .collect();
     let header = ["channel", "albedo", "transmission", "50% within mm", "90% within mm"];
-    print(&(args.title(&layers) + "\n" + &table(&header, &rows)))?;
+    print(&(args.title(&layers, model) + "\n" + &table(&header, &rows)))?;
     Ok(Answer::Yes)
 }
 
@@ -165,7 +189,7 @@ impl PredictArgs {
 
     fn transport(&self, file: &MaterialFile, layers: &[(String, f64)]) -> anyhow::Result<Prediction> {
         let (layers, core) = self.volumes(file, layers)?;
-        let options = TransportOptions::default();
+        let options = TransportOptions::for_accuracy(self.accuracy, self.light());
         Ok(Prediction::transport(file.channels(), &layers, core, self.light(), options))
     }
 
@@ -194,10 +218,10 @@ impl PredictArgs {
         channels.iter().map(|channel| OutputFile::open(&with_channel(path, channel))).collect()
     }
 
-    fn title(&self, layers: &[(String, f64)]) -> String {
+    fn title(&self, layers: &[(String, f64)], model: Model) -> String {
         let layers: Vec<_> = layers.iter().map(|(name, mm)| format!("{name} {mm} mm")).collect();
         let below = self.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
-        let model = match self.model {
+        let model = match model {
             Model::Km => "Kubelka-Munk",
             Model::Transport => "transport",
             Model::MonteCarlo => "Monte Carlo",

@@ -10,6 +10,8 @@ mod compare;
 mod error;
 mod estimate;
 mod factored;
+mod factoring;
+mod heights;
 mod images;
 mod manifest;
 mod object;
@@ -42,6 +44,10 @@ use toml::de::DeTable;
 pub use compare::{CompareError, CompareRequest, Comparison, Difference, Stage, compare, compare_into};
 pub use error::{JobError, Place};
 pub use estimate::Estimate;
+pub use factoring::{
+    ChannelFit, ClusterRecord, FACTORED, FACTORED_VERSION, FactorError, FactorRequest, FactorSettings, Factored,
+    LABELS, PROFILES, RingResidual, RoundRecord, Simpler, TailRecord, factor_into,
+};
 pub use images::{srgb_to_linear, to_channels};
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,

@@ -11,7 +11,7 @@
 use glam::DVec3;
 use multiversion::multiversion;
 
-use super::triangle::closest_point;
+use super::closest_many::{LANES, Pairs};
 
 /// Triangles are dropped only when beaten by more than this, mm: far above the rounding of a distance, so that ties reach the
 /// comparison that breaks them by index.
@@ -61,18 +61,24 @@ pub struct DepthRange {
 /// Tangent planes of the candidates of one block, reused.
 #[derive(Debug, Default)]
 pub struct CullScratch {
-    planes: Vec<Plane>,
+    planes: Vec<Planes>,
     alive: Vec<bool>,
 }
 
+/// Tangent planes of [`LANES`] candidates.
 #[derive(Debug, Clone, Copy)]
-struct Plane {
-    /// Distance at the centre.
-    value: f64,
-    /// What it rises by from the centre to the faces, per axis.
-    rise: DVec3,
-    /// Lowest value of the plane in the block.
-    low: f64,
+struct Planes {
+    /// Distances at the centre.
+    value: [f64; LANES],
+    /// What they rise by from the centre to the faces, per axis.
+    rise: [[f64; LANES]; 3],
+}
+
+impl Planes {
+    /// The lowest value of one of them in the block.
+    fn low(&self, lane: usize) -> f64 {
+        self.value[lane] - (self.rise[0][lane].abs() + self.rise[1][lane].abs() + self.rise[2][lane].abs())
+    }
 }
 
 /// Moves the candidates that can be nearest somewhere in `block` from `candidates` to the end of `kept`, in order, and
@@ -88,25 +94,37 @@ pub fn cull(
 ) -> DepthRange {
     let CullScratch { planes, alive } = scratch;
     planes.clear();
-    let mut nearest = 0;
-    for &candidate in &list[candidates.clone()] {
-        let found = closest_point(block.centre, &triangles[candidate as usize]);
-        let value = found.distance_squared.sqrt();
-        // On the triangle itself 0 is a subgradient.
-        let gradient = if value > 0.0 { (block.centre - found.point) / value } else { DVec3::ZERO };
-        if planes.get(nearest).is_some_and(|best: &Plane| value < best.value) {
-            nearest = planes.len();
+    let mut pairs = Pairs::EMPTY;
+    for lane in 0..LANES {
+        pairs.set_position(lane, block.centre);
+    }
+    let (mut nearest, mut least) = (0, f64::INFINITY);
+    for (block_of, some) in list[candidates.clone()].chunks(LANES).enumerate() {
+        for (lane, &candidate) in some.iter().enumerate() {
+            pairs.set_triangle(lane, &triangles[candidate as usize]);
         }
-        let rise = gradient * block.half;
-        planes.push(Plane { value, rise, low: value - rise.abs().element_sum() });
+        let found = pairs.closest();
+        for (lane, &value) in found.distance[..some.len()].iter().enumerate() {
+            if value < least {
+                (nearest, least) = (block_of * LANES + lane, value);
+            }
+        }
+        let rise = |axis: usize| found.gradient[axis].map(|gradient| gradient * block.half[axis]);
+        planes.push(Planes { value: found.distance, rise: [rise(0), rise(1), rise(2)] });
     }
     let mut highest = f64::INFINITY;
     let mut rival = nearest;
     alive.clear();
-    alive.resize(planes.len(), true);
+    alive.resize(candidates.len(), true);
+    for (corner, position) in block.corners().into_iter().enumerate() {
+        pairs.set_position(corner, position);
+    }
     for _ in 0..ROUNDS {
         let triangle = &triangles[list[candidates.start + rival] as usize];
-        let ceiling = block.corners().map(|corner| closest_point(corner, triangle).distance_squared.sqrt());
+        for lane in 0..LANES {
+            pairs.set_triangle(lane, triangle);
+        }
+        let ceiling = pairs.closest().distance;
         highest = ceiling.iter().copied().fold(0.0, f64::max).min(highest);
         match drop_beaten(planes, alive, rival, &ceiling, slack) {
             Some(next) => rival = next,
@@ -117,7 +135,7 @@ pub fn cull(
     for (index, candidate) in candidates.enumerate() {
         if alive[index] {
             list.push(list[candidate]);
-            lowest = planes[index].low.min(lowest);
+            lowest = planes[index / LANES].low(index % LANES).min(lowest);
         }
     }
     DepthRange { min: lowest.max(0.0), max: highest }
@@ -126,25 +144,28 @@ pub fn cull(
 /// Drops every candidate that is behind `rival`, whose distances at the corners are `ceiling`, by more than `slack` mm everywhere.
 /// Returns the one that is furthest before it at some corner.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
-fn drop_beaten(planes: &[Plane], alive: &mut [bool], rival: usize, ceiling: &[f64; 8], slack: f64) -> Option<usize> {
+fn drop_beaten(planes: &[Planes], alive: &mut [bool], rival: usize, ceiling: &[f64; 8], slack: f64) -> Option<usize> {
     let mut weakest = (f64::NEG_INFINITY, None);
-    for (index, (plane, alive)) in planes.iter().zip(alive).enumerate() {
-        if !*alive || index == rival {
-            continue;
+    for (block, (planes, alive)) in planes.iter().zip(alive.chunks_mut(LANES)).enumerate() {
+        let (value, [rx, ry, rz]) = (&planes.value, &planes.rise);
+        // How far the rival is behind the planes at the corners, at most.
+        let mut behind = [f64::NEG_INFINITY; LANES];
+        for corner in 0..8 {
+            let [x, y, z] = [CORNERS[0][corner], CORNERS[1][corner], CORNERS[2][corner]];
+            for lane in 0..LANES {
+                let plane = value[lane] + x * rx[lane] + y * ry[lane] + z * rz[lane];
+                let at_corner = ceiling[corner] - plane;
+                behind[lane] = if at_corner > behind[lane] { at_corner } else { behind[lane] };
+            }
         }
-        // How far the rival is behind the plane at the corners.
-        let mut behind = [0.0; 8];
-        for (corner, behind) in behind.iter_mut().enumerate() {
-            let [x, y, z] = CORNERS.map(|signs| signs[corner]);
-            *behind = ceiling[corner] - (plane.value + x * plane.rise.x + y * plane.rise.y + z * plane.rise.z);
-        }
-        let greater = |a: f64, b: f64| if a > b { a } else { b };
-        let four: [f64; 4] = std::array::from_fn(|i| greater(behind[i], behind[i + 4]));
-        let worst = greater(greater(four[0], four[2]), greater(four[1], four[3]));
-        if worst < -slack {
-            *alive = false;
-        } else if worst > weakest.0 {
-            weakest = (worst, Some(index));
+        for (lane, alive) in alive.iter_mut().enumerate() {
+            let index = block * LANES + lane;
+            let (worst, rivals) = (behind[lane], *alive & (index != rival));
+            let beaten = worst < -slack;
+            *alive &= !(rivals & beaten);
+            if rivals & !beaten & (worst > weakest.0) {
+                weakest = (worst, Some(index));
+            }
         }
     }
     weakest.1

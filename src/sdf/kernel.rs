@@ -11,6 +11,10 @@
 use glam::{DVec3, Vec3};
 use multiversion::multiversion;
 
+use super::{
+    cull::DepthRange,
+    parts::{PART_COLUMNS, PART_SLICES, Part, Parts},
+};
 use crate::voxel::{BRICK, BRICK_VOXELS, Lattice};
 
 /// Positions of a brick's voxels relative to its centre, mm; the same for all bricks of a lattice.
@@ -48,11 +52,13 @@ pub struct BrickSurface {
     pub candidate: [u32; BRICK_VOXELS],
     /// No distance is off by more than this, mm.
     pub error: f32,
+    /// The candidates, ready for the kernel.
+    parts: Parts,
 }
 
 impl Default for BrickSurface {
     fn default() -> Self {
-        Self { distance: [0.0; BRICK_VOXELS], candidate: [0; BRICK_VOXELS], error: 0.0 }
+        Self { distance: [0.0; BRICK_VOXELS], candidate: [0; BRICK_VOXELS], error: 0.0, parts: Parts::default() }
     }
 }
 
@@ -65,8 +71,8 @@ const ERROR_ULPS: f32 = 16.0;
 const MARGIN_ULPS: f32 = 3.0;
 
 /// A triangle made ready for one brick.
-#[derive(Clone, Copy)]
-struct Prepared {
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Prepared {
     corner: [Vec3; 3],
     edge: [Vec3; 3],
     inverse_length_squared: [f32; 3],
@@ -95,6 +101,88 @@ impl Prepared {
             margin: edges.map(|e| (rounding * e.length()) as f32),
         }
     }
+
+    /// The squared distance of a position, given as seen from the three corners.
+    #[inline(always)]
+    fn squared(&self, sight: [EdgeSight; 3], height: f32) -> f32 {
+        let (edges, inside) = self.edges(sight);
+        let border = lesser(lesser(edges[0].squared, edges[1].squared), edges[2].squared);
+        if inside { height * height } else { border }
+    }
+
+    /// The position as seen from its nearest point on the triangle, and the squared distance.
+    #[inline(always)]
+    pub(super) fn seen_from_foot(&self, [x, y, z]: [f32; 3]) -> ([f32; 3], f32) {
+        let height = self.normal.x * x + self.normal.y * y + self.normal.z * z + self.height;
+        let (edges, inside) = self.edges([self.sight(0, x, y, z), self.sight(1, x, y, z), self.sight(2, x, y, z)]);
+        let [mut best, second, third] = edges;
+        for edge in [second, third] {
+            let stays = best.squared < edge.squared;
+            for axis in 0..3 {
+                best.from_foot[axis] = if stays { best.from_foot[axis] } else { edge.from_foot[axis] };
+            }
+            best.squared = if stays { best.squared } else { edge.squared };
+        }
+        let n = self.normal;
+        let from_foot = [
+            if inside { n.x * height } else { best.from_foot[0] },
+            if inside { n.y * height } else { best.from_foot[1] },
+            if inside { n.z * height } else { best.from_foot[2] },
+        ];
+        (from_foot, if inside { height * height } else { best.squared })
+    }
+
+    #[inline(always)]
+    fn sight(&self, i: usize, x: f32, y: f32, z: f32) -> EdgeSight {
+        let (corner, edge, inward) = (self.corner[i], self.edge[i], self.inward[i]);
+        let (qx, qy) = (x - corner.x, y - corner.y);
+        let (along, across) = (edge.x * qx + edge.y * qy, inward.x * qx + inward.y * qy);
+        self.lift(i, [qx, qy, along, across], z)
+    }
+
+    /// Completes what is known of a position's x and y: its place relative to an edge's start, and its products with the edge and with
+    /// the normal inwards as far as they depend on x and y.
+    #[inline(always)]
+    fn lift(&self, i: usize, [qx, qy, along, across]: [f32; 4], z: f32) -> EdgeSight {
+        let qz = z - self.corner[i].z;
+        EdgeSight { q: [qx, qy, qz], along: along + self.edge[i].z * qz, inward: across + self.inward[i].z * qz }
+    }
+
+    /// The three edges, and whether the position projects into the triangle for certain.
+    #[inline(always)]
+    fn edges(&self, sight: [EdgeSight; 3]) -> ([Edge; 3], bool) {
+        let margin = &self.margin;
+        let inside = (sight[0].inward >= margin[0]) & (sight[1].inward >= margin[1]) & (sight[2].inward >= margin[2]);
+        ([self.edge(0, sight[0]), self.edge(1, sight[1]), self.edge(2, sight[2])], inside)
+    }
+
+    #[inline(always)]
+    fn edge(&self, i: usize, EdgeSight { q: [qx, qy, qz], along, .. }: EdgeSight) -> Edge {
+        let edge = self.edge[i];
+        let t = along * self.inverse_length_squared[i];
+        let t = lesser(greater(t, 0.0), 1.0);
+        let (rx, ry, rz) = (qx - t * edge.x, qy - t * edge.y, qz - t * edge.z);
+        Edge { from_foot: [rx, ry, rz], squared: rx * rx + ry * ry + rz * rz }
+    }
+}
+
+/// A position as seen from the start of an edge.
+#[derive(Clone, Copy)]
+struct EdgeSight {
+    q: [f32; 3],
+    /// Its product with the edge.
+    along: f32,
+    /// On which side of the edge it is, in the triangle's plane; positive inside.
+    inward: f32,
+}
+
+/// A position against one edge.
+#[derive(Clone, Copy)]
+struct Edge {
+    /// From the nearest point of the edge to the position.
+    from_foot: [f32; 3],
+    /// Squared distance to the edge.
+    squared: f32,
 }
 
 /// Finds for every voxel of the brick around `centre` the nearest of `candidates` (at least one; ties go to the first).
@@ -105,56 +193,88 @@ pub fn nearest_in_brick(
     offsets: &BrickOffsets,
     out: &mut BrickSurface,
 ) {
-    out.distance.fill(f32::INFINITY);
-    let mut reach = 0.0_f32;
-    for (position, &candidate) in (0..).zip(candidates) {
-        let prepared = Prepared::new(&triangles[candidate as usize], centre);
-        reach = prepared.corner.iter().fold(reach, |reach, corner| reach.max(corner.abs().max_element()));
-        compare(&prepared, position, offsets, out);
-    }
-    for distance in &mut out.distance {
-        *distance = distance.sqrt();
-    }
+    nearest_in_parts(triangles, candidates, centre, offsets, out, |_| true, |_, _, _| false);
+}
+
+/// The same for the parts of the brick that are `wanted` and that `settle` leaves. It is given a part, the positions in `candidates` of all
+/// that can be nearest in it, and the distances there, and returns whether that is all one needs to know. Voxels of other parts keep what
+/// they had.
+pub fn nearest_in_parts(
+    triangles: &[[DVec3; 3]],
+    candidates: &[u32],
+    centre: DVec3,
+    offsets: &BrickOffsets,
+    out: &mut BrickSurface,
+    wanted: impl Fn(Part) -> bool,
+    mut settle: impl FnMut(Part, &[u32], DepthRange) -> bool,
+) {
+    let mut parts = std::mem::take(&mut out.parts);
+    parts.prepared.clear();
+    parts.prepared.extend(candidates.iter().map(|&c| Prepared::new(&triangles[c as usize], centre)));
+    let corners = parts.prepared.iter().flat_map(|prepared| prepared.corner);
+    let reach = corners.fold(0.0_f32, |reach, corner| reach.max(corner.abs().max_element()));
     out.error = ERROR_ULPS * f32::EPSILON * reach;
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
-fn compare(triangle: &Prepared, position: u32, offsets: &BrickOffsets, out: &mut BrickSurface) {
-    for voxel in 0..BRICK_VOXELS {
-        let [x, y, z] = [offsets.x[voxel], offsets.y[voxel], offsets.z[voxel]];
-        let edges: [_; 3] = [edge(triangle, 0, x, y, z), edge(triangle, 1, x, y, z), edge(triangle, 2, x, y, z)];
-        let height = dot(triangle.normal, x, y, z) + triangle.height;
-        let margin = &triangle.margin;
-        let inside = (edges[0].inward >= margin[0]) & (edges[1].inward >= margin[1]) & (edges[2].inward >= margin[2]);
-        let border = lesser(lesser(edges[0].squared, edges[1].squared), edges[2].squared);
-        let squared = if inside { height * height } else { border };
-        let nearer = squared < out.distance[voxel];
-        out.distance[voxel] = if nearer { squared } else { out.distance[voxel] };
-        out.candidate[voxel] = if nearer { position } else { out.candidate[voxel] };
+    parts.lay_planes(offsets, out.error);
+    for part in Part::all() {
+        if wanted(part) {
+            let range = parts.cull(part, out.error);
+            if !settle(part, &parts.kept, range) {
+                compare(&parts.prepared, &parts.kept, offsets, part, out);
+            }
+        }
     }
+    out.parts = parts;
 }
 
-/// A voxel against one edge.
-struct Edge {
-    /// Squared distance to the edge.
-    squared: f32,
-    /// On which side of the edge, in the triangle's plane; positive inside.
-    inward: f32,
-}
-
-#[inline(always)]
-fn edge(triangle: &Prepared, i: usize, x: f32, y: f32, z: f32) -> Edge {
-    let (corner, edge) = (triangle.corner[i], triangle.edge[i]);
-    let (qx, qy, qz) = (x - corner.x, y - corner.y, z - corner.z);
-    let t = dot(edge, qx, qy, qz) * triangle.inverse_length_squared[i];
-    let t = lesser(greater(t, 0.0), 1.0);
-    let (rx, ry, rz) = (qx - t * edge.x, qy - t * edge.y, qz - t * edge.z);
-    Edge { squared: rx * rx + ry * ry + rz * rz, inward: dot(triangle.inward[i], qx, qy, qz) }
-}
-
-#[inline(always)]
-fn dot(v: Vec3, x: f32, y: f32, z: f32) -> f32 {
-    v.x * x + v.y * y + v.z * z
+/// Finds for every voxel of a part the nearest of the triangles at the positions in `kept`.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
+fn compare(prepared: &[Prepared], kept: &[u32], offsets: &BrickOffsets, part: Part, out: &mut BrickSurface) {
+    type Lanes = [f32; PART_COLUMNS];
+    let first = part.first();
+    let [x, y]: [Lanes; 2] = [&offsets.x, &offsets.y].map(|row| std::array::from_fn(|lane| row[first + lane]));
+    // What depends on x and y alone: the same in all slices.
+    let mut columns = [[[0.0; PART_COLUMNS]; 4]; 3];
+    let mut heights = [0.0; PART_COLUMNS];
+    let mut distance = [[f32::INFINITY; PART_COLUMNS]; PART_SLICES];
+    let mut nearest = [[0; PART_COLUMNS]; PART_SLICES];
+    for &position in kept {
+        let triangle = &prepared[position as usize];
+        for (i, [qx, qy, along, across]) in columns.iter_mut().enumerate() {
+            let (corner, edge, inward) = (triangle.corner[i], triangle.edge[i], triangle.inward[i]);
+            for lane in 0..PART_COLUMNS {
+                qx[lane] = x[lane] - corner.x;
+                qy[lane] = y[lane] - corner.y;
+                along[lane] = edge.x * qx[lane] + edge.y * qy[lane];
+                across[lane] = inward.x * qx[lane] + inward.y * qy[lane];
+            }
+        }
+        for lane in 0..PART_COLUMNS {
+            heights[lane] = triangle.normal.x * x[lane] + triangle.normal.y * y[lane];
+        }
+        for slice in 0..PART_SLICES {
+            let z = offsets.z[first + slice * BRICK * BRICK];
+            let (distance, nearest) = (&mut distance[slice], &mut nearest[slice]);
+            for lane in 0..PART_COLUMNS {
+                let column = |i: usize| {
+                    let [qx, qy, along, across] = &columns[i];
+                    [qx[lane], qy[lane], along[lane], across[lane]]
+                };
+                let sight =
+                    [triangle.lift(0, column(0), z), triangle.lift(1, column(1), z), triangle.lift(2, column(2), z)];
+                let squared = triangle.squared(sight, heights[lane] + triangle.normal.z * z + triangle.height);
+                let nearer = squared < distance[lane];
+                distance[lane] = if nearer { squared } else { distance[lane] };
+                nearest[lane] = if nearer { position } else { nearest[lane] };
+            }
+        }
+    }
+    for slice in 0..PART_SLICES {
+        let start = first + slice * BRICK * BRICK;
+        for lane in 0..PART_COLUMNS {
+            out.distance[start + lane] = distance[slice][lane].sqrt();
+            out.candidate[start + lane] = nearest[slice][lane];
+        }
+    }
 }
 
 /// `a.min(b)` without its rules for NaN, which cost a blend.
@@ -164,6 +284,6 @@ fn lesser(a: f32, b: f32) -> f32 {
 }
 
 #[inline(always)]
-fn greater(a: f32, b: f32) -> f32 {
+pub(super) fn greater(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }

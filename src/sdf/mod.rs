@@ -6,14 +6,17 @@
 //! | file | what it does |
 //! | --- | --- |
 //! | `triangle` | closest point of one triangle |
+//! | `closest_many` | the same for eight at once, in SIMD |
 //! | `surface`  | bounding volume hierarchy over all triangles: the closest point of a position |
 //! | `inside`   | runs of inside voxels per row, by signed crossings |
 //! | `cull`     | which triangles can be nearest somewhere in a block |
+//! | `parts`    | the same for the parts of a brick |
 //! | `kernel`   | nearest of a few triangles for the 512 voxels of a brick, in SIMD |
 //! | `voxelize`, `surface_voxels` | which voxels the surface passes through |
 //! | `grid`     | distance from voxel to surface voxel, as the paper has it |
 //! | `moments`, `lp_kernel`, `lp` | the Lp-averaged distance |
 
+mod closest_many;
 mod cull;
 mod face;
 mod grid;
@@ -22,6 +25,7 @@ mod kernel;
 mod lp;
 mod lp_kernel;
 mod moments;
+mod parts;
 mod surface;
 mod surface_voxels;
 #[cfg(test)]
@@ -33,8 +37,9 @@ pub use cull::{BlockBox, CullScratch, DepthRange, SLACK, cull};
 pub use face::Face;
 pub use grid::{FeatureWindow, Reach};
 pub use inside::{InsideRows, SliceRuns};
-pub use kernel::{BrickOffsets, BrickSurface, nearest_in_brick};
+pub use kernel::{BrickOffsets, BrickSurface, nearest_in_brick, nearest_in_parts};
 pub use lp::{LpField, LpOffsets, LpScratch, RELATIVE_ERROR};
+pub use parts::{PART_COLUMNS, PART_SLICES, Part};
 pub use surface::{Surface, SurfacePoint};
 pub use surface_voxels::SurfaceVoxels;
 pub use triangle::{ClosestPoint, closest_point};

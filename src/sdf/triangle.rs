@@ -8,7 +8,7 @@ use glam::DVec3;
 
 /// Height over longest edge below which a triangle is thin. Worst errors over 60 mm by Ericson's products alone: at 10⁻³ 3e-14 mm, at
 /// 10⁻⁵ 1e-5 mm, at 10⁻⁷ 0.15 mm, at 10⁻⁹ 24 mm.
-const THIN: f64 = 1e-3;
+pub(super) const THIN: f64 = 1e-3;
 
 /// The point of a triangle nearest to a position.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -12,7 +12,7 @@ use crate::{
     mesh::Solid,
     sdf::{
         BlockBox, BrickOffsets, BrickSurface, CullScratch, DepthRange, Face, InsideRows, SliceRuns, Surface,
-        closest_point, cull, nearest_in_brick,
+        closest_point, cull, nearest_in_parts,
     },
     target::{BrickQuery, LayerField},
     voxel::{BRICK, BRICK_VOXELS, Block, BlockShape, Lattice, MaterialId},
@@ -42,6 +42,8 @@ pub struct FillScratch {
     pub(super) measure: MeasureScratch,
     pub(super) masks: Vec<[u8; BRICK_VOXELS / 8]>,
     pub(super) surface: BrickSurface,
+    /// What can be nearest in one part of a brick.
+    part: Vec<u32>,
     /// Of the brick's candidates, as far as asked for.
     faces: Vec<Option<Face>>,
 }
@@ -269,8 +271,14 @@ impl ObjectField {
     ) {
         let triangles = self.surface.triangles();
         let brick = self.shape.brick_index(at);
+        let mut mask = scratch.masks[brick];
+        let mut ids = [0; BRICK_VOXELS];
         if !matches!(self.measure, Measure::Grid { .. }) {
-            nearest_in_brick(triangles, candidates, centre, &self.offsets, &mut scratch.surface);
+            let settled = self.nearest(candidates, centre, &mut mask, &mut ids, scratch);
+            if let Some(id) = settled {
+                let bricks = Bricks { first: at, count: [1; 3] };
+                return self.fill_uniform(bricks, id, block, scratch);
+            }
         }
         let candidates = match &self.measure {
             Measure::Exact => candidates,
@@ -283,7 +291,6 @@ impl ObjectField {
                 &scratch.measure.triangles
             }
         };
-        let mask = &scratch.masks[brick];
         let position = |voxel: usize| {
             let index = |axis: usize| site.first[axis] + (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32;
             self.lattice.centre(std::array::from_fn(index))
@@ -312,11 +319,47 @@ impl ObjectField {
                 None => self.uv(triangle, position(voxel)),
             }
         };
-        let mut ids = [0; BRICK_VOXELS];
-        let query = BrickQuery { surface: &scratch.surface, candidates, mask };
+        let query = BrickQuery { surface: &scratch.surface, candidates, mask: &mask };
         self.layers.fill_brick(query, exact, uv, &mut ids);
-        merge(block.dense_mut(brick), mask, |voxel| ids[voxel]);
+        merge(block.dense_mut(brick), &scratch.masks[brick], |voxel| ids[voxel]);
         scratch.faces = faces;
+    }
+
+    /// Finds the nearest triangle of the masked voxels. Parts that are certain to be one material get their ids and leave the mask;
+    /// if that is all of them and one id, it is returned.
+    fn nearest(
+        &self,
+        candidates: &[u32],
+        centre: DVec3,
+        mask: &mut [u8; BRICK_VOXELS / 8],
+        ids: &mut [u8; BRICK_VOXELS],
+        scratch: &mut FillScratch,
+    ) -> Option<MaterialId> {
+        let inside = *mask;
+        let (mut only, mut alike) = (None, true);
+        nearest_in_parts(
+            self.surface.triangles(),
+            candidates,
+            centre,
+            &self.offsets,
+            &mut scratch.surface,
+            |part| part.bytes().any(|byte| inside[byte] != 0),
+            |part, kept, range| {
+                scratch.part.clear();
+                scratch.part.extend(kept.iter().map(|&position| candidates[position as usize]));
+                let exact = matches!(self.measure, Measure::Exact);
+                let id = exact.then(|| self.layers.uniform_over(&scratch.part, range)).flatten();
+                alike &= id.is_some() && (only.is_none() || only == id);
+                only = id;
+                let Some(id) = id else { return false };
+                for byte in part.bytes() {
+                    mask[byte] = 0;
+                    ids[byte * 8..byte * 8 + 8].fill(id.0);
+                }
+                true
+            },
+        );
+        only.filter(|_| alike)
     }
 }
 

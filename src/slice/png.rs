@@ -97,10 +97,20 @@ fn encoder<'a>(
 }
 
 /// Splits a row of ids into runs, each with its part of the pixel row.
-fn runs<'a>(ids: &'a [u8], mut pixels: &'a mut [u8]) -> impl Iterator<Item = (u8, &'a mut [u8])> {
-    ids.chunk_by(|a, b| a == b).map(move |run| {
-        let (head, tail) = std::mem::take(&mut pixels).split_at_mut(run.len() * 4);
+fn runs<'a>(mut ids: &'a [u8], mut pixels: &'a mut [u8]) -> impl Iterator<Item = (u8, &'a mut [u8])> {
+    std::iter::from_fn(move || {
+        let &id = ids.first()?;
+        let length = run_length(ids, id);
+        ids = &ids[length..];
+        let (head, tail) = std::mem::take(&mut pixels).split_at_mut(length * 4);
         pixels = tail;
-        (run[0], head)
+        Some((id, head))
     })
+}
+
+/// How many of the first `ids` are `id`; whole vectors at a time, for runs are long.
+fn run_length(ids: &[u8], id: u8) -> usize {
+    let (vectors, _) = ids.as_chunks::<16>();
+    let length = 16 * vectors.iter().take_while(|vector| **vector == [id; 16]).count();
+    length + ids[length..].iter().take_while(|other| **other == id).count()
 }

@@ -80,7 +80,7 @@ impl LayerField {
         }
     }
 
-    /// Writes the materials of the masked voxels of a brick; `exact` gives a voxel's depth in double precision, `uv` the
+    /// Writes the materials of the masked voxels of a brick, and of no others; `exact` gives a voxel's depth in double precision, `uv` the
     /// texture coordinates of its nearest point on a candidate.
     pub fn fill_brick(
         &self,

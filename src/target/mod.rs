@@ -4,12 +4,15 @@
 //! surface point and depth.
 
 mod align;
+pub mod bssrdf;
 mod charts;
 mod clusters;
 mod diffusion;
 mod equation_7;
+mod heights;
 mod layers;
 mod limits;
+mod lookups;
 mod metric;
 mod slots;
 mod texture;
@@ -20,6 +23,7 @@ pub use charts::{Atlas, ChartMap, Place};
 pub use clusters::{ClusterError, ClusterFit, ClusterOptions, Clusters, cluster};
 pub use diffusion::{DiffusionError, NormalizedDiffusion};
 pub use equation_7::{LocalProfiles, TexelRings};
+pub use heights::HeightFields;
 pub use layers::{BrickQuery, LayerField, LayerStack};
 pub use limits::{SlotLimits, enforce_limits};
 pub use slots::SlotTable;

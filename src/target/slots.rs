@@ -76,6 +76,11 @@ impl SlotTable {
         &self.bottoms[start..start + self.stride]
     }
 
+    #[inline(always)]
+    fn vectors(&self, label: u16) -> &[[f32; Self::LANES]] {
+        self.bottoms(label).as_chunks().0
+    }
+
     /// Depth below which every stacking has ended, mm.
     pub fn thickness(&self) -> f64 {
         self.thickness
@@ -97,10 +102,18 @@ impl SlotTable {
         self.ids[slot]
     }
 
+    /// The material at a `depth` where limits change nothing, and where a footprint of one stacking has it on one texel; `None` at others.
+    #[inline(always)]
+    pub fn material_below_limits(&self, footprint: &Footprint, depth: f32) -> Option<MaterialId> {
+        // Not by a closure: it would be built for the plainest instruction set.
+        if depth > self.reach { Some(self.ids[self.passed_between(footprint, depth)]) } else { None }
+    }
+
     /// [`passed`] of the mean of four rows, without writing it down.
     #[inline(always)]
     fn passed_between(&self, footprint: &Footprint, depth: f32) -> usize {
-        let rows = footprint.labels.map(|label| self.bottoms(label).as_chunks::<{ Self::LANES }>().0);
+        let [a, b, c, d] = footprint.labels;
+        let rows = [self.vectors(a), self.vectors(b), self.vectors(c), self.vectors(d)];
         let mut counts = [0; Self::LANES];
         for (((a, b), c), d) in rows[0].iter().zip(rows[1]).zip(rows[2]).zip(rows[3]) {
             for (lane, count) in counts.iter_mut().enumerate() {
@@ -140,9 +153,13 @@ impl SlotTable {
     /// The material of all depths in `range`, if it is certain.
     pub fn certain(&self, SlotRanges { low, high }: &SlotRanges, range: DepthRange) -> Option<MaterialId> {
         let slots = self.slots();
-        // No depth is negative, and the first slot begins at 0.
-        let (min, max) = ((range.min as f32).next_down().max(0.0), (range.max as f32).next_up());
+        let [min, max] = Self::rounded_out(range);
         self.limits.certain(&low[..slots], &high[..slots], min, max).map(|slot| self.ids[slot])
+    }
+
+    /// A range of depths in single precision that holds `range`. No depth is negative, and the first slot begins at 0.
+    pub fn rounded_out(range: DepthRange) -> [f32; 2] {
+        [(range.min as f32).next_down().max(0.0), (range.max as f32).next_up()]
     }
 
     /// Calls `visit` for stretches of depth, from one (mm) to below another, that certainly are one material.

@@ -14,11 +14,12 @@ use rayon::prelude::*;
 use super::{
     charts::{Atlas, Place, for_covered_texels, wrap},
     layers::BrickQuery,
+    lookups::{SurfaceTexel, resolve},
     slots::{SlotRanges, SlotTable},
 };
 use crate::{
     mesh::TriangleMesh,
-    sdf::DepthRange,
+    sdf::{DepthRange, PART_COLUMNS, PART_SLICES, Part},
     voxel::{BRICK_VOXELS, MaterialId},
 };
 
@@ -28,79 +29,44 @@ pub struct LabelMap(pub Vec<u16>);
 
 /// A texel: whose stacking, and whose chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Texel {
-    label: u16,
-    chart: u16,
+pub(super) struct Texel {
+    pub(super) label: u16,
+    pub(super) chart: u16,
 }
 
 /// One texture among the texels of all.
 #[derive(Debug, Clone, Copy)]
-struct Page {
-    width: u32,
-    height: u32,
-    start: usize,
+pub(super) struct Page {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) start: usize,
 }
 
 /// The layers of a textured object.
 #[derive(Debug, Clone)]
 pub struct TexturedLayers {
-    slots: SlotTable,
-    pages: Vec<Page>,
-    texels: Vec<Texel>,
+    pub(super) slots: SlotTable,
+    pub(super) pages: Vec<Page>,
+    pub(super) texels: Vec<Texel>,
     /// Page and chart of every triangle.
-    places: Vec<Place>,
+    pub(super) places: Vec<Place>,
     /// Per triangle the least and then the greatest bottom of every slot, mm.
     ranges: Vec<f32>,
+    /// The certain stretches under triangle t: `stretches[starts[t]..starts[t + 1]]`.
+    stretches: Vec<Stretch>,
+    starts: Vec<u32>,
 }
 
-/// The certain stretches of depth under single candidates of a brick, worked out when first asked for.
-struct Stretches {
-    /// Start and end in `list` per candidate; an end of 0 says not yet.
-    of_candidate: [(u16, u16); Self::CANDIDATES],
-    list: Vec<(f32, f32, MaterialId)>,
-}
-
-impl Stretches {
-    /// Candidates it knows; a brick rarely has more, and those are not asked.
-    const CANDIDATES: usize = 64;
-
-    /// The material at `depth` mm under `triangle`, which is number `candidate` of the brick, if it is certain within `error`.
-    #[inline]
-    fn material(
-        &mut self,
-        layers: &TexturedLayers,
-        candidate: u32,
-        triangle: u32,
-        depth: f32,
-        error: f32,
-    ) -> Option<MaterialId> {
-        let range = self.of_candidate.get_mut(candidate as usize)?;
-        if range.1 == 0 {
-            if self.list.is_empty() {
-                self.list.push((0.0, 0.0, MaterialId::BACKGROUND)); // so that no end is 0
-            }
-            let start = self.list.len();
-            layers.slots.for_certain_depths(&layers.ranges_over(&[triangle]), |from, to, id| {
-                self.list.push((from + error, to - error, id));
-            });
-            *range = (start as u16, self.list.len() as u16);
-        }
-        let stretches = &self.list[usize::from(range.0)..usize::from(range.1)];
-        stretches.iter().find(|(from, to, _)| depth >= *from && depth < *to).map(|stretch| stretch.2)
-    }
+/// Depths, from one (mm) to below another, that are one material for certain.
+#[derive(Debug, Clone, Copy)]
+struct Stretch {
+    from: f32,
+    to: f32,
+    id: MaterialId,
 }
 
 /// Marks voxels whose texels decide; the background's id, which no slot has.
 const UNCERTAIN: u8 = MaterialId::BACKGROUND.0;
-
-/// A voxel that looks up texels: where its nearest surface point is.
-#[derive(Debug, Clone, Copy, Default)]
-struct SurfaceTexel {
-    voxel: u32,
-    triangle: u32,
-    uv: Vec2,
-    depth: f32,
-}
 
 /// How far outside its triangle, in texels, a point may take a texel from: the diagonal of the bilinear footprint and rounding.
 const FOOTPRINT: f32 = 1.5;
@@ -109,16 +75,32 @@ const FOOTPRINT: f32 = 1.5;
 const HALF_CELL: f32 = 0.75;
 
 impl TexturedLayers {
+    /// Most candidates of a brick that are looked at one by one; there are rarely more.
+    const CANDIDATES: usize = 64;
+
     /// Lays one label map per page over an atlas of `mesh`; every label is a row of `slots`.
     pub fn new(mesh: &TriangleMesh, atlas: &Atlas, labels: &[LabelMap], slots: SlotTable) -> Self {
-        let mut layers =
-            Self { slots, pages: Vec::new(), texels: Vec::new(), places: atlas.places().to_vec(), ranges: Vec::new() };
+        let mut layers = Self {
+            slots,
+            pages: Vec::new(),
+            texels: Vec::new(),
+            places: atlas.places().to_vec(),
+            ranges: Vec::new(),
+            stretches: Vec::new(),
+            starts: vec![0],
+        };
         for (page, labels) in atlas.pages().iter().zip(labels) {
             layers.pages.push(Page { width: page.width, height: page.height, start: layers.texels.len() });
             let texels = page.source.iter().zip(&page.chart);
             layers.texels.extend(texels.map(|(&source, &chart)| Texel { label: labels.0[source as usize], chart }));
         }
         layers.ranges = layers.triangle_ranges(mesh);
+        for triangle in 0..mesh.triangles.len() as u32 {
+            let ranges = layers.ranges_over(&[triangle]);
+            let stretches = &mut layers.stretches;
+            layers.slots.for_certain_depths(&ranges, |from, to, id| stretches.push(Stretch { from, to, id }));
+            layers.starts.push(layers.stretches.len() as u32);
+        }
         layers
     }
 
@@ -182,7 +164,19 @@ impl TexturedLayers {
 
     /// See [`super::LayerField::uniform_over`].
     pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<MaterialId> {
+        // What is certain under all is certain under each; that is quick to ask, and mostly ends it.
+        let [min, max] = SlotTable::rounded_out(range);
+        let certain = |&triangle: &u32| self.stretches_under(triangle).iter().any(|s| s.from <= min && max < s.to);
+        if !triangles.iter().all(certain) {
+            return None;
+        }
         self.slots.certain(&self.ranges_over(triangles), range)
+    }
+
+    #[inline(always)]
+    fn stretches_under(&self, triangle: u32) -> &[Stretch] {
+        let [start, end] = [0, 1].map(|end| self.starts[triangle as usize + end] as usize);
+        &self.stretches[start..end]
     }
 
     /// Least and greatest bottom of every slot under any of `triangles`.
@@ -221,20 +215,24 @@ impl TexturedLayers {
 
     /// See [`super::LayerField::fill_brick`].
     ///
-    /// Most voxels lie in a stretch of depth that is one material under all candidates; only the others look up texels.
+    /// Most voxels lie in a stretch of depth that is one material under their triangle; only the others look up texels.
     pub fn fill_brick(
         &self,
         query: BrickQuery<'_>,
         mut uv: impl FnMut(u32, usize) -> Vec2,
         out: &mut [u8; BRICK_VOXELS],
     ) {
-        out.fill(UNCERTAIN);
-        let error = query.surface.error;
-        self.slots.for_certain_depths(&self.ranges_over(query.candidates), |from, to, id| {
-            paint(&query.surface.distance, from + error, to - error, id.0, out);
-        });
-        // The others ask for the stretches under their own triangle before they look up texels.
-        let mut stretches = Stretches { of_candidate: [(0, 0); Stretches::CANDIDATES], list: Vec::new() };
+        let surface = query.surface;
+        let mut ids = [UNCERTAIN; BRICK_VOXELS];
+        if query.candidates.len() <= Self::CANDIDATES {
+            for part in Part::all().filter(|part| part.bytes().any(|byte| query.mask[byte] != 0)) {
+                paint_part(self, query, part, &mut ids);
+            }
+        } else {
+            self.slots.for_certain_depths(&self.ranges_over(query.candidates), |from, to, id| {
+                paint(&surface.distance, from + surface.error, to - surface.error, id.0, &mut ids);
+            });
+        }
         let mut points = [SurfaceTexel::default(); BRICK_VOXELS];
         let mut count = 0;
         for (row, &mask) in query.mask.iter().enumerate() {
@@ -242,15 +240,12 @@ impl TexturedLayers {
             while rest != 0 {
                 let voxel = row * 8 + rest.trailing_zeros() as usize;
                 rest &= rest - 1;
-                if out[voxel] == UNCERTAIN {
-                    let candidate = query.surface.candidate[voxel];
+                out[voxel] = ids[voxel];
+                if ids[voxel] == UNCERTAIN {
+                    let candidate = surface.candidate[voxel];
                     let triangle = query.candidates[candidate as usize];
-                    let depth = query.surface.distance[voxel];
-                    if let Some(id) = stretches.material(self, candidate, triangle, depth, error) {
-                        out[voxel] = id.0;
-                        continue;
-                    }
-                    points[count] = SurfaceTexel { voxel: voxel as u32, triangle, uv: uv(candidate, voxel), depth };
+                    let (uv, depth) = (uv(candidate, voxel), surface.distance[voxel]);
+                    points[count] = SurfaceTexel { voxel: voxel as u32, triangle, uv, depth };
                     count += 1;
                 }
             }
@@ -260,7 +255,7 @@ impl TexturedLayers {
 
     /// The four texels around a point and their weights; texels of other charts weigh nothing, unless all four are.
     #[inline(always)]
-    fn footprint(&self, triangle: u32, u: f32, v: f32) -> Footprint {
+    pub(super) fn footprint(&self, triangle: u32, u: f32, v: f32) -> Footprint {
         let Place { page, chart } = self.places[triangle as usize];
         let Page { width, height, start } = self.pages[usize::from(page)];
         let (x, y) = (u * width as f32 - 0.5, v * height as f32 - 0.5);
@@ -335,12 +330,38 @@ fn paint(depths: &[f32; BRICK_VOXELS], from: f32, to: f32, id: u8, out: &mut [u8
     }
 }
 
-/// Looks up the materials of some voxels; a function of its own so that it is built for several instruction sets.
+/// Gives the voxels of a part that lie in a certain stretch under their own triangle its id. At most [`TexturedLayers::CANDIDATES`] are
+/// candidates.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
-fn resolve(layers: &TexturedLayers, points: &[SurfaceTexel], out: &mut [u8; BRICK_VOXELS]) {
-    let mut bottoms = [0.0; SlotTable::MAX_STRIDE];
-    for point in points {
-        let footprint = layers.footprint(point.triangle, point.uv.x, point.uv.y);
-        out[point.voxel as usize] = layers.slots.material(&mut bottoms, &footprint, point.depth).0;
+fn paint_part(layers: &TexturedLayers, query: BrickQuery<'_>, part: Part, out: &mut [u8; BRICK_VOXELS]) {
+    const LANES: usize = PART_COLUMNS * PART_SLICES;
+    let surface = query.surface;
+    let (mut depth, mut nearest, mut ids) = ([0.0; LANES], [0; LANES], [u32::from(UNCERTAIN); LANES]);
+    for (n, row) in part.rows().enumerate() {
+        let lanes = n * PART_COLUMNS..(n + 1) * PART_COLUMNS;
+        depth[lanes.clone()].copy_from_slice(&surface.distance[row.clone()]);
+        nearest[lanes].copy_from_slice(&surface.candidate[row]);
+    }
+    // The candidates that are nearest somewhere, a bit each.
+    let mut rest = 0_u64;
+    for candidate in &nearest {
+        rest |= 1 << (candidate & 63);
+    }
+    while rest != 0 {
+        let candidate = rest.trailing_zeros();
+        rest &= rest - 1;
+        let Some(&triangle) = query.candidates.get(candidate as usize) else { continue };
+        for &Stretch { from, to, id } in layers.stretches_under(triangle) {
+            let (from, to, id) = (from + surface.error, to - surface.error, u32::from(id.0));
+            for lane in 0..LANES {
+                let certain = (depth[lane] >= from) & (depth[lane] < to) & (nearest[lane] == candidate);
+                ids[lane] = if certain { id } else { ids[lane] };
+            }
+        }
+    }
+    for (n, row) in part.rows().enumerate() {
+        for (out, id) in out[row].iter_mut().zip(&ids[n * PART_COLUMNS..]) {
+            *out = *id as u8;
+        }
     }
 }

@@ -3,7 +3,7 @@
 use crate::support::{keys, run};
 
 /// Every command with the flags that scripts may use.
-const COMMANDS: [(&str, &[&str]); 13] = [
+const COMMANDS: [(&str, &[&str]); 14] = [
     ("slice", &["--output", "--overwrite", "--slices <A..B>", "--dry-run", "--json"]),
     ("predict", &["--materials", "--stack", "--core", "--model", "--light", "--photons", "--seed", "--csv", "--json"]),
     (
@@ -26,6 +26,23 @@ const COMMANDS: [(&str, &[&str]); 13] = [
     ("material list", &["--json"]),
     ("material show", &["--json", "FILE|SET"]),
     ("material simulate", &["--output", "--photons", "--seed", "--resin", "--thickness-mm", "--overwrite"]),
+    (
+        "factor",
+        &[
+            "DATASET",
+            "--luminance",
+            "--roughness",
+            "--rounds",
+            "--compare",
+            "--clusters",
+            "--max-rms",
+            "--seed",
+            "--dc-weight",
+            "--output",
+            "--overwrite",
+            "--json",
+        ],
+    ),
     ("compare", &["OUT", "--map", "--materials", "--photons", "--seed", "--output", "--overwrite", "--json"]),
     ("preview", &["OUT"]),
     ("verify", &["OUT", "--json"]),

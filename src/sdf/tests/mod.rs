@@ -1,7 +1,8 @@
-//! Laws of the grid and Lp distances.
+//! Laws of the grid and Lp distances, and of what the kernel leaves out.
 
 mod grid;
 mod lp;
+mod parts;
 
 use glam::DVec3;
 
