@@ -9,13 +9,14 @@ use serde_json::json;
 use super::{
     Answer,
     materials::Materials,
+    measure::{self, MeasureArgs},
     print, print_json,
     progress::Bars,
     simulate::{self, SimulateArgs},
     table::{number, table},
 };
 
-/// Resins: list the built-in sets, show one, simulate profiles.
+/// Resins: list the built-in sets, show one, simulate profiles, measure photographs.
 #[derive(Debug, Args)]
 #[command(arg_required_else_help = true)]
 pub struct MaterialArgs {
@@ -28,6 +29,7 @@ enum MaterialCommand {
     List(ListArgs),
     Show(ShowArgs),
     Simulate(SimulateArgs),
+    Measure(MeasureArgs),
 }
 
 /// List the built-in sets of resins.
@@ -55,6 +57,7 @@ pub fn run(args: &MaterialArgs) -> anyhow::Result<Answer> {
         MaterialCommand::List(args) => list(args),
         MaterialCommand::Show(args) => show(args),
         MaterialCommand::Simulate(args) => simulate::run(args),
+        MaterialCommand::Measure(args) => measure::run(args),
     }
 }
 

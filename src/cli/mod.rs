@@ -6,6 +6,7 @@
 mod match_target;
 mod material;
 mod materials;
+mod measure;
 mod output_file;
 mod predict;
 mod preview;
@@ -26,6 +27,7 @@ use std::{
 use clap::{Parser, Subcommand};
 use lumislice::{
     job::{Blame, Interrupt, RedrawError, RunError, verify::VerifyError},
+    measure::MeasureError,
     optics::OpticsError,
 };
 
@@ -116,6 +118,8 @@ fn exit_code(error: &anyhow::Error) -> u8 {
         error.blame()
     } else if let Some(OpticsError::Cancelled) = error.downcast_ref() {
         Blame::Interrupt
+    } else if let Some(error) = error.downcast_ref::<MeasureError>() {
+        if matches!(error, MeasureError::Cancelled) { Blame::Interrupt } else { Blame::Input }
     } else if error.downcast_ref::<io::Error>().is_some() {
         // What is left of plain I/O errors comes from writing to stdout or a file the user named.
         Blame::Disk

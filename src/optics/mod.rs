@@ -39,6 +39,7 @@ pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinSpectrum,
     SimulatedProfile, SlabPlan, SpectrumError, regenerate_builtin, simulate_profile,
 };
+pub(crate) use materials::{resin_table, toml_source};
 pub use monte_carlo::voxels;
 pub use monte_carlo::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges};
 pub use prediction::{ChannelPrediction, PhotonOptions, PredictedRing, Prediction};

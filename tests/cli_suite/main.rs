@@ -13,6 +13,7 @@
 mod interrupt;
 mod matching;
 mod material;
+mod measure;
 mod predict;
 mod slice_bad;
 mod slice_bssrdf;
