@@ -4,6 +4,7 @@
 //! surface point and depth.
 
 mod align;
+pub mod bssrdf;
 mod charts;
 mod clusters;
 mod diffusion;
