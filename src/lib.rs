@@ -46,6 +46,7 @@
 pub mod job;
 pub mod mesh;
 pub mod optics;
+pub mod plot;
 pub mod sdf;
 pub mod search;
 pub mod slice;
