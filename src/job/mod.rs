@@ -8,6 +8,7 @@
 mod checks;
 mod error;
 mod estimate;
+mod factoring;
 mod images;
 mod manifest;
 mod object;
@@ -39,6 +40,10 @@ use toml::de::DeTable;
 
 pub use error::{JobError, Place};
 pub use estimate::Estimate;
+pub use factoring::{
+    ChannelFit, ClusterRecord, FACTORED, FACTORED_VERSION, FactorError, FactorRequest, FactorSettings, Factored, LABELS,
+    PROFILES, RingResidual, RoundRecord, Simpler, TailRecord, factor_into,
+};
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
 };

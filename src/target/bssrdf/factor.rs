@@ -22,7 +22,7 @@ use super::{
     passes::{Misses, Model, Source, Survey},
     planes::Planes,
     responses::Channel,
-    rings::{Rings, areas},
+    rings::Rings,
 };
 
 /// What is fitted.
@@ -152,7 +152,11 @@ pub fn factor(
     while !converged && rounds.len() < options.rounds {
         let model = Model { global: &global, root: &root, between: &between };
         let kind = if rounds.is_empty() { Residual::Logarithm } else { Residual::Linear };
-        let gradient = source.gradient(&model, noise.variance(), kind)?;
+        let stage = match rounds.last() {
+            None => "round 1".to_owned(),
+            Some(last) => format!("round {}, ln P moved by {:.4}", rounds.len() + 1, last.change),
+        };
+        let gradient = source.gradient(&stage, &model, noise.variance(), kind)?;
         let operator = Operator {
             rings: &rings,
             model: &model,
@@ -364,12 +368,4 @@ impl NoiseModel {
         }
         self.relative = relative.max(0.0).sqrt().max(LEAST_RELATIVE);
     }
-}
-
-/// Mean over all texels of the profiles' energy in the rings, of one channel.
-pub fn mean_energy(factors: &Factors, rings: &Rings) -> f64 {
-    let areas = areas(&rings.edges_mm);
-    let texels = factors.root.width * factors.root.height;
-    let of = |texel| factors.profile(texel).zip(&areas).map(|(p, a)| p * a).sum::<f64>();
-    (0..texels).map(of).sum::<f64>() / texels as f64
 }

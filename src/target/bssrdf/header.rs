@@ -11,6 +11,7 @@ use serde::Deserialize;
 use super::{
     BssrdfError,
     dataset::{Array, Noise, Parts},
+    exr_rows, images,
     npy::{NpyError, NpyHeader},
     responses::Responses,
 };
@@ -33,6 +34,8 @@ struct Header {
     channels: Option<Vec<String>>,
     noise_floor_per_mm2: Option<f64>,
     noise_gain_per_mm2: Option<f64>,
+    window: Option<[usize; 2]>,
+    full_scale_per_mm2: Option<f64>,
 }
 
 /// Reads a header and the small arrays it names.
@@ -58,7 +61,15 @@ pub(super) fn read(file: &Path) -> Result<Parts, BssrdfError> {
     }
     let folder = file.parent().unwrap_or(Path::new(""));
     let path = folder.join(&header.responses);
-    let found = open_responses(&path)?;
+    let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
+    let (responses, found) = if path.is_dir() {
+        images::unpack(&path, header.window, header.full_scale_per_mm2)?
+    } else if is_exr {
+        exr_rows::unpack(&path, header.window)?
+    } else {
+        let found = open_responses(&path)?;
+        (Responses::new(path, found.clone(), None), found)
+    };
     let array = |name: &str, path: Option<PathBuf>| path.map(|path| read_array(&folder.join(path), name)).transpose();
     let noise = match (header.noise_floor_per_mm2, header.noise_gain_per_mm2) {
         (None, None) => None,
@@ -68,7 +79,7 @@ pub(super) fn read(file: &Path) -> Result<Parts, BssrdfError> {
         pitch_mm: header.pitch_mm,
         channels: header.channels,
         noise,
-        responses: Responses::new(path, found.clone(), None),
+        responses,
         header: found,
         albedo: array("albedo", header.albedo)?,
         mask: array("mask", header.mask)?,

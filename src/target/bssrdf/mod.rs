@@ -11,8 +11,11 @@
 
 mod dataset;
 mod error;
+mod exr_rows;
 mod factor;
+mod groups;
 mod header;
+mod images;
 mod kernel;
 mod npy;
 mod npz;
@@ -21,16 +24,19 @@ mod passes;
 mod planes;
 mod responses;
 mod rings;
+mod tail;
 
 pub use dataset::{Dataset, MAX_SIDE, MAX_WINDOW, Noise, PITCH_MM};
 pub use error::BssrdfError;
 pub use factor::{FactorOptions, Factors, Freedom, Round, factor};
+pub use groups::{ClusterCount, Metric};
 pub use kernel::Variance;
 pub use npy::write_npy;
 pub use passes::{Misses, Sums};
 pub use planes::Planes;
 pub use responses::{Channel, LUMINANCE, Responses};
 pub use rings::{Offset, Rings, areas};
+pub use tail::{TailKind, TailRings};
 
 /// Told the stage and the share of it that is done, 0 to 1; says whether to go on. Called from one thread.
 pub type Watch<'a> = dyn Fn(&str, f64) -> bool + Sync + 'a;

@@ -114,6 +114,10 @@ impl Scratch {
         self.0.write_all(bytes).map_err(Self::fault)
     }
 
+    pub(super) fn write_values(&mut self, values: &[f32]) -> Result<(), BssrdfError> {
+        values.iter().try_for_each(|value| self.write(&value.to_le_bytes()))
+    }
+
     pub(super) fn responses(self, header: NpyHeader) -> Result<Responses, BssrdfError> {
         let file = self.0.into_inner().map_err(|error| Self::fault(error.into_error()))?;
         Ok(Responses::new(file.path().to_path_buf(), header, Some(file)))

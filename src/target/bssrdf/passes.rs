@@ -141,7 +141,7 @@ impl Source<'_> {
         self.pass("reading", empty, row, |band, part| {
             survey.energy[band.start * width..band.end * width].copy_from_slice(&part.energy);
             for ring in 0..rings.len() {
-                for (local, y) in band.enumerate() {
+                for (local, y) in band.clone().enumerate() {
                     survey.availability.row_mut(ring, y).copy_from_slice(part.availability.row(ring, local));
                 }
             }
@@ -158,7 +158,13 @@ impl Source<'_> {
     }
 
     /// Σ ½·weight·residual over the measurements of every texel and ring, and what the model misses by.
-    pub fn gradient(&self, model: &Model<'_>, variance: Variance, kind: Residual) -> Result<Gradient, BssrdfError> {
+    pub fn gradient(
+        &self,
+        stage: &str,
+        model: &Model<'_>,
+        variance: Variance,
+        kind: Residual,
+    ) -> Result<Gradient, BssrdfError> {
         let Dataset { width, height, .. } = *self.dataset;
         let (rings, reach) = (self.rings, self.rings.reach_rows());
         let mut whole = Gradient {
@@ -214,7 +220,7 @@ impl Source<'_> {
                 misses.add(ring, &scratch.sums);
             }
         };
-        self.pass("fitting", empty, row, |band, (part, first, _)| {
+        self.pass(stage, empty, row, |band, (part, first, _)| {
             for ring in 0..rings.len() {
                 for local in 0..part.values.height {
                     let to = whole.values.row_mut(ring, first + local);
@@ -260,8 +266,8 @@ impl Source<'_> {
     }
 }
 
-/// A measurement beyond the patch, where another material may lie, counts this much of one within.
-const OUTSIDE_WEIGHT: f32 = 0.1;
+/// A measurement beyond the patch, where another material may lie, counts this much of one within: it decides where nothing else does.
+const OUTSIDE_WEIGHT: f32 = 0.01;
 
 fn variance_of(variance: Variance, r: f32) -> f32 {
     variance.constant + r * (variance.linear + r * variance.square)

@@ -39,9 +39,9 @@ pub struct Rings {
     pub counts: Vec<usize>,
 }
 
-/// A ring is kept while the window holds this share of its pixels: the corners of a square window still speak for all
-/// directions, a few stray pixels do not.
-const MIN_COVERAGE: f64 = 0.125;
+/// A ring is kept while the window holds this share of its pixels. A few pixels in the corners of a window tie each texel to a few others
+/// only, and profiles that alternate between them go unseen: with a share of 0.2, noise of 1% became an error of 9%.
+const MIN_COVERAGE: f64 = 0.5;
 
 impl Rings {
     /// Rings of a window of odd width and height with the lit texel in its middle.
@@ -132,7 +132,7 @@ mod tests {
             let pixels = rings.ring(ring).len() as f64;
             assert!((areas[ring] - pixels * 0.01).abs() < 1e-12, "ring {ring}");
         }
-        assert!(rings.len() > 11, "the corners are used");
+        assert!(rings.len() > 11, "parts of the corners are used");
         assert_eq!(rings.counts.iter().sum::<usize>(), rings.offsets.len());
         assert_eq!(rings.distances_mm[..3], [0.0, 0.1, 0.1 * 2f64.sqrt()]);
     }
@@ -140,8 +140,7 @@ mod tests {
     #[test]
     fn windows_of_any_shape() {
         assert_eq!(Rings::new(1, 1, 0.1).len(), 1);
-        let flat = Rings::new(31, 1, 0.1);
-        assert_eq!((flat.len(), flat.offsets.len()), (4, 7), "two pixels speak for a ring of 16 and no more");
+        assert_eq!(Rings::new(31, 1, 0.1).len(), 1, "two pixels do not speak for a ring of eight");
         let wide = Rings::new(31, 15, 0.1);
         assert!(wide.offsets.iter().all(|o| o.dx.abs() <= 15 && o.dy.abs() <= 7));
         let means = wide.means(&wide.distances_mm);
