@@ -13,16 +13,16 @@ mod volume;
 use std::{fs, path::PathBuf, process::ExitCode};
 
 /// What to make.
-pub struct Request {
-    pub kind: String,
-    pub folder: PathBuf,
-    pub texels: [usize; 2],
-    pub window: usize,
-    pub pitch_mm: f64,
-    pub photons: u64,
-    pub noise: f64,
-    pub floor_per_mm2: f64,
-    pub seed: u64,
+struct Request {
+    kind: String,
+    folder: PathBuf,
+    texels: [usize; 2],
+    window: usize,
+    pitch_mm: f64,
+    photons: u64,
+    noise: f64,
+    floor_per_mm2: f64,
+    seed: u64,
 }
 
 const USAGE: &str = "make_bssrdf exact|chess|marble|stone FOLDER [--texels COLUMNS[xROWS]] [--window N] [--pitch-mm MM] \

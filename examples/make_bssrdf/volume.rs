@@ -5,7 +5,10 @@
 //! - `marble`: a bright, fairly translucent ground with soft dark veins that run into the depth.
 //! - `stone`: very translucent, clear ground with small white grains: beyond what the resins of a printer can do.
 
-use lumislice::optics::{Light, Photons, Sides, TexelGrid, VolumeCoefficients, VoxelGrid, VoxelScene, Windows};
+use lumislice::optics::{
+    Light, VolumeCoefficients,
+    voxels::{Photons, Sides, TexelGrid, VoxelGrid, VoxelScene, Windows},
+};
 
 use super::{Request, files};
 
@@ -42,7 +45,8 @@ fn share(kind: &str, [x, y, z]: [f64; 3], size: [f64; 2], seed: u64) -> f64 {
             (1.0 - (std::f64::consts::TAU * turns).sin().abs()).powi(3)
         }
         _ => {
-            let grains = wave(1, 5.0, 3.0, 6.0) + wave(2, -3.0, 5.0, 5.0) + wave(3, 4.0, -4.0, -7.0) + wave(4, 2.0, 6.0, 4.0);
+            let grains =
+                wave(1, 5.0, 3.0, 6.0) + wave(2, -3.0, 5.0, 5.0) + wave(3, 4.0, -4.0, -7.0) + wave(4, 2.0, 6.0, 4.0);
             (0.8 * (grains - 0.6)).clamp(0.0, 1.0)
         }
     }
@@ -100,7 +104,10 @@ pub fn make(request: &Request) -> Result<(), String> {
         }
         eprint!("\r{} of {rows} rows", rows - row);
     }
-    eprintln!("\nnoise of the photons: {:.2}% of the data, root of the sums of squares", 100.0 * (noise / signal).sqrt());
+    eprintln!(
+        "\nnoise of the photons: {:.2}% of the data, root of the sums of squares",
+        100.0 * (noise / signal).sqrt()
+    );
     // A photon that leaves carries about this weight: variance per value, per mm².
     let gain = noise / (total * f64::from(area));
     files::finish(request, out, &albedo, &format!("noise-gain-per-mm2 = {gain:.3e}\n"))

@@ -124,21 +124,28 @@ fn summary(factored: &Factored, folder: &str) -> String {
     for fit in &factored.fits {
         let (tail, percent) = (&fit.tail, |share: f64| 100.0 * share);
         text += &format!(
-            "  {}: equation 7 misses {:.2}% of the data in {} rounds",
+            "  {}: equation 7 misses {:.2}% of the data in {} rounds, {:.2}% beyond the lit texel (noise {:.2}%)",
             fit.channel,
             percent(fit.relative_error),
-            fit.rounds.len()
+            fit.rounds.len(),
+            percent(fit.relative_error_beyond_centre),
+            percent(fit.noise_beyond_centre)
         );
         for simpler in &fit.simpler {
-            text += &format!("; {} {:.2}%", simpler.model, percent(simpler.relative_error));
+            let (all, beyond) = (percent(simpler.relative_error), percent(simpler.relative_error_beyond_centre));
+            text += &format!("; {} {all:.2}%, {beyond:.2}%", simpler.model);
         }
         text += &format!(
             "\n     {:.1}% of the light lies beyond {:.2} mm",
             percent(tail.mean_energy_in_tail / (tail.mean_energy_in_window + tail.mean_energy_in_tail)),
             tail.from_mm
         );
-        if let (Some(without), Some(with)) = (tail.albedo_rms_error_without, tail.albedo_rms_error_with) {
-            text += &format!(": albedo off by {without:.4} without it, {with:.4} with it (rms)");
+        if let (Some(without), Some(continued), Some(with)) =
+            (tail.albedo_rms_error_without, tail.albedo_rms_error_continued, tail.albedo_rms_error_with)
+        {
+            text += &format!(
+                ": albedo off by {without:.4} without it, {continued:.4} if continued, {with:.4} as fitted (rms)"
+            );
         }
         text.push('\n');
     }

@@ -41,8 +41,8 @@ use toml::de::DeTable;
 pub use error::{JobError, Place};
 pub use estimate::Estimate;
 pub use factoring::{
-    ChannelFit, ClusterRecord, FACTORED, FACTORED_VERSION, FactorError, FactorRequest, FactorSettings, Factored, LABELS,
-    PROFILES, RingResidual, RoundRecord, Simpler, TailRecord, factor_into,
+    ChannelFit, ClusterRecord, FACTORED, FACTORED_VERSION, FactorError, FactorRequest, FactorSettings, Factored,
+    LABELS, PROFILES, RingResidual, RoundRecord, Simpler, TailRecord, factor_into,
 };
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,

@@ -73,16 +73,16 @@ impl HeightFields {
         self.layer(layer).iter().map(|depth| (f64::from(*depth) / step_mm).round() as u16).collect() // `as` saturates
     }
 
-    /// The surfaces at which layers end as a Wavefront OBJ, one object a layer named after its resin, z = −depth, `pitch_mm` apart,
+    /// The surfaces at which layers end as a Wavefront OBJ, one object a layer named after its resin, z = −depth, `pitch_mm` apart along x and y,
     /// the bottom left sample at the origin.
-    pub fn obj(&self, pitch_mm: f64, resins: &[String]) -> String {
+    pub fn obj(&self, pitch_mm: [f64; 2], resins: &[String]) -> String {
         let mut text = String::from("# lower ends of layers, mm; z is minus depth\n");
         for (layer, resin) in self.sequence.iter().enumerate() {
             let name = resins.get(*resin).map_or("resin", String::as_str);
             let _ = writeln!(text, "o {layer:02}_{name}"); // writing to a String cannot fail
             for (index, depth) in self.layer(layer).iter().enumerate() {
                 let (x, y) = (index % self.width, self.height - 1 - index / self.width);
-                let _ = writeln!(text, "v {:.5} {:.5} {:.5}", x as f64 * pitch_mm, y as f64 * pitch_mm, -depth);
+                let _ = writeln!(text, "v {:.5} {:.5} {:.5}", x as f64 * pitch_mm[0], y as f64 * pitch_mm[1], -depth);
             }
             let first = 1 + layer * self.width * self.height;
             for y in 0..self.height.saturating_sub(1) {
@@ -167,7 +167,7 @@ mod tests {
     fn surfaces_have_a_vertex_per_sample_and_face_up() {
         let fields = HeightFields::new(&aligned(), &[], &[0, 1, 2, 1], 2, 1);
         let names = ["white", "support", "black"].map(String::from);
-        let text = fields.obj(0.5, &names);
+        let text = fields.obj([0.5, 0.5], &names);
         let (vertices, faces): (Vec<_>, Vec<_>) =
             text.lines().filter(|line| line.starts_with(['v', 'f'])).partition(|line| line.starts_with('v'));
         let layers = fields.sequence.len();

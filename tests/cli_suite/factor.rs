@@ -38,14 +38,32 @@ fn a_patch_becomes_a_folder_of_profiles() {
     assert_eq!(
         keys(&record),
         [
-            "generator", "version", "pitch_mm", "width", "height", "channels", "window", "ring_edges_mm", "window_rings",
-            "settings", "fits", "texels_without_data", "cluster_rms", "clusters"
+            "generator",
+            "version",
+            "pitch_mm",
+            "width",
+            "height",
+            "channels",
+            "window",
+            "ring_edges_mm",
+            "window_rings",
+            "settings",
+            "fits",
+            "texels_without_data",
+            "cluster_rms",
+            "clusters"
         ]
     );
     assert_eq!((&record["version"], &record["width"], &record["height"]), (&1.into(), &8.into(), &6.into()));
     let fit = &record["fits"][0];
     assert!(fit["relative_error"].as_f64().unwrap() < 0.02, "{fit}");
-    assert!(fit["simpler"].as_array().unwrap().iter().all(|s| s["relative_error"].as_f64() > fit["relative_error"].as_f64()));
+    assert!(
+        fit["simpler"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|s| s["relative_error"].as_f64() > fit["relative_error"].as_f64())
+    );
     assert!(fit["tail"]["albedo_rms_error_with"].as_f64().unwrap() < 1e-6);
     let clusters = record["clusters"].as_array().unwrap();
     assert_eq!(clusters.len(), 5);
@@ -56,7 +74,8 @@ fn a_patch_becomes_a_folder_of_profiles() {
     let listed: Vec<&str> =
         bench.manifest("out")["files"].as_array().unwrap().iter().map(|file| file["path"].as_str().unwrap()).collect();
     assert_eq!(listed.len() + 1, files.len(), "{listed:?}");
-    for name in ["albedo.png", "clusters.png", "labels.png", "palette.png", "residual.png", "profiles/cluster_004.csv"] {
+    for name in ["albedo.png", "clusters.png", "labels.png", "palette.png", "residual.png", "profiles/cluster_004.csv"]
+    {
         assert!(files.contains_key(name), "{name}");
     }
     // What a profile file says is what a match can be asked for.

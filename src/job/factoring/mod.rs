@@ -2,6 +2,7 @@
 
 mod pictures;
 mod record;
+mod slab;
 mod texels;
 
 use std::path::{Path, PathBuf};
@@ -19,8 +20,8 @@ use crate::{
 };
 
 pub use record::{
-    ChannelFit, ClusterRecord, FACTORED, FACTORED_VERSION, Factored, FactorSettings, RingResidual, RoundRecord, Simpler,
-    TailRecord,
+    ChannelFit, ClusterRecord, FACTORED, FACTORED_VERSION, FactorSettings, Factored, RingResidual, RoundRecord,
+    Simpler, TailRecord,
 };
 use texels::Texels;
 
@@ -112,7 +113,7 @@ pub fn factor_into(
         if request.compare {
             for freedom in [Freedom::Scaled, Freedom::Global] {
                 let options = FactorOptions { freedom, ..request.options };
-                simpler.push((freedom, bssrdf::factor(&dataset, stored, &options, &watch)?.misses.relative()));
+                simpler.push((freedom, bssrdf::factor(&dataset, stored, &options, &watch)?.misses));
             }
         }
         let albedo = |texel: usize| {
@@ -147,7 +148,8 @@ pub fn factor_into(
             let profile = RadialProfile::from_rings(edges_mm.clone(), values, None).map_err(OpticsError::from)?;
             record.albedo.push(energies.iter().sum());
             record.half_energy_radius_mm.push(profile.radius_of_energy(0.5));
-            let suffix = if channels == 1 { String::new() } else { format!("_{}", file_part(&dataset.channels[channel])) };
+            let suffix =
+                if channels == 1 { String::new() } else { format!("_{}", file_part(&dataset.channels[channel])) };
             let path = format!("profiles/cluster_{index:03}{suffix}.csv");
             let comment = format!("mean of cluster {index}; from {} mm on fitted", tail_rings.edges_mm[0]);
             let file = ProfileFile { reflection: Some(profile), transmission: None };
@@ -162,6 +164,8 @@ pub fn factor_into(
     output.write("albedo.png", &pictures::albedo(&profiles, &dataset))?;
     output.write("clusters.png", &pictures::clusters(&records, &clusters.labels, &dataset)?)?;
     output.write("palette.png", &pictures::palette(&records, &means, &edges_mm)?)?;
+    output.write(slab::MESH, slab::mesh(&dataset).as_bytes())?;
+    output.write(slab::JOB, slab::job().as_bytes())?;
     let factored = Factored {
         generator: format!("lumislice {}", env!("CARGO_PKG_VERSION")),
         version: FACTORED_VERSION,

@@ -72,9 +72,8 @@ pub(super) fn clusters(records: &[ClusterRecord], labels: &[u32], dataset: &Data
         map("", dataset, |x, y| Raster::heat_map(dataset.width, &values, x, y, bar))
     };
     let albedo = over("albedo", Scale::Linear, &|record| record.albedo[0]);
-    let radius = over("half-energy radius [mm]", Scale::Log10, &|record| {
-        record.half_energy_radius_mm[0].unwrap_or(f64::NAN)
-    });
+    let radius =
+        over("half-energy radius [mm]", Scale::Log10, &|record| record.half_energy_radius_mm[0].unwrap_or(f64::NAN));
     figure(&format!("{} clusters", records.len()), dataset).with(albedo).with(radius).encode(Format::Png)
 }
 

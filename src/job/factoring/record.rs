@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::FactorRequest;
-use crate::target::bssrdf::{ClusterCount, Factors, Freedom, Rings};
+use crate::target::bssrdf::{ClusterCount, Factors, Freedom, Misses, Rings};
 
 /// Name of the record in its folder.
 pub const FACTORED: &str = "factored.json";
@@ -87,7 +87,11 @@ pub struct ChannelFit {
     pub rounds: Vec<RoundRecord>,
     /// √(Σ(D − R̂)² / ΣD²) of equation 7 over all pairs within the patch.
     pub relative_error: f64,
-    /// The same of simpler models, if asked for.
+    /// The same without the lit texels themselves, where equation 7 is no more than P(x, 0).
+    pub relative_error_beyond_centre: f64,
+    /// The part of that which is noise, by the floor and gain of the dataset or the estimated floor.
+    pub noise_beyond_centre: f64,
+    /// The errors of simpler models, if asked for.
     pub simpler: Vec<Simpler>,
     /// Standard deviation of the measurements where there is no light, per mm²: the dataset's, or estimated.
     pub noise_floor_per_mm2: f64,
@@ -119,6 +123,8 @@ pub struct Simpler {
     pub model: String,
     /// √(Σ(D − R̂)² / ΣD²).
     pub relative_error: f64,
+    /// Without the lit texels themselves.
+    pub relative_error_beyond_centre: f64,
 }
 
 /// What is missed in a ring.
@@ -153,8 +159,10 @@ pub struct TailRecord {
     pub mean_energy_in_window: f64,
     /// Mean over texels.
     pub mean_energy_in_tail: f64,
-    /// Root mean square difference of the profiles' energy and the measured albedo, the tail left out.
+    /// Root mean square difference of the light that leaves within the window and the measured albedo.
     pub albedo_rms_error_without: Option<f64>,
+    /// With a tail by slope alone, as where no albedo is known.
+    pub albedo_rms_error_continued: Option<f64>,
     /// With the tail.
     pub albedo_rms_error_with: Option<f64>,
 }
@@ -182,7 +190,7 @@ impl ChannelFit {
         factors: &Factors,
         rings: &Rings,
         tail: TailRecord,
-        simpler: &[(Freedom, f64)],
+        simpler: &[(Freedom, Misses)],
     ) -> Self {
         let name = |freedom| if freedom == Freedom::Global { "global" } else { "scaled" };
         let last = factors.rounds.last();
@@ -206,11 +214,14 @@ impl ChannelFit {
                 })
                 .collect(),
             relative_error: factors.misses.relative(),
+            relative_error_beyond_centre: factors.misses.relative_beyond_centre(),
+            noise_beyond_centre: factors.misses.noise_beyond_centre(factors.variance),
             simpler: simpler
                 .iter()
-                .map(|(freedom, relative_error)| Simpler {
+                .map(|(freedom, misses)| Simpler {
                     model: name(*freedom).into(),
-                    relative_error: *relative_error,
+                    relative_error: misses.relative(),
+                    relative_error_beyond_centre: misses.relative_beyond_centre(),
                 })
                 .collect(),
             noise_floor_per_mm2: last.map_or(0.0, |round| round.floor_per_mm2),

@@ -14,6 +14,19 @@ pub(super) struct Texels {
     rings: usize,
 }
 
+/// Windows with at least this share of every ring are taken as measured.
+const WHOLE: f32 = 0.999;
+
+/// What is known of a texel's light, as shares of what was sent in.
+struct Told {
+    kind: TailKind,
+    within: f64,
+    beyond: f64,
+    /// What a tail by slope alone would hold.
+    continued: f64,
+    albedo: Option<f64>,
+}
+
 impl Texels {
     pub(super) fn new(texels: usize, channels: usize, rings: usize) -> Self {
         Self { energies: vec![0.0; texels * channels * rings], channels, rings }
@@ -30,7 +43,7 @@ impl Texels {
     ) -> TailRecord {
         let (areas, stride) = (areas(&rings.edges_mm), self.channels * self.rings);
         let (start, end) = (channel * self.rings, (channel + 1) * self.rings);
-        let told: Vec<(TailKind, [f64; 2], Option<f64>)> = self
+        let told: Vec<Told> = self
             .energies
             .par_chunks_mut(stride)
             .enumerate()
@@ -40,18 +53,20 @@ impl Texels {
                 for ((energy, p), area) in window.iter_mut().zip(&profile).zip(&areas) {
                     *energy = p * area;
                 }
-                let within: f64 = window.iter().sum();
+                // What the texel sends out around it: its neighbours have their part in it, so it is not the energy of its profile.
+                let whole = (0..rings.len()).all(|ring| factors.availability.at(ring, texel) > WHOLE);
+                let within = if whole { factors.energy[texel] } else { window.iter().sum() };
                 let albedo = albedo(texel);
                 let (tail, kind) = tail_rings.tail(&profile, albedo.map(|albedo| albedo - within));
                 beyond.copy_from_slice(&tail);
-                (kind, [within, tail.iter().sum()], albedo)
+                let continued = tail_rings.tail(&profile, None).0.iter().sum();
+                Told { kind, within, beyond: tail.iter().sum(), continued, albedo }
             })
             .collect();
-        let count = |kind: TailKind| told.iter().filter(|told| told.0 == kind).count();
-        let n = told.len() as f64;
-        let mean = |f: &dyn Fn(&(TailKind, [f64; 2], Option<f64>)) -> f64| told.iter().map(f).sum::<f64>() / n;
-        let errors = |f: &dyn Fn(&[f64; 2]) -> f64| {
-            let squares = told.iter().filter_map(|(_, energy, albedo)| Some((f(energy) - (*albedo)?).powi(2)));
+        let count = |kind: TailKind| told.iter().filter(|told| told.kind == kind).count();
+        let mean = |of: &dyn Fn(&Told) -> f64| told.iter().map(of).sum::<f64>() / told.len() as f64;
+        let error = |of: &dyn Fn(&Told) -> f64| {
+            let squares = told.iter().filter_map(|told| Some((of(told) - told.albedo?).powi(2)));
             let (sum, count) = squares.fold((0.0, 0_usize), |(sum, count), square| (sum + square, count + 1));
             (count > 0).then(|| (sum / count as f64).sqrt())
         };
@@ -61,10 +76,11 @@ impl Texels {
             stretched: count(TailKind::Stretched),
             continued: count(TailKind::Continued),
             none: count(TailKind::None),
-            mean_energy_in_window: mean(&|told| told.1[0]),
-            mean_energy_in_tail: mean(&|told| told.1[1]),
-            albedo_rms_error_without: errors(&|energy| energy[0]),
-            albedo_rms_error_with: errors(&|energy| energy[0] + energy[1]),
+            mean_energy_in_window: mean(&|told| told.within),
+            mean_energy_in_tail: mean(&|told| told.beyond),
+            albedo_rms_error_without: error(&|told| told.within),
+            albedo_rms_error_continued: error(&|told| told.within + told.continued),
+            albedo_rms_error_with: error(&|told| told.within + told.beyond),
         }
     }
 

@@ -87,7 +87,7 @@ pub struct Factors {
     pub misses: Misses,
     /// Measurements missing in windows that should be there.
     pub missing: u64,
-    /// Σ D · pixel area of each window, as measured.
+    /// Σ D · pixel area over the rings of each window, as measured.
     pub energy: Vec<f64>,
     /// Share of each texel's window that was measured, by ring.
     pub availability: Planes,
@@ -99,8 +99,9 @@ const FIRST_DIFFERENCE: f32 = 1.0;
 const RIDGE: f32 = 1e-3;
 /// A round that changes ln P by less than this, root mean square, is the last.
 const REST: f64 = 1e-3;
-/// Conjugate gradients go this far in a round: the next one has other weights.
-const CG_TOLERANCE: f64 = 0.01;
+/// Conjugate gradients go this far in a round: the next one has other weights. At 0.01 the far rings, whose part of the residual is small, took
+/// rounds of their own.
+const CG_TOLERANCE: f64 = 1e-3;
 const CG_STEPS: usize = 100;
 /// Largest change of ln P in a round.
 const LONGEST_STEP: f32 = 1.0;
@@ -312,12 +313,9 @@ struct NoiseModel {
 impl NoiseModel {
     fn first(dataset: &Dataset, means: &[f64]) -> Self {
         match dataset.noise {
-            Some(noise) => Self {
-                floor: noise.floor_per_mm2,
-                gain: noise.gain_per_mm2,
-                relative: FIRST_RELATIVE,
-                known: true,
-            },
+            Some(noise) => {
+                Self { floor: noise.floor_per_mm2, gain: noise.gain_per_mm2, relative: FIRST_RELATIVE, known: true }
+            }
             None => {
                 let least = means.iter().copied().fold(f64::INFINITY, f64::min);
                 Self { floor: least, gain: 0.0, relative: FIRST_RELATIVE, known: false }

@@ -44,9 +44,7 @@ impl ClusterCount {
     pub fn check(self, texels: usize) -> Result<(), BssrdfError> {
         let refuse = |name, found, expected| Err(BssrdfError::Option { name, found, expected });
         match self {
-            Self::Fixed(k) if k > texels => {
-                refuse("clusters", k.to_string(), format!("at most the {texels} texels"))
-            }
+            Self::Fixed(k) if k > texels => refuse("clusters", k.to_string(), format!("at most the {texels} texels")),
             Self::Fixed(k) if !(1..=usize::from(u16::MAX)).contains(&k) => {
                 refuse("clusters", k.to_string(), "1 to 65535".into())
             }

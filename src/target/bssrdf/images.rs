@@ -73,8 +73,12 @@ pub(super) fn unpack(
             scratch.write_values(&values)?;
         }
     }
-    let header =
-        NpyHeader { element: Element::F32, big_endian: false, shape: vec![rows, columns, channels, height, width], start: 0 };
+    let header = NpyHeader {
+        element: Element::F32,
+        big_endian: false,
+        shape: vec![rows, columns, channels, height, width],
+        start: 0,
+    };
     Ok((scratch.responses(header.clone())?, header))
 }
 

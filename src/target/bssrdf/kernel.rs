@@ -52,14 +52,9 @@ pub struct RowSums {
 impl RowSums {
     /// Zeros for `width` texels.
     pub fn reset(&mut self, width: usize) {
-        for sums in [
-            &mut self.count,
-            &mut self.error,
-            &mut self.data,
-            &mut self.model_square,
-            &mut self.model,
-            &mut self.bias,
-        ] {
+        for sums in
+            [&mut self.count, &mut self.error, &mut self.data, &mut self.model_square, &mut self.model, &mut self.bias]
+        {
             sums.clear();
             sums.resize(width, 0.0);
         }

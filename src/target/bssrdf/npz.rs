@@ -88,7 +88,8 @@ fn unpack(archive: &mut Archive, file: &Path) -> Result<(Responses, NpyHeader), 
     let mut buffer = vec![0; 1 << 20];
     let mut done = 0;
     loop {
-        let count = member.read(&mut buffer).map_err(|source| BssrdfError::Read { file: file.to_path_buf(), source })?;
+        let count =
+            member.read(&mut buffer).map_err(|source| BssrdfError::Read { file: file.to_path_buf(), source })?;
         if count == 0 {
             break;
         }

@@ -108,13 +108,11 @@ impl Source<'_> {
         };
         let row = |survey: &mut Survey, y: usize, windows: &[f32]| {
             let local = y % BAND_ROWS;
-            let energy = &mut survey.energy[local * width..(local + 1) * width];
             for pixel in 0..pixels {
                 let data = &windows[pixel * width..(pixel + 1) * width];
-                for ((energy, &value), x) in energy.iter_mut().zip(data).zip(0..) {
+                for (&value, x) in data.iter().zip(0..) {
                     let value = f64::from(value);
                     if value.is_finite() {
-                        *energy += value * area;
                         survey.negative -= value.min(0.0);
                         survey.positive += value.max(0.0);
                     } else if self.dataset.is_present(y * width + x) {
@@ -127,8 +125,10 @@ impl Source<'_> {
                 let availability = survey.availability.row_mut(ring, local);
                 for offset in rings.ring(ring) {
                     let data = &windows[offset.pixel * width..(offset.pixel + 1) * width];
-                    for (&value, availability) in data.iter().zip(availability.iter_mut()) {
+                    let energy = &mut survey.energy[local * width..(local + 1) * width];
+                    for ((&value, availability), energy) in data.iter().zip(availability.iter_mut()).zip(energy) {
                         if value.is_finite() {
+                            *energy += f64::from(value) * area;
                             survey.sums[offset.distance] += f64::from(value);
                             survey.squares[offset.distance] += f64::from(value) * f64::from(value);
                             survey.counts[offset.distance] += 1;
@@ -294,7 +294,7 @@ pub struct Survey {
     pub counts: Vec<u64>,
     /// Share of each texel's window that is there, by ring.
     pub availability: Planes,
-    /// Σ D · area over each texel's window.
+    /// Σ D · area over the rings of each texel's window.
     pub energy: Vec<f64>,
     /// Values missing in windows that should be there.
     pub missing: u64,
@@ -395,9 +395,26 @@ impl Misses {
 
     /// √(Σ(D − R̂)² / ΣD²) over everything.
     pub fn relative(&self) -> f64 {
-        let total = |f: fn(&Sums) -> f64| self.rings.iter().map(f).sum::<f64>();
-        (total(|sums| sums.error) / total(|sums| sums.data).max(f64::MIN_POSITIVE)).sqrt()
+        relative(&self.rings)
     }
+
+    /// The same without the lit texel itself, where equation 7 is no more than P(x, 0).
+    pub fn relative_beyond_centre(&self) -> f64 {
+        relative(&self.rings[1..])
+    }
+
+    /// The part of that which is noise of the measurement, by what is known of it.
+    pub fn noise_beyond_centre(&self, variance: Variance) -> f64 {
+        let rings = &self.rings[1..];
+        let noise = |sums: &Sums| f64::from(variance.constant) * sums.count + f64::from(variance.linear) * sums.model;
+        let data = rings.iter().map(|sums| sums.data).sum::<f64>();
+        (rings.iter().map(noise).sum::<f64>() / data.max(f64::MIN_POSITIVE)).sqrt()
+    }
+}
+
+fn relative(rings: &[Sums]) -> f64 {
+    let total = |f: fn(&Sums) -> f64| rings.iter().map(f).sum::<f64>();
+    (total(|sums| sums.error) / total(|sums| sums.data).max(f64::MIN_POSITIVE)).sqrt()
 }
 
 /// Buffers of a row.

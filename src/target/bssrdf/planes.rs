@@ -44,8 +44,7 @@ impl Planes {
     /// Σ of products, in an order that does not depend on threads.
     pub fn dot(&self, other: &Self) -> f64 {
         let row = |(a, b): (&[f32], &[f32])| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
-        let rows: Vec<f64> =
-            self.data.par_chunks(self.width).zip(other.data.par_chunks(self.width)).map(row).collect();
+        let rows: Vec<f64> = self.data.par_chunks(self.width).zip(other.data.par_chunks(self.width)).map(row).collect();
         rows.iter().sum()
     }
 

@@ -196,9 +196,10 @@ mod tests {
             let material = NormalizedDiffusion::new(albedo, path).unwrap();
             let (rings, profile, left) = cut(material, window, 0.0586);
             let (energies, kind) = rings.tail(&profile, Some(left));
-            let truth = rings.edges_mm.windows(2).map(|e| {
-                albedo * (material.energy_within(e[1]) - material.energy_within(e[0]))
-            });
+            let truth = rings
+                .edges_mm
+                .windows(2)
+                .map(|e| albedo * (material.energy_within(e[1]) - material.energy_within(e[0])));
             let off: f64 = energies.iter().zip(truth).map(|(found, truth)| (found - truth).abs()).sum();
             println!("A {albedo}, ℓ {path}: {:.3} outside, {:.4} of it misplaced", left / albedo, off / left);
             assert_eq!(kind, TailKind::Fitted);

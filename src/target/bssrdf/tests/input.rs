@@ -155,7 +155,8 @@ fn layers_of_an_exr_are_rows_of_texels() {
             (0..5).flat_map(|j| (0..20).map(move |i| Vec2(i, j))).map(|p| factor * value(p)).collect()
         };
         let channel = |name: &str, factor| AnyChannel::new(name, FlatSamples::F32(plane(factor)));
-        let channels = AnyChannels::sort([channel("R", 1.0), channel("G", 2.0), channel("B", 4.0)].into_iter().collect());
+        let channels =
+            AnyChannels::sort([channel("R", 1.0), channel("G", 2.0), channel("B", 4.0)].into_iter().collect());
         Layer::new(size, LayerAttributes::named(format!("row {y}").as_str()), Encoding::FAST_LOSSLESS, channels)
     };
     let attributes = ImageAttributes::new(IntegerBounds::from_dimensions(size));

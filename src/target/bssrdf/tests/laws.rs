@@ -108,7 +108,8 @@ fn holes_do_little_harm() {
     let holed = fit(&patch, &values, "");
     assert!(holed.missing > 0 && holed.converged, "{:?}", holed.rounds);
     let texels = patch.width * patch.height;
-    let differences = (0..texels).flat_map(|t| holed.profile(t).zip(whole.profile(t)).map(|(a, b)| (a / b - 1.0).powi(2)));
+    let differences =
+        (0..texels).flat_map(|t| holed.profile(t).zip(whole.profile(t)).map(|(a, b)| (a / b - 1.0).powi(2)));
     let (sum, count) = differences.fold((0.0, 0), |(sum, count), d| (sum + d, count + 1));
     let rms = (sum / f64::from(count)).sqrt();
     assert!(rms < 0.02, "{rms}");
