@@ -9,6 +9,7 @@ mod checks;
 mod error;
 mod estimate;
 mod factoring;
+mod factored;
 mod images;
 mod manifest;
 mod object;
@@ -47,7 +48,7 @@ pub use factoring::{
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
 };
-pub use object::{ObjectJob, Scaling};
+pub use object::{DepthFrom, ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
     SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,

@@ -15,6 +15,16 @@ pub enum Scaling {
     HeightMm(f64),
 }
 
+/// What depth is measured from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DepthFrom {
+    /// The whole surface.
+    #[default]
+    Surface,
+    /// What of it looks up: a slab to be seen from above, layered straight down.
+    Top,
+}
+
 /// One object on the tray.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectJob {
@@ -28,11 +38,17 @@ pub struct ObjectJob {
     pub rotate_deg: [f64; 3],
     /// Where its bounding box's minimum stands, mm, −2000 to 2000; default 0.
     pub position_mm: [f64; 3],
+    /// What depth is measured from; default the whole surface.
+    pub depth_from: DepthFrom,
     /// What it should look like: its own target, or else the job's.
     pub target: TargetSpec,
 }
 
-pub(super) const KEYS: &[&str] = &["mesh", "unit", "scale", "height-mm", "rotate-deg", "position-mm", "target"];
+/// Names in the job file.
+pub(super) const DEPTH_FROM: &[(&str, DepthFrom)] = &[("surface", DepthFrom::Surface), ("top", DepthFrom::Top)];
+
+pub(super) const KEYS: &[&str] =
+    &["mesh", "unit", "scale", "height-mm", "rotate-deg", "position-mm", "depth-from", "target"];
 
 /// Reads every object; `common` is the job's `[target]`.
 pub(super) fn read_all(root: &Table<'_>, common: Option<&TargetSpec>) -> Result<Vec<ObjectJob>> {
@@ -59,6 +75,7 @@ fn read(table: &Table<'_>, common: Option<&TargetSpec>) -> Result<ObjectJob> {
         scaling,
         rotate_deg: table.triple_or("rotate-deg", [0.0; 3], ANGLE)?,
         position_mm: table.triple_or("position-mm", [0.0; 3], POSITION)?,
+        depth_from: table.get("depth-from").map_or(Ok(DepthFrom::Surface), |value| value.choice(DEPTH_FROM))?,
         target: own
             .or_else(|| common.cloned())
             .ok_or_else(|| table.missing("target", "a [target] for the whole job or an [object.target] of its own"))?,

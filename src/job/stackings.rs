@@ -3,6 +3,7 @@
 use super::{
     AlbedoSource, Interrupt, Job, LayerEntry, Progress, RunError, SearchEntry, StackingEntry, StackingModel,
     StackingReport, TargetSpec, TransportEntry,
+    factored::FactoredMap,
     images::{read_labels, read_picture, srgb_to_linear, to_channels},
 };
 use crate::{
@@ -80,23 +81,56 @@ pub(super) fn object_layers(
             context.require_uvs("target.labels")?;
             let targets = profiles.iter().map(|path| context.profile_target(path.as_ref()));
             let targets = targets.collect::<Result<Vec<_>, _>>()?;
-            let atlas = Atlas::new(&context.solid.mesh, &[(width, height)], &[]);
-            let mut shares = vec![0_u64; profiles.len()];
-            for texel in atlas.pages()[0].covered() {
-                shares[usize::from(labels_of[texel])] += 1;
-            }
-            let matches = context.search(core, &targets)?;
-            let total: u64 = shares.iter().sum();
-            let entries = matches.iter().zip(&targets).zip(&shares).map(|((found, target), &share)| {
-                context.matched_entry(found, target, share as f64 / total.max(1) as f64, None)
-            });
-            context.textured("clusters", &atlas, &[LabelMap(labels_of)], &matches, entries.collect(), core)
+            labelled_layers(context, "clusters", (width, height), labels_of, targets, None, core)
         }
         TargetSpec::Texture { albedo, mean_free_path, mean_free_path_mm, max_albedo } => {
             let pages = context.appearance(albedo, mean_free_path.as_ref())?;
             texture_layers(context, pages, *mean_free_path_mm, *max_albedo, core, warnings)
         }
-        TargetSpec::Bssrdf { .. } => Err(context.job.refuse("target.kind", "bssrdf", "a kind that is built").into()),
+        TargetSpec::Bssrdf { map, max_albedo } => {
+            context.require_uvs("target.map")?;
+            let map = FactoredMap::read(map.as_ref())?;
+            let channels = &context.materials.channels;
+            let targets = map.spectra(channels, &context.materials.grid)?;
+            let targets = targets.into_iter().map(|channels| SearchTarget { channels }).collect();
+            labelled_layers(context, "bssrdf", (map.width, map.height), map.labels, targets, *max_albedo, core)
+        }
+    }
+}
+
+/// A stacking for each of `targets`, laid where `labels` name it; `max_albedo` rescales them all as [`rescale`] says.
+fn labelled_layers(
+    context: &TargetContext<'_>,
+    kind: &'static str,
+    size: (u32, u32),
+    labels: Vec<u16>,
+    mut targets: Vec<SearchTarget>,
+    max_albedo: Option<f64>,
+    core: usize,
+) -> Result<(LayerField, StackingReport), RunError> {
+    let atlas = Atlas::new(&context.solid.mesh, &[size], &[]);
+    let mut shares = vec![0_u64; targets.len()];
+    for texel in atlas.pages()[0].covered() {
+        shares[usize::from(labels[texel])] += 1;
+    }
+    if let Some(most) = max_albedo {
+        rescale(&mut targets, &shares, most);
+    }
+    let matches = context.search(core, &targets)?;
+    let total: u64 = shares.iter().sum();
+    let entries = matches.iter().zip(&targets).zip(&shares).map(|((found, target), &share)| {
+        context.matched_entry(found, target, share as f64 / total.max(1) as f64, None)
+    });
+    context.textured(kind, &atlas, &[LabelMap(labels)], &matches, entries.collect(), core)
+}
+
+/// Scales all profiles by one factor, so that the largest albedo of any that is laid somewhere becomes `most`.
+fn rescale(targets: &mut [SearchTarget], shares: &[u64], most: f64) {
+    let laid = targets.iter().zip(shares).filter(|(_, share)| **share > 0);
+    let brightest = laid.flat_map(|(target, _)| &target.channels).map(|spectrum| spectrum[0]).fold(0.0, f64::max);
+    let scale = most / brightest.max(f64::MIN_POSITIVE);
+    for spectrum in targets.iter_mut().flat_map(|target| &mut target.channels) {
+        spectrum.iter_mut().for_each(|value| *value *= scale);
     }
 }
 
