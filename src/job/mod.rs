@@ -8,8 +8,9 @@
 mod checks;
 mod error;
 mod estimate;
-mod factoring;
 mod factored;
+mod factoring;
+mod heights;
 mod images;
 mod manifest;
 mod object;

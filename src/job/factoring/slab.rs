@@ -52,7 +52,7 @@ max-albedo = 0.6
 core = "black"
 
 [output]
-formats = ["png", "preview"]
+formats = ["png", "preview", "heights"]
 "#
     )
 }

@@ -251,13 +251,13 @@ fn global_profile(rings: &Rings, survey: &Survey) -> Vec<f32> {
     let distances = rings.distances_mm.len();
     let mut global = vec![0.0; distances];
     let mut sure: Vec<usize> = Vec::new();
-    for distance in 0..distances {
+    for (distance, global) in global.iter_mut().enumerate() {
         let count = survey.counts[distance] as f64;
         let mean = survey.sums[distance] / count.max(1.0);
         let variance = (survey.squares[distance] / count.max(1.0) - mean * mean).max(0.0) / count.max(1.0);
         if mean > SURE * variance.sqrt() && mean > 0.0 {
             sure.push(distance);
-            global[distance] = mean;
+            *global = mean;
         }
     }
     let r = |distance: usize| rings.distances_mm[distance];

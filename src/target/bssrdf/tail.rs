@@ -76,6 +76,7 @@ impl TailRings {
     }
 
     /// Number of rings.
+    #[allow(clippy::len_without_is_empty)] // a tail has some
     pub fn len(&self) -> usize {
         self.edges_mm.len() - 1
     }
