@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use lumislice::{
     job::{FactorError, FactorRequest, Factored, factor_into},
-    slice::OutputFolder,
+    slice::{Existing, OutputFolder},
     target::bssrdf::{ClusterCount, FactorOptions},
 };
 
@@ -60,7 +60,8 @@ fn parse_weight(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub fn run(args: &FactorArgs) -> anyhow::Result<Answer> {
-    OutputFolder::check(&args.output, args.overwrite).map_err(FactorError::from)?;
+    let existing = if args.overwrite { Existing::Overwrite } else { Existing::Refuse };
+    OutputFolder::check(&args.output, existing).map_err(FactorError::from)?;
     let request = FactorRequest {
         dataset: args.dataset.clone(),
         luminance: args.luminance,
@@ -71,7 +72,7 @@ pub fn run(args: &FactorArgs) -> anyhow::Result<Answer> {
         compare: args.compare,
     };
     let bars = Bars::new(args.json);
-    let factored = factor_into(&request, &args.output, args.overwrite, &bars, &INTERRUPT);
+    let factored = factor_into(&request, &args.output, existing, &bars, &INTERRUPT);
     bars.finish();
     let factored = factored?;
     if args.json {

@@ -8,12 +8,13 @@ mod texels;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
+use sha2::{Digest, Sha256};
 
-use super::{Blame, Interrupt, Progress, run::pretty};
+use super::{Blame, Interrupt, Progress, manifest::GENERATOR, run::pretty};
 use crate::{
     optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile},
     plot::PlotError,
-    slice::{MANIFEST, OutputError, OutputFolder},
+    slice::{Existing, OutputError, OutputFolder, Task, hex},
     target::bssrdf::{
         self, BssrdfError, Channel, ClusterCount, Dataset, FactorOptions, Freedom, Metric, TailRings, areas, write_npy,
     },
@@ -88,7 +89,7 @@ impl FactorError {
 pub fn factor_into(
     request: &FactorRequest,
     folder: &Path,
-    overwrite: bool,
+    existing: Existing,
     progress: &dyn Progress,
     interrupt: &Interrupt,
 ) -> Result<Factored, FactorError> {
@@ -96,7 +97,7 @@ pub fn factor_into(
     let texels = dataset.texels();
     let count = request.count.unwrap_or(ClusterCount::Fixed(DEFAULT_CLUSTERS.min(texels)));
     count.check(texels)?;
-    let output = OutputFolder::create(folder, overwrite)?;
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     let stages = Stages::new(progress, interrupt);
     let watch = |stage: &str, share: f64| stages.at(stage, share);
 
@@ -123,7 +124,7 @@ pub fn factor_into(
         let tail = profiles.fill(channel, &factors, &rings, &tail_rings, albedo);
         fits.push(ChannelFit::new(&dataset.channels[channel], &factors, &rings, tail, &simpler));
         if channel == 0 {
-            output.write("residual.png", &pictures::residual(&factors.misses, &dataset)?)?;
+            files.push(("residual.png".into(), pictures::residual(&factors.misses, &dataset)?));
         }
     }
     let adopted = profiles.adopt_missing(&dataset);
@@ -153,21 +154,23 @@ pub fn factor_into(
             let path = format!("profiles/cluster_{index:03}{suffix}.csv");
             let comment = format!("mean of cluster {index}; from {} mm on fitted", tail_rings.edges_mm[0]);
             let file = ProfileFile { reflection: Some(profile), transmission: None };
-            output.write(&path, file.to_csv(&comment).as_bytes())?;
+            files.push((path.clone(), file.to_csv(&comment).into_bytes()));
             record.profiles.push(path);
         }
         records.push(record);
     }
     let shape = [dataset.height, dataset.width, channels, edges_mm.len() - 1];
-    output.write(PROFILES, &write_npy(&shape, &profiles.per_mm2(&areas)))?;
-    output.write(LABELS, &pictures::labels(&clusters.labels, &dataset))?;
-    output.write("albedo.png", &pictures::albedo(&profiles, &dataset))?;
-    output.write("clusters.png", &pictures::clusters(&records, &clusters.labels, &dataset)?)?;
-    output.write("palette.png", &pictures::palette(&records, &means, &edges_mm)?)?;
-    output.write(slab::MESH, slab::mesh(&dataset).as_bytes())?;
-    output.write(slab::JOB, slab::job().as_bytes())?;
+    files.extend([
+        (PROFILES.into(), write_npy(&shape, &profiles.per_mm2(&areas))),
+        (LABELS.into(), pictures::labels(&clusters.labels, &dataset)),
+        ("albedo.png".into(), pictures::albedo(&profiles, &dataset)),
+        ("clusters.png".into(), pictures::clusters(&records, &clusters.labels, &dataset)?),
+        ("palette.png".into(), pictures::palette(&records, &means, &edges_mm)?),
+        (slab::MESH.into(), slab::mesh(&dataset).into_bytes()),
+        (slab::JOB.into(), slab::job().into_bytes()),
+    ]);
     let factored = Factored {
-        generator: format!("lumislice {}", env!("CARGO_PKG_VERSION")),
+        generator: GENERATOR.to_owned(),
         version: FACTORED_VERSION,
         pitch_mm: dataset.pitch_mm,
         width: dataset.width,
@@ -182,10 +185,14 @@ pub fn factor_into(
         cluster_rms: metric.rms(clusters.total, texels, channels),
         clusters: records,
     };
-    output.write(FACTORED, &pretty(&factored))?;
-    output.remove_stale()?;
-    let list = json!({ "generator": factored.generator, "version": FACTORED_VERSION, "files": output.files() });
-    output.write_unlisted(MANIFEST, &pretty(&list))?;
+    files.push((FACTORED.into(), pretty(&factored)));
+    // Only now: a dataset that is refused leaves nothing behind.
+    let sha256 = hex(&Sha256::digest(pretty(&factored)));
+    let task = Task { generator: GENERATOR.to_owned(), sha256, slices: [0, 0] };
+    let (output, _) = OutputFolder::begin(folder, existing, &task)?;
+    files.iter().try_for_each(|(path, content)| output.write(path, content))?;
+    let list = json!({ "generator": GENERATOR, "version": FACTORED_VERSION, "files": output.files() });
+    output.finish(&pretty(&list))?;
     Ok(factored)
 }
 
