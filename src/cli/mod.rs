@@ -3,6 +3,7 @@
 //! Only this room prints. Exit codes: 0 done; 1 done, but the answer is no; 2 bad usage, job or input; 3 reading or writing
 //! the output failed; 130 interrupted.
 
+mod factor;
 mod match_target;
 mod material;
 mod materials;
@@ -26,7 +27,7 @@ use std::{
 
 use clap::{Parser, Subcommand};
 use lumislice::{
-    job::{Blame, Interrupt, RedrawError, RunError, verify::VerifyError},
+    job::{Blame, FactorError, Interrupt, RedrawError, RunError, verify::VerifyError},
     measure::MeasureError,
     optics::OpticsError,
 };
@@ -45,6 +46,7 @@ enum Command {
     Predict(predict::PredictArgs),
     Match(match_target::MatchArgs),
     Material(material::MaterialArgs),
+    Factor(factor::FactorArgs),
     Preview(preview::PreviewArgs),
     Verify(verify::VerifyArgs),
     Printers(printers::PrintersArgs),
@@ -81,6 +83,7 @@ pub fn run() -> ExitCode {
         Command::Predict(args) => predict::run(args),
         Command::Match(args) => match_target::run(args),
         Command::Material(args) => material::run(args),
+        Command::Factor(args) => factor::run(args),
         Command::Preview(args) => preview::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Printers(args) => printers::run(args),
@@ -115,6 +118,8 @@ fn exit_code(error: &anyhow::Error) -> u8 {
     } else if let Some(error) = error.downcast_ref::<VerifyError>() {
         error.blame()
     } else if let Some(error) = error.downcast_ref::<RedrawError>() {
+        error.blame()
+    } else if let Some(error) = error.downcast_ref::<FactorError>() {
         error.blame()
     } else if let Some(OpticsError::Cancelled) = error.downcast_ref() {
         Blame::Interrupt

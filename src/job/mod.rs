@@ -9,6 +9,8 @@ mod checks;
 mod error;
 mod estimate;
 mod factored;
+mod factoring;
+mod heights;
 mod images;
 mod manifest;
 mod object;
@@ -40,6 +42,10 @@ use toml::de::DeTable;
 
 pub use error::{JobError, Place};
 pub use estimate::Estimate;
+pub use factoring::{
+    ChannelFit, ClusterRecord, FACTORED, FACTORED_VERSION, FactorError, FactorRequest, FactorSettings, Factored,
+    LABELS, PROFILES, RingResidual, RoundRecord, Simpler, TailRecord, factor_into,
+};
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
 };

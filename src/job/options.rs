@@ -139,16 +139,19 @@ pub enum OutputFormat {
     ThreeMf,
     /// Pictures and a report.
     Preview,
+    /// Layer maps: an image of depths per layer.
+    Heights,
 }
 
 impl OutputFormat {
     /// Every format and its name in jobs.
-    pub const ALL: [(&'static str, Self); 5] = [
+    pub const ALL: [(&'static str, Self); 6] = [
         ("png", Self::Png),
         ("masks", Self::Masks),
         ("stl", Self::Stl),
         ("3mf", Self::ThreeMf),
         ("preview", Self::Preview),
+        ("heights", Self::Heights),
     ];
 
     /// Its name in jobs.
@@ -159,6 +162,7 @@ impl OutputFormat {
             Self::Stl => "stl",
             Self::ThreeMf => "3mf",
             Self::Preview => "preview",
+            Self::Heights => "heights",
         }
     }
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::{
-    Interrupt, OutputFormat, Progress, RunError, StackingReport,
+    Interrupt, OutputFormat, Progress, RunError, StackingReport, heights,
     manifest::{GENERATOR, Manifest, MeshRecord, Outcome, json},
     prepare::Prepared,
     report::write_pictures,
@@ -98,6 +98,9 @@ pub fn run(
     )?;
     let sliced = started.elapsed();
     let meshes = prepared.write_meshes(&output, progress, interrupt)?;
+    if prepared.job.wants(OutputFormat::Heights) {
+        heights::write(&output, prepared.objects.iter().map(|object| &object.stackings.maps))?;
+    }
     let meshed = started.elapsed() - sliced;
 
     let mut warnings = prepared.warnings.clone();

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::heights::LayerMaps;
 use crate::voxel::MaterialId;
 
 /// The stackings of one object and how well they do.
@@ -17,6 +18,8 @@ pub struct StackingReport {
     pub core: String,
     #[serde(skip)]
     pub(super) ids: Vec<MaterialId>,
+    #[serde(skip)]
+    pub(super) maps: LayerMaps,
 }
 
 /// One stacking.

@@ -1,11 +1,14 @@
 //! From what an object should look like to the layers that do it.
 
 use super::{
-    AlbedoSource, Interrupt, Job, LayerEntry, Progress, RunError, SearchEntry, StackingEntry, StackingModel,
-    StackingReport, TargetSpec, TransportEntry,
+    AlbedoSource, DepthFrom, Interrupt, Job, LayerEntry, OutputFormat, Progress, RunError, SearchEntry, StackingEntry,
+    StackingModel, StackingReport, TargetSpec, TransportEntry,
     factored::FactoredMap,
+    heights::LayerMaps,
     images::{read_labels, read_picture, srgb_to_linear, to_channels},
 };
+use glam::DVec3;
+
 use crate::{
     mesh::Solid,
     optics::{Light, MaterialSet, ProfileFile, Transport, TransportOptions, VolumeCoefficients},
@@ -14,8 +17,8 @@ use crate::{
         match_targets, reflection_of,
     },
     target::{
-        self, AppearancePage, Atlas, LabelMap, LayerField, LayerStack, NormalizedDiffusion, SlotTable, TexturedLayers,
-        align, cluster, distinct_appearances,
+        self, AlignedStackings, AppearancePage, Atlas, HeightFields, LabelMap, LayerField, LayerStack,
+        NormalizedDiffusion, SlotTable, TexturedLayers, align, cluster, distinct_appearances,
     },
     voxel::MaterialId,
 };
@@ -451,6 +454,7 @@ impl TargetContext<'_> {
             stackings: vec![entry],
             core: self.materials.resins[core].name.clone(),
             ids,
+            maps: LayerMaps::default(),
         };
         (LayerField::Uniform(LayerStack::new(layers, self.id(core))), report)
     }
@@ -479,8 +483,38 @@ impl TargetContext<'_> {
             stackings: entries,
             core: self.materials.resins[core].name.clone(),
             ids: ids.into_iter().chain([self.id(core)]).collect(),
+            maps: self.maps(&aligned, atlas, labels),
         };
         Ok((LayerField::Textured(Box::new(layers)), report))
+    }
+}
+
+impl TargetContext<'_> {
+    /// The layers as height fields, if the job wants them.
+    fn maps(&self, aligned: &AlignedStackings, atlas: &Atlas, labels: &[LabelMap]) -> LayerMaps {
+        if !self.job.wants(OutputFormat::Heights) {
+            return LayerMaps::default();
+        }
+        let limits = self.limits();
+        let pages = atlas
+            .pages()
+            .iter()
+            .zip(labels)
+            .map(|(page, labels)| HeightFields::new(aligned, &limits, &labels.0, page.width as usize, 1));
+        // A slab seen from above: the map lies over it.
+        let flat = self.job.objects[self.object].depth_from == DepthFrom::Top;
+        let pitch_mm = atlas.pages().first().filter(|_| flat).map(|page| {
+            let size = self
+                .solid
+                .mesh
+                .positions
+                .iter()
+                .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)]);
+            let size = size[1] - size[0];
+            [size.x / f64::from(page.width), size.y / f64::from(page.height)]
+        });
+        let resins = self.materials.resins.iter().map(|resin| resin.name.clone()).collect();
+        LayerMaps { pages: pages.collect(), resins, pitch_mm }
     }
 }
 

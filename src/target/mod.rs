@@ -4,9 +4,11 @@
 //! surface point and depth.
 
 mod align;
+pub mod bssrdf;
 mod charts;
 mod clusters;
 mod diffusion;
+mod heights;
 mod layers;
 mod limits;
 mod lookups;
@@ -18,6 +20,7 @@ pub use align::{AlignedStackings, align};
 pub use charts::{Atlas, ChartMap, Place};
 pub use clusters::{ClusterError, ClusterFit, ClusterOptions, Clusters, cluster};
 pub use diffusion::{DiffusionError, NormalizedDiffusion};
+pub use heights::HeightFields;
 pub use layers::{BrickQuery, LayerField, LayerStack};
 pub use limits::{SlotLimits, enforce_limits};
 pub use slots::SlotTable;

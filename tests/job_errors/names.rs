@@ -108,7 +108,7 @@ fn names_and_stacks_and_what_is_not_built() {
         (
             "[\"png\"]",
             "[\"png\", \"gcvf\"]",
-            "bad.toml:25:19: output.formats[1]: found \"gcvf\", which is not built yet; expected one of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\"",
+            "bad.toml:25:19: output.formats[1]: found \"gcvf\", which is not built yet; expected one of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"",
         ),
         (
             "= 30",

@@ -1,0 +1,75 @@
+//! A dataset that is exactly of the form of equation 7, plus noise: profiles of normalised diffusion whose albedo and mean free path
+//! vary. Pixels are point values but for the lit one, which is the mean over a disc of its area.
+
+use std::f64::consts::{PI, TAU};
+
+use lumislice::target::NormalizedDiffusion;
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::{Rng, SeedableRng};
+use rayon::prelude::*;
+
+use super::{Request, files};
+
+/// Albedo and mean free path of a texel, also beyond the patch.
+fn material(x: isize, y: isize) -> NormalizedDiffusion {
+    let wave = |a: f64, b: f64| (a * x as f64).sin() * (b * y as f64).cos();
+    let (albedo, path) = (0.35 + 0.25 * wave(0.083, 0.061), 0.6 + 0.4 * wave(0.047, 0.109));
+    // Both ranges lie within what a material may have.
+    NormalizedDiffusion::new(albedo, path).expect("an albedo within 0 and 1, a path above 0")
+}
+
+/// √P of a texel at every distance that occurs.
+fn roots(material: NormalizedDiffusion, distances: &[f64], pitch_mm: f64) -> Vec<f32> {
+    let area = pitch_mm * pitch_mm;
+    let value = |r: f64| match r > 0.0 {
+        true => material.profile(r),
+        false => material.hankel(0.0) * material.energy_within((area / PI).sqrt()) / area,
+    };
+    distances.iter().map(|r| value(*r).sqrt() as f32).collect()
+}
+
+pub fn make(request: &Request) -> Result<(), String> {
+    let half = (request.window / 2) as isize;
+    let [columns, rows] = request.texels.map(|n| n as isize);
+    let squares: Vec<usize> = (0..request.window * request.window)
+        .map(|i| ((i % request.window) as isize - half, (i / request.window) as isize - half))
+        .map(|(dx, dy)| (dx * dx + dy * dy) as usize)
+        .collect();
+    let mut known = squares.clone();
+    known.sort_unstable();
+    known.dedup();
+    let distances: Vec<f64> = known.iter().map(|square| (*square as f64).sqrt() * request.pitch_mm).collect();
+    let of_pixel: Vec<usize> = squares.iter().map(|square| known.partition_point(|k| k < square)).collect();
+    // √P in a frame as wide as windows reach.
+    let width = (columns + 2 * half) as usize;
+    let frame: Vec<Vec<f32>> = (0..width * (rows + 2 * half) as usize)
+        .into_par_iter()
+        .map(|i| material((i % width) as isize - half, (i / width) as isize - half))
+        .map(|material| roots(material, &distances, request.pitch_mm))
+        .collect();
+    let mut windows = files::Windows::create(request)?;
+    for y in 0..rows as usize {
+        let texels: Vec<Vec<f32>> = (0..columns as usize)
+            .into_par_iter()
+            .map(|x| {
+                let stream = request.seed.wrapping_mul(0x9e37_79b9).wrapping_add((y * width + x) as u64);
+                let mut random = Xoshiro256PlusPlus::seed_from_u64(stream);
+                let mut unit = || ((random.next_u64() >> 40) as f32 + 0.5) / (1 << 24) as f32;
+                let lit = &frame[(y + half as usize) * width + x + half as usize];
+                let pixel = |i: usize| {
+                    let seen = &frame[(y + i / request.window) * width + x + i % request.window];
+                    let value = lit[of_pixel[i]] * seen[of_pixel[i]];
+                    // Box and Muller: two normal numbers.
+                    let (radius, angle) = ((-2.0 * unit().ln()).sqrt(), TAU as f32 * unit());
+                    let noise = [radius * angle.cos(), radius * angle.sin()];
+                    value * (1.0 + request.noise as f32 * noise[0]) + request.floor_per_mm2 as f32 * noise[1]
+                };
+                (0..of_pixel.len()).map(pixel).collect()
+            })
+            .collect();
+        texels.iter().try_for_each(|window| windows.write(window))?;
+    }
+    let albedo: Vec<f32> =
+        (0..rows).flat_map(|y| (0..columns).map(move |x| material(x, y).hankel(0.0) as f32)).collect();
+    files::finish(request, windows, &albedo, "")
+}

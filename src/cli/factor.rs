@@ -1,0 +1,154 @@
+//! `lumislice factor`: from a measured BSSRDF to local profiles and clusters.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use lumislice::{
+    job::{FactorError, FactorRequest, Factored, factor_into},
+    slice::{Existing, OutputFolder},
+    target::bssrdf::{ClusterCount, FactorOptions},
+};
+
+use super::{Answer, INTERRUPT, print, print_json, progress::Bars, say};
+
+/// Factor a measured BSSRDF into a profile per texel, and group the profiles.
+#[derive(Debug, Args)]
+pub struct FactorArgs {
+    /// A folder with dataset.toml, the path of that file, or a .npz.
+    #[arg(value_name = "DATASET", help_heading = "Dataset")]
+    dataset: PathBuf,
+    /// Turn red, green and blue into luminance (Rec. 709).
+    #[arg(long, help_heading = "Dataset")]
+    luminance: bool,
+    /// Expected second difference of ln P from ring to ring, above 0; less is smoother.
+    #[arg(long, value_name = "LN", default_value_t = FactorOptions::default().roughness, help_heading = "Fit")]
+    roughness: f64,
+    /// Most rounds of the fit.
+    #[arg(long, value_name = "N", default_value_t = FactorOptions::default().rounds as u64,
+          value_parser = clap::value_parser!(u64).range(1..=100), help_heading = "Fit")]
+    rounds: u64,
+    /// Also fit one profile for all texels, and one scaled per texel, and tell their errors.
+    #[arg(long, help_heading = "Fit")]
+    compare: bool,
+    /// Number of clusters, at most the number of texels; default 100.
+    #[arg(short = 'k', long, value_name = "K", conflicts_with = "max_rms", help_heading = "Clusters")]
+    clusters: Option<usize>,
+    /// As few clusters as keep the root mean square error of the profiles' Hankel coefficients below this.
+    #[arg(long, value_name = "RMS", help_heading = "Clusters")]
+    max_rms: Option<f64>,
+    /// Seed of the clusters.
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Clusters")]
+    seed: u64,
+    /// Weight of the albedo in the distance of two profiles, as in the search.
+    #[arg(long, value_name = "W", default_value_t = 1.0, value_parser = parse_weight, help_heading = "Clusters")]
+    dc_weight: f64,
+    /// Folder to write.
+    #[arg(short, long, value_name = "FOLDER", help_heading = "Output")]
+    output: PathBuf,
+    /// Replace the files that an earlier run wrote into FOLDER; only those its manifest lists.
+    #[arg(long, help_heading = "Output")]
+    overwrite: bool,
+    /// Print factored.json instead of words.
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+}
+
+fn parse_weight(text: &str) -> Result<f64, String> {
+    let valid = |weight: &f64| (0.0..=1e6).contains(weight);
+    text.parse().ok().filter(valid).ok_or_else(|| "expected a number from 0 to 1000000".to_owned())
+}
+
+/// Runs the command.
+pub fn run(args: &FactorArgs) -> anyhow::Result<Answer> {
+    let existing = if args.overwrite { Existing::Overwrite } else { Existing::Refuse };
+    OutputFolder::check(&args.output, existing).map_err(FactorError::from)?;
+    let request = FactorRequest {
+        dataset: args.dataset.clone(),
+        luminance: args.luminance,
+        options: FactorOptions { roughness: args.roughness, rounds: args.rounds as usize, ..FactorOptions::default() },
+        count: args.clusters.map(ClusterCount::Fixed).or(args.max_rms.map(ClusterCount::Within)),
+        seed: args.seed,
+        dc_weight: args.dc_weight,
+        compare: args.compare,
+    };
+    let bars = Bars::new(args.json);
+    let factored = factor_into(&request, &args.output, existing, &bars, &INTERRUPT);
+    bars.finish();
+    let factored = factored?;
+    if args.json {
+        print_json(&factored)?;
+        return Ok(Answer::Yes);
+    }
+    warn(&factored);
+    print(&summary(&factored, &args.output.display().to_string()))?;
+    Ok(Answer::Yes)
+}
+
+fn warn(factored: &Factored) {
+    for fit in &factored.fits {
+        let channel = &fit.channel;
+        if !fit.converged {
+            let rounds = fit.rounds.len();
+            say(&format!("warning: {channel}: the fit was still moving after {rounds} rounds (--rounds)"));
+        }
+        if fit.missing_values > 0 {
+            say(&format!("warning: {channel}: {} values are missing and were left out", fit.missing_values));
+        }
+        let tail = &fit.tail;
+        if tail.continued > 0 {
+            let count = tail.continued;
+            say(&format!(
+                "warning: {channel}: {count} texels have no measured albedo, their light beyond {:.2} mm is a guess",
+                tail.from_mm
+            ));
+        }
+        if tail.none > 0 && tail.none > factored.width * factored.height / 100 {
+            let count = tail.none;
+            say(&format!("warning: {channel}: the windows of {count} texels hold more light than their albedo"));
+        }
+    }
+    if factored.texels_without_data > 0 {
+        let count = factored.texels_without_data;
+        say(&format!("warning: {count} masked texels have their nearest neighbour's profile"));
+    }
+}
+
+fn summary(factored: &Factored, folder: &str) -> String {
+    let [width, height] = factored.window;
+    let mut text = format!(
+        "{} × {} texels of {} mm, windows of {width} × {height}, {} clusters in {folder}\n",
+        factored.width,
+        factored.height,
+        factored.pitch_mm,
+        factored.clusters.len()
+    );
+    for fit in &factored.fits {
+        let (tail, percent) = (&fit.tail, |share: f64| 100.0 * share);
+        text += &format!(
+            "  {}: equation 7 misses {:.2}% of the data in {} rounds, {:.2}% beyond the lit texel (noise {:.2}%)",
+            fit.channel,
+            percent(fit.relative_error),
+            fit.rounds.len(),
+            percent(fit.relative_error_beyond_centre),
+            percent(fit.noise_beyond_centre)
+        );
+        for simpler in &fit.simpler {
+            let (all, beyond) = (percent(simpler.relative_error), percent(simpler.relative_error_beyond_centre));
+            text += &format!("; {} {all:.2}%, {beyond:.2}%", simpler.model);
+        }
+        text += &format!(
+            "\n     {:.1}% of the light lies beyond {:.2} mm",
+            percent(tail.mean_energy_in_tail / (tail.mean_energy_in_window + tail.mean_energy_in_tail)),
+            tail.from_mm
+        );
+        if let (Some(without), Some(continued), Some(with)) =
+            (tail.albedo_rms_error_without, tail.albedo_rms_error_continued, tail.albedo_rms_error_with)
+        {
+            text += &format!(
+                ": albedo off by {without:.4} without it, {continued:.4} if continued, {with:.4} as fitted (rms)"
+            );
+        }
+        text.push('\n');
+    }
+    text + &format!("  clusters in place of texels change R̂ by {:.1e} (rms)\n", factored.cluster_rms)
+}

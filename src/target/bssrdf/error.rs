@@ -1,0 +1,56 @@
+//! What can go wrong with a dataset, by who is to blame: the disk, the file's contents, or an option.
+
+use std::{io, path::PathBuf};
+
+/// Errors of this room; every message is one line.
+#[derive(Debug, thiserror::Error)]
+pub enum BssrdfError {
+    /// A file could not be read.
+    #[error("{}: {source}", file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The dataset could not be unpacked for lack of room or rights.
+    #[error("{}: writing a working copy failed: {source}", folder.display())]
+    Scratch {
+        /// Folder of temporary files.
+        folder: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file says something it may not say.
+    #[error("{}: {place}: found {found}, expected {expected}", file.display())]
+    Entry {
+        /// The file.
+        file: PathBuf,
+        /// Line, key, array or texel.
+        place: String,
+        /// What stands there.
+        found: String,
+        /// What should.
+        expected: String,
+    },
+    /// An option outside its range.
+    #[error("{name}: found {found}, expected {expected}")]
+    Option {
+        /// The option's name.
+        name: &'static str,
+        /// What was given.
+        found: String,
+        /// What is accepted.
+        expected: String,
+    },
+    /// Whoever listens to the progress asked to stop.
+    #[error("interrupted")]
+    Cancelled,
+}
+
+impl BssrdfError {
+    /// Whether the disk is to blame rather than the data.
+    pub fn is_io(&self) -> bool {
+        matches!(self, Self::Scratch { .. })
+    }
+}

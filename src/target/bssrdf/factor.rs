@@ -1,0 +1,369 @@
+//! A local profile per texel: Hašan et al. 2010, equation 7, after Song et al., *SubEdit* (SIGGRAPH 2009).
+//!
+//! ```text
+//!   R(xᵢ, xₒ) ≈ √(P(xᵢ, r) P(xₒ, r))          ln R = ln g(r) + ½ (q(xᵢ, r) + q(xₒ, r)),   q = ln(P/g)
+//! ```
+//!
+//! g is the mean response at each distance that occurs in a window, so the 1/r at the centre and the fall with distance are
+//! in it and q is smooth; q is one number per texel and ring. The paper takes logarithms and solves a sparse least-squares problem.
+//! The logarithm of a noisy value near zero is wrong on average, and dropping such values is wrong too: what stays is too bright. So this
+//! is the same problem as a generalised linear model with a logarithmic link (McCullagh and Nelder 1989, chapter 2.5): in every
+//! round the residual is (D − R̂)/R̂, whose mean is right whatever the noise, with weight R̂²/V(R̂); the first round uses a bounded
+//! stand-in for ln(D/R̂). At its rest Σ weight·residual is 0 for every texel and ring; where light is strong that is the
+//! paper's answer.
+//!
+//! V = floor² + gain·R̂ + (relative·R̂)². Floor and gain come from the dataset if it knows them. The relative part is what equation
+//! 7 itself misses, which no measurement gives: it is estimated from the residuals of every round, and so is the floor if not known.
+
+use super::{
+    BssrdfError, Dataset, Watch,
+    kernel::{Residual, Variance},
+    operator::{Operator, Prior},
+    passes::{Misses, Model, Source, Survey},
+    planes::Planes,
+    responses::Channel,
+    rings::Rings,
+};
+
+/// What is fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Freedom {
+    /// A profile per texel: equation 7.
+    Profiles,
+    /// One profile, scaled by a number per texel.
+    Scaled,
+    /// One profile.
+    Global,
+}
+
+/// How to fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FactorOptions {
+    /// What is fitted.
+    pub freedom: Freedom,
+    /// Expected size of second differences of ln P from ring to ring, above 0.
+    pub roughness: f64,
+    /// Most rounds.
+    pub rounds: usize,
+}
+
+impl Default for FactorOptions {
+    fn default() -> Self {
+        Self { freedom: Freedom::Profiles, roughness: 0.1, rounds: 8 }
+    }
+}
+
+/// One round of the fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Round {
+    /// Steps of conjugate gradients.
+    pub steps: usize,
+    /// Root mean square change of ln P.
+    pub change: f64,
+    /// √(Σ(D − R̂)² / ΣD²) before the round.
+    pub relative_error: f64,
+    /// Floor of the noise, per mm².
+    pub floor_per_mm2: f64,
+    /// What equation 7 misses, as a share of R.
+    pub relative: f64,
+}
+
+/// Profiles of one channel.
+#[derive(Debug, Clone)]
+pub struct Factors {
+    /// g at each distance, per mm².
+    pub global: Vec<f32>,
+    /// √(P/g) per ring and texel; 0 where nothing was measured.
+    pub root: Planes,
+    /// Mean of g over each ring, per mm².
+    pub ring_means: Vec<f64>,
+    /// Rounds taken.
+    pub rounds: Vec<Round>,
+    /// Whether the last round changed next to nothing.
+    pub converged: bool,
+    /// V at the end.
+    pub variance: Variance,
+    /// What equation 7 misses by at the end.
+    pub misses: Misses,
+    /// Measurements missing in windows that should be there.
+    pub missing: u64,
+    /// Σ D · pixel area over the rings of each window, as measured.
+    pub energy: Vec<f64>,
+    /// Share of each texel's window that was measured, by ring.
+    pub availability: Planes,
+}
+
+/// First differences along r are expected below this: a ring is allowed to be e times its neighbour.
+const FIRST_DIFFERENCE: f32 = 1.0;
+/// Precision of ln(P/g) itself, next to nothing: for texels nobody measured.
+const RIDGE: f32 = 1e-3;
+/// A round that changes ln P by less than this, root mean square, is the last.
+const REST: f64 = 1e-3;
+/// Conjugate gradients go this far in a round: the next one has other weights. At 0.01 the far rings, whose part of the residual is small, took
+/// rounds of their own.
+const CG_TOLERANCE: f64 = 1e-3;
+const CG_STEPS: usize = 100;
+/// Largest change of ln P in a round.
+const LONGEST_STEP: f32 = 1.0;
+/// Relative variance before anything is known of it.
+const FIRST_RELATIVE: f64 = 0.1;
+/// No model is known better than to this share.
+const LEAST_RELATIVE: f64 = 1e-3;
+/// Noise is told from light in the global profile by this many standard deviations.
+const SURE: f64 = 3.0;
+/// Negative values beyond this share of the positive ones are no noise about zero.
+const MAX_NEGATIVE: f64 = 0.25;
+/// Energy of windows that no surface gives back, on the mean of all texels.
+const MAX_ENERGY: f64 = 1.05;
+
+/// Factors one channel of a dataset.
+///
+/// # Errors
+/// Files that cannot be read, data that are no BSSRDF, an option out of range, a watch that says stop.
+pub fn factor(
+    dataset: &Dataset,
+    channel: Channel,
+    options: &FactorOptions,
+    watch: &Watch<'_>,
+) -> Result<Factors, BssrdfError> {
+    if !(options.roughness > 0.0 && options.roughness.is_finite()) {
+        let (found, expected) = (options.roughness.to_string(), "a number above 0".to_owned());
+        return Err(BssrdfError::Option { name: "roughness", found, expected });
+    }
+    let rings = dataset.rings();
+    let source = Source { dataset, rings: &rings, channel, watch };
+    let survey = source.survey()?;
+    check(dataset, &survey)?;
+    let global = global_profile(&rings, &survey);
+    let between = between(&rings);
+    let means = rings.means(&global.iter().map(|g| f64::from(*g)).collect::<Vec<_>>());
+    let present = |texel: usize| if dataset.is_present(texel) { 1.0 } else { 0.0 };
+    let mut log = Planes::new(rings.len(), dataset.width, dataset.height, 0.0);
+    let root_of = |log: &Planes| {
+        let mut root = log.map(|q| (0.5 * q).exp());
+        let texels = dataset.texels();
+        root.data.iter_mut().enumerate().for_each(|(i, root)| *root *= present(i % texels));
+        root
+    };
+    let mut root = root_of(&log);
+    let prior = Prior { second: (options.roughness.powi(-2)) as f32, first: FIRST_DIFFERENCE, value: RIDGE };
+    let mut noise = NoiseModel::first(dataset, &means);
+    let mut rounds: Vec<Round> = Vec::new();
+    let mut converged = options.freedom == Freedom::Global;
+    while !converged && rounds.len() < options.rounds {
+        let model = Model { global: &global, root: &root, between: &between };
+        let kind = if rounds.is_empty() { Residual::Logarithm } else { Residual::Linear };
+        let stage = match rounds.last() {
+            None => "round 1".to_owned(),
+            Some(last) => format!("round {}, ln P moved by {:.4}", rounds.len() + 1, last.change),
+        };
+        let gradient = source.gradient(&stage, &model, noise.variance(), kind)?;
+        let operator = Operator {
+            rings: &rings,
+            model: &model,
+            variance: noise.variance(),
+            availability: &survey.availability,
+            outside: &gradient.outside,
+            prior,
+            tied: options.freedom == Freedom::Scaled,
+        };
+        let mut b = gradient.values;
+        if operator.tied {
+            b.tie();
+            b.add(-prior.value, &log);
+        } else {
+            b.add(-1.0, &operator.prior_of(&log));
+        }
+        let (step, steps) = operator.solve(&b, CG_TOLERANCE, CG_STEPS);
+        let step = step.map(|change| change.clamp(-LONGEST_STEP, LONGEST_STEP));
+        let change = (step.dot(&step) / step.data.len() as f64).sqrt();
+        rounds.push(Round {
+            steps,
+            change,
+            relative_error: gradient.misses.relative(),
+            floor_per_mm2: noise.floor,
+            relative: noise.relative,
+        });
+        // What the first model misses is no noise.
+        if rounds.len() > 1 {
+            noise.estimate(&gradient.misses);
+        }
+        log.add(1.0, &step);
+        root = root_of(&log);
+        converged = change < REST;
+    }
+    let model = Model { global: &global, root: &root, between: &between };
+    let misses = source.residual(&model)?;
+    Ok(Factors {
+        ring_means: means,
+        rounds,
+        converged,
+        variance: noise.variance(),
+        misses,
+        missing: survey.missing,
+        energy: survey.energy,
+        availability: survey.availability,
+        global,
+        root,
+    })
+}
+
+impl Factors {
+    /// P per mm² of a texel, ring by ring.
+    pub fn profile(&self, texel: usize) -> impl Iterator<Item = f64> + '_ {
+        self.ring_means.iter().enumerate().map(move |(ring, mean)| {
+            let root = f64::from(self.root.at(ring, texel));
+            mean * root * root
+        })
+    }
+}
+
+/// Data that no surface gives.
+fn check(dataset: &Dataset, survey: &Survey) -> Result<(), BssrdfError> {
+    let fault = |place: &str, found: String, expected: &str| BssrdfError::Entry {
+        file: dataset.responses.path().to_path_buf(),
+        place: place.into(),
+        found,
+        expected: expected.into(),
+    };
+    if survey.counts.iter().sum::<u64>() == 0 {
+        return Err(fault("responses", "no value that is a number".into(), "windows with light"));
+    }
+    if !(survey.positive > 0.0) {
+        return Err(fault("responses", "no value above 0".into(), "windows with light"));
+    }
+    if survey.negative > MAX_NEGATIVE * survey.positive {
+        let share = 100.0 * survey.negative / survey.positive;
+        let expected = "noise about zero: at most 25%";
+        return Err(fault("responses", format!("negative values that take away {share:.0}% of the light"), expected));
+    }
+    let texels: Vec<usize> = (0..dataset.texels()).filter(|texel| dataset.is_present(*texel)).collect();
+    let mean = texels.iter().map(|texel| survey.energy[*texel]).sum::<f64>() / texels.len().max(1) as f64;
+    if mean > MAX_ENERGY {
+        let found = format!("windows that hold {mean:.3} times the light sent in, on the mean");
+        return Err(fault("responses", found, "at most 1: values per mm² and unit flux, and a pitch in mm"));
+    }
+    Ok(())
+}
+
+/// Mean response per distance. Where it sinks into its own noise it goes on falling as before.
+fn global_profile(rings: &Rings, survey: &Survey) -> Vec<f32> {
+    let distances = rings.distances_mm.len();
+    let mut global = vec![0.0; distances];
+    let mut sure: Vec<usize> = Vec::new();
+    for (distance, global) in global.iter_mut().enumerate() {
+        let count = survey.counts[distance] as f64;
+        let mean = survey.sums[distance] / count.max(1.0);
+        let variance = (survey.squares[distance] / count.max(1.0) - mean * mean).max(0.0) / count.max(1.0);
+        if mean > SURE * variance.sqrt() && mean > 0.0 {
+            sure.push(distance);
+            *global = mean;
+        }
+    }
+    let r = |distance: usize| rings.distances_mm[distance];
+    for distance in 0..distances {
+        if global[distance] > 0.0 {
+            continue;
+        }
+        // The nearest sure ones on both sides, else the last two.
+        let after = sure.partition_point(|known| *known < distance);
+        let (a, b) = match (after.checked_sub(1).map(|i| sure[i]), sure.get(after)) {
+            (Some(a), Some(&b)) => (a, b),
+            (Some(b), None) => (after.checked_sub(8).map_or(sure[0], |i| sure[i]), b),
+            (None, Some(&b)) => (b, b),
+            (None, None) => {
+                global[distance] = f64::from(f32::MIN_POSITIVE).sqrt();
+                continue;
+            }
+        };
+        let slope = if a == b { 0.0 } else { (global[b] / global[a]).ln() / (r(b) - r(a)) };
+        let slope = if distance > b { slope.min(0.0) } else { slope };
+        global[distance] = global[b] * (slope * (r(distance) - r(b))).exp();
+    }
+    let most = global.iter().copied().fold(0.0, f64::max);
+    global.iter().map(|g| g.max(1e-12 * most) as f32).collect()
+}
+
+/// For each distance the ring whose mean distance lies below, and the share of the next ring.
+pub fn between(rings: &Rings) -> Vec<(usize, f32)> {
+    let middle = rings.means(&rings.distances_mm);
+    rings
+        .distances_mm
+        .iter()
+        .map(|&r| {
+            let above = middle.partition_point(|middle| *middle <= r);
+            match (above.checked_sub(1), middle.get(above)) {
+                (Some(below), Some(next)) => (below, ((r - middle[below]) / (next - middle[below])) as f32),
+                (Some(below), None) => (below, 0.0),
+                (None, _) => (0, 0.0),
+            }
+        })
+        .collect()
+}
+
+/// Floor, gain and relative error, known or estimated.
+struct NoiseModel {
+    floor: f64,
+    gain: f64,
+    relative: f64,
+    /// Floor and gain are the dataset's.
+    known: bool,
+}
+
+impl NoiseModel {
+    fn first(dataset: &Dataset, means: &[f64]) -> Self {
+        match dataset.noise {
+            Some(noise) => {
+                Self { floor: noise.floor_per_mm2, gain: noise.gain_per_mm2, relative: FIRST_RELATIVE, known: true }
+            }
+            None => {
+                let least = means.iter().copied().fold(f64::INFINITY, f64::min);
+                Self { floor: least, gain: 0.0, relative: FIRST_RELATIVE, known: false }
+            }
+        }
+    }
+
+    fn variance(&self) -> Variance {
+        // A variance of 0 would be a weight without end.
+        let constant = (self.floor * self.floor) as f32;
+        Variance {
+            constant: constant.max(f32::MIN_POSITIVE * 1e6),
+            linear: self.gain as f32,
+            square: (self.relative * self.relative) as f32,
+        }
+    }
+
+    /// Fits V to the mean squared differences of the rings, each counting by how well it is known itself.
+    fn estimate(&mut self, misses: &Misses) {
+        let (mut aa, mut ab, mut bb, mut ya, mut yb) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        let v = |r: f64, r2: f64| self.floor * self.floor + self.gain * r + self.relative * self.relative * r2;
+        for sums in misses.rings.iter().filter(|sums| sums.count > 0.0) {
+            let (error, model, square) =
+                (sums.error / sums.count, sums.model / sums.count, sums.model_square / sums.count);
+            let weight = v(model, square).max(error).max(f64::MIN_POSITIVE).powi(-2);
+            let y = error - self.gain * model - if self.known { self.floor * self.floor } else { 0.0 };
+            aa += weight;
+            ab += weight * square;
+            bb += weight * square * square;
+            ya += weight * y;
+            yb += weight * y * square;
+        }
+        if bb == 0.0 {
+            return;
+        }
+        let determinant = aa * bb - ab * ab;
+        let (mut floor, mut relative) = (0.0, yb / bb);
+        if !self.known && determinant > 1e-12 * aa * bb {
+            (floor, relative) = ((ya * bb - yb * ab) / determinant, (yb * aa - ya * ab) / determinant);
+            if floor < 0.0 {
+                (floor, relative) = (0.0, yb / bb);
+            } else if relative < 0.0 {
+                (floor, relative) = (ya / aa, 0.0);
+            }
+        }
+        if !self.known {
+            self.floor = floor.max(0.0).sqrt();
+        }
+        self.relative = relative.max(0.0).sqrt().max(LEAST_RELATIVE);
+    }
+}

@@ -1,0 +1,140 @@
+//! `dataset.toml`: where the arrays are and what their numbers mean.
+
+use std::{
+    fs::{self, File},
+    io::{BufReader, Read},
+    path::{Path, PathBuf},
+};
+
+use serde::Deserialize;
+
+use super::{
+    BssrdfError,
+    dataset::{Array, Noise, Parts},
+    exr_rows, images,
+    npy::{NpyError, NpyHeader},
+    responses::Responses,
+};
+
+/// Name of the header in a dataset's folder.
+pub const NAME: &str = "dataset.toml";
+/// Version of the format.
+pub const VERSION: u32 = 1;
+/// Largest array read at once: an albedo of the largest dataset in double precision.
+const MAX_ARRAY: u64 = 1 << 33;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct Header {
+    version: u32,
+    pitch_mm: f64,
+    responses: PathBuf,
+    albedo: Option<PathBuf>,
+    mask: Option<PathBuf>,
+    channels: Option<Vec<String>>,
+    noise_floor_per_mm2: Option<f64>,
+    noise_gain_per_mm2: Option<f64>,
+    window: Option<[usize; 2]>,
+    full_scale_per_mm2: Option<f64>,
+}
+
+/// Reads a header and the small arrays it names.
+pub(super) fn read(file: &Path) -> Result<Parts, BssrdfError> {
+    let text = fs::read_to_string(file).map_err(|source| BssrdfError::Read { file: file.to_path_buf(), source })?;
+    let header: Header = toml::from_str(&text).map_err(|error| {
+        let at = error.span().map_or(0, |span| span.start.min(text.len()));
+        let line = 1 + text.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count();
+        BssrdfError::Entry {
+            file: file.to_path_buf(),
+            place: format!("line {line}"),
+            found: error.message().split_whitespace().collect::<Vec<_>>().join(" "),
+            expected: "a header as docs/formats.md describes it".into(),
+        }
+    })?;
+    if header.version != VERSION {
+        return Err(BssrdfError::Entry {
+            file: file.to_path_buf(),
+            place: "version".into(),
+            found: header.version.to_string(),
+            expected: format!("{VERSION}"),
+        });
+    }
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let path = folder.join(&header.responses);
+    let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
+    let (responses, found) = if path.is_dir() {
+        images::unpack(&path, header.window, header.full_scale_per_mm2)?
+    } else if is_exr {
+        exr_rows::unpack(&path, header.window)?
+    } else {
+        let found = open_responses(&path)?;
+        (Responses::new(path, found.clone(), None), found)
+    };
+    let array = |name: &str, path: Option<PathBuf>| path.map(|path| read_array(&folder.join(path), name)).transpose();
+    let noise = match (header.noise_floor_per_mm2, header.noise_gain_per_mm2) {
+        (None, None) => None,
+        (floor, gain) => Some(Noise { floor_per_mm2: floor.unwrap_or(0.0), gain_per_mm2: gain.unwrap_or(0.0) }),
+    };
+    Ok(Parts {
+        pitch_mm: header.pitch_mm,
+        channels: header.channels,
+        noise,
+        responses,
+        header: found,
+        albedo: array("albedo", header.albedo)?,
+        mask: array("mask", header.mask)?,
+        file: file.to_path_buf(),
+    })
+}
+
+/// The header of an array whose values are all there.
+fn open_responses(path: &Path) -> Result<NpyHeader, BssrdfError> {
+    let fault = |source| BssrdfError::Read { file: path.to_path_buf(), source };
+    let file = File::open(path).map_err(fault)?;
+    let size = file.metadata().map_err(fault)?.len();
+    let header = NpyHeader::read(&mut BufReader::new(file)).map_err(|error| npy_fault(path, "header", error))?;
+    if size < header.start + header.value_bytes() {
+        return Err(truncated(path, "values", size, header.start + header.value_bytes()));
+    }
+    Ok(header)
+}
+
+pub(super) fn truncated(path: &Path, place: &str, found: u64, expected: u64) -> BssrdfError {
+    BssrdfError::Entry {
+        file: path.to_path_buf(),
+        place: place.into(),
+        found: format!("{found} bytes"),
+        expected: format!("{expected}: the file is cut short"),
+    }
+}
+
+/// Reads an array whole.
+fn read_array(path: &Path, name: &str) -> Result<Array, BssrdfError> {
+    let fault = |source| BssrdfError::Read { file: path.to_path_buf(), source };
+    let file = File::open(path).map_err(fault)?;
+    array_from(&mut BufReader::new(file), path, name)
+}
+
+/// Reads an array whole from an open file.
+pub(super) fn array_from(input: &mut impl Read, file: &Path, name: &str) -> Result<Array, BssrdfError> {
+    let header = NpyHeader::read(input).map_err(|error| npy_fault(file, name, error))?;
+    let expected = header.value_bytes();
+    let mut bytes = Vec::new();
+    let read = input.take(expected.min(MAX_ARRAY)).read_to_end(&mut bytes);
+    let found = read.map_err(|source| BssrdfError::Read { file: file.to_path_buf(), source })? as u64;
+    if found < expected {
+        return Err(truncated(file, name, found, expected));
+    }
+    let mut values = vec![0.0; bytes.len() / header.element.bytes()];
+    header.decode(&bytes, &mut values);
+    Ok(Array { file: file.to_path_buf(), name: name.into(), shape: header.shape, values })
+}
+
+pub(super) fn npy_fault(file: &Path, place: &str, error: NpyError) -> BssrdfError {
+    match error {
+        NpyError::Io(source) => BssrdfError::Read { file: file.to_path_buf(), source },
+        NpyError::Format { found, expected } => {
+            BssrdfError::Entry { file: file.to_path_buf(), place: place.into(), found, expected: expected.into() }
+        }
+    }
+}

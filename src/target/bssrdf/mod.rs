@@ -1,0 +1,45 @@
+//! Heterogeneous materials: from a measured BSSRDF to a local profile per texel, and clusters of them.
+//!
+//! **In:** a [`Dataset`], response windows around every texel of a flat patch. **Out:** [`Factors`], a profile P(x, r) per texel with
+//! R(xᵢ, xₒ) ≈ √(P(xᵢ, r) P(xₒ, r)) (Hašan et al. 2010, section 7.1).
+//!
+//! ```text
+//!   dataset.toml + .npy ──► Dataset ──► survey ──► global profile g(r)
+//!                             │ bands of rows        │
+//!                             └──► gradient ◄── model √(P/g) ◄── conjugate gradients
+//! ```
+
+mod dataset;
+mod error;
+mod exr_rows;
+mod factor;
+mod groups;
+mod header;
+mod images;
+mod kernel;
+mod npy;
+mod npz;
+mod operator;
+mod passes;
+mod planes;
+mod responses;
+mod rings;
+mod tail;
+
+pub use dataset::{Dataset, MAX_SIDE, MAX_WINDOW, Noise, PITCH_MM};
+pub use error::BssrdfError;
+pub use factor::{FactorOptions, Factors, Freedom, Round, factor};
+pub use groups::{ClusterCount, Metric};
+pub use kernel::Variance;
+pub use npy::write_npy;
+pub use passes::{Misses, Sums};
+pub use planes::Planes;
+pub use responses::{Channel, LUMINANCE, Responses};
+pub use rings::{Offset, Rings, areas};
+pub use tail::{TailKind, TailRings};
+
+/// Told the stage and the share of it that is done, 0 to 1; says whether to go on. Called from one thread.
+pub type Watch<'a> = dyn Fn(&str, f64) -> bool + Sync + 'a;
+
+#[cfg(test)]
+mod tests;

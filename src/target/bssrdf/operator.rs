@@ -1,0 +1,161 @@
+//! The normal equations of the factorisation without a matrix, and conjugate gradients on them.
+//!
+//! A measurement ties two unknowns of one ring together, ½(qᵢ + qₒ); so a ring's normal matrix is a sum over the ring's window pixels of
+//! shifted copies of the image, weighted by what the model says the weights are. Nothing per pair is stored. Rings are coupled by
+//! the prior alone: small second differences along r, very small first ones, so that what lies under the noise floor goes on as
+//! what lies above it. The system is well conditioned (a ring's average over its neighbours is at least −0.4), and Jacobi's
+//! preconditioner takes care of the weights.
+
+use rayon::prelude::*;
+
+use super::{
+    kernel::{self, Variance},
+    passes::{Model, inside, moved},
+    planes::Planes,
+    rings::Rings,
+};
+
+/// Precision of the differences along r that are expected to vanish, against ones of measurements: 1/σ² of ln P.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior {
+    /// Of second differences of ln(P/g) from ring to ring.
+    pub second: f32,
+    /// Of first ones.
+    pub first: f32,
+    /// Of ln(P/g) itself.
+    pub value: f32,
+}
+
+/// The system at one model.
+pub struct Operator<'a> {
+    pub rings: &'a Rings,
+    pub model: &'a Model<'a>,
+    pub variance: Variance,
+    /// Share of each texel's window that was measured, by ring.
+    pub availability: &'a Planes,
+    /// Weight of what is seen beyond the patch.
+    pub outside: &'a Planes,
+    pub prior: Prior,
+    /// ln(P/g) is one number per texel, the same for all rings.
+    pub tied: bool,
+}
+
+impl Operator<'_> {
+    /// out ← A p.
+    pub fn apply(&self, p: &Planes, out: &mut Planes) {
+        let Planes { width, height, .. } = *p;
+        out.data.par_chunks_mut(width).enumerate().for_each(|(index, out)| {
+            let (ring, y) = (index / height, index % height);
+            out.fill(0.0);
+            self.couple(ring, y, p, out);
+            for ((out, outside), p) in out.iter_mut().zip(self.outside.row(ring, y)).zip(p.row(ring, y)) {
+                *out += outside * p;
+            }
+            if !self.tied {
+                self.smooth(ring, y, p, out);
+            }
+        });
+        if self.tied {
+            out.tie();
+            out.add(self.prior.value, p);
+        }
+    }
+
+    /// Adds the measurements' part of a row.
+    fn couple(&self, ring: usize, y: usize, p: &Planes, out: &mut [f32]) {
+        let (width, height) = (p.width, p.height);
+        let (root, availability) = (self.model.root, self.availability);
+        for offset in self.rings.ring(ring) {
+            let Some(row) = y.checked_add_signed(offset.dy).filter(|row| *row < height) else { continue };
+            let from = inside(width, offset.dx);
+            if from.is_empty() {
+                continue;
+            }
+            let to = moved(&from, offset.dx);
+            kernel::couple(
+                &root.row(ring, y)[from.clone()],
+                &root.row(ring, row)[to.clone()],
+                self.model.global[offset.distance],
+                self.variance,
+                [&availability.row(ring, y)[from.clone()], &availability.row(ring, row)[to.clone()]],
+                [&p.row(ring, y)[from.clone()], &p.row(ring, row)[to]],
+                &mut out[from],
+            );
+        }
+    }
+
+    /// Adds the prior's part of a row.
+    fn smooth(&self, ring: usize, y: usize, p: &Planes, out: &mut [f32]) {
+        let last = p.rings() - 1;
+        let row = |ring: usize| p.row(ring, y);
+        let mut add = |factor: f32, ring: usize| {
+            out.iter_mut().zip(row(ring)).for_each(|(out, p)| *out += factor * p);
+        };
+        add(self.prior.value, ring);
+        for (low, high) in [(ring.wrapping_sub(1), ring), (ring, ring + 1)] {
+            if low < last && high <= last {
+                let sign = if ring == high { 1.0 } else { -1.0 };
+                add(sign * self.prior.first, high);
+                add(-sign * self.prior.first, low);
+            }
+        }
+        for middle in ring.saturating_sub(1)..=ring + 1 {
+            if (1..last).contains(&middle) {
+                let factor = self.prior.second * if middle == ring { -2.0 } else { 1.0 };
+                add(factor, middle - 1);
+                add(-2.0 * factor, middle);
+                add(factor, middle + 1);
+            }
+        }
+    }
+
+    /// The prior's part of A p.
+    pub fn prior_of(&self, p: &Planes) -> Planes {
+        let mut out = p.map(|_| 0.0);
+        out.data.par_chunks_mut(p.width).enumerate().for_each(|(index, out)| {
+            self.smooth(index / p.height, index % p.height, p, out);
+        });
+        out
+    }
+
+    /// 1/diagonal, near enough: the measurements' part from A·1, whose rows hold every coupling twice.
+    fn inverse_diagonal(&self) -> Planes {
+        let ones = self.model.root.map(|_| 1.0);
+        let mut sums = Planes::new(ones.rings(), ones.width, ones.height, 0.0);
+        self.apply(&ones, &mut sums);
+        let prior = if self.tied { 0.0 } else { 6.0 * self.prior.second + 2.0 * self.prior.first };
+        sums.map(|sum| 1.0 / (0.5 * sum + prior + self.prior.value))
+    }
+
+    /// Solves A x = b to `tolerance` of b, in at most `most` steps; returns x and the steps taken.
+    pub fn solve(&self, b: &Planes, tolerance: f64, most: usize) -> (Planes, usize) {
+        let inverse = self.inverse_diagonal();
+        let precondition = |r: &Planes| {
+            let mut z = r.clone();
+            let rows = z.data.par_chunks_mut(z.width).zip(inverse.data.par_chunks(inverse.width));
+            rows.for_each(|(z, inverse)| z.iter_mut().zip(inverse).for_each(|(z, inverse)| *z *= inverse));
+            z
+        };
+        let mut x = b.map(|_| 0.0);
+        let mut r = b.clone();
+        let mut z = precondition(&r);
+        let mut p = z.clone();
+        let mut image = b.map(|_| 0.0);
+        let mut rho = r.dot(&z);
+        let goal = tolerance * tolerance * rho;
+        for step in 0..most {
+            if !(rho > goal) {
+                return (x, step);
+            }
+            self.apply(&p, &mut image);
+            let alpha = rho / p.dot(&image);
+            x.add(alpha as f32, &p);
+            r.add(-alpha as f32, &image);
+            z = precondition(&r);
+            let next = r.dot(&z);
+            p.scale_and_add((next / rho) as f32, &z);
+            rho = next;
+        }
+        (x, most)
+    }
+}

@@ -1,0 +1,436 @@
+//! Passes over the data: bands of rows in parallel, each read by itself and summed in the order of the bands, so that memory is a few
+//! rows and the sums do not depend on threads.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::{
+    BssrdfError, Dataset, Watch,
+    kernel::{self, Residual, RowSums, Variance},
+    planes::Planes,
+    responses::Channel,
+    rings::{Offset, Rings},
+};
+
+/// Rows of a band: enough that the rows around it, which its windows reach into, cost little memory and adding.
+const BAND_ROWS: usize = 16;
+
+/// What a pass works on.
+pub struct Source<'a> {
+    /// The data.
+    pub dataset: &'a Dataset,
+    /// Its window.
+    pub rings: &'a Rings,
+    /// Which channel.
+    pub channel: Channel,
+    /// Told how far a pass has come, and asked whether to go on.
+    pub watch: &'a Watch<'a>,
+}
+
+impl Source<'_> {
+    /// Runs `work` on every row, in parallel by bands, and folds the bands' results in their order.
+    fn pass<T: Send>(
+        &self,
+        stage: &str,
+        empty: impl Fn(Range<usize>) -> T + Sync,
+        row: impl Fn(&mut T, usize, &[f32]) + Sync,
+        mut fold: impl FnMut(Range<usize>, T),
+    ) -> Result<(), BssrdfError> {
+        let height = self.dataset.height;
+        let bands: Vec<Range<usize>> =
+            (0..height).step_by(BAND_ROWS).map(|first| first..height.min(first + BAND_ROWS)).collect();
+        for batch in bands.chunks(rayon::current_num_threads()) {
+            if !(self.watch)(stage, batch[0].start as f64 / height as f64) {
+                return Err(BssrdfError::Cancelled);
+            }
+            let results: Vec<Result<T, BssrdfError>> = batch
+                .par_iter()
+                .map(|band| {
+                    let mut reader = self.dataset.responses.reader()?;
+                    let (mut windows, mut result) = (Vec::new(), empty(band.clone()));
+                    for y in band.clone() {
+                        reader.read(y, self.channel, &mut windows)?;
+                        self.drop_masked(y, &mut windows);
+                        row(&mut result, y, &windows);
+                    }
+                    Ok(result)
+                })
+                .collect();
+            for (band, result) in batch.iter().zip(results) {
+                fold(band.clone(), result?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Windows of texels that were not measured are missing, whatever the file holds.
+    fn drop_masked(&self, y: usize, windows: &mut [f32]) {
+        let width = self.dataset.width;
+        for x in (0..width).filter(|x| !self.dataset.is_present(y * width + x)) {
+            windows.iter_mut().skip(x).step_by(width).for_each(|value| *value = f32::NAN);
+        }
+    }
+
+    /// The texels of row `y` whose window pixel `offset` lies within the patch, and the row it lies in.
+    fn inside(&self, y: usize, offset: &Offset) -> Option<(Range<usize>, usize)> {
+        let Dataset { width, height, .. } = *self.dataset;
+        let row = y.checked_add_signed(offset.dy).filter(|row| *row < height)?;
+        let range = inside(width, offset.dx);
+        (!range.is_empty()).then_some((range, row))
+    }
+
+    /// Looks at all data once.
+    pub fn survey(&self) -> Result<Survey, BssrdfError> {
+        let Dataset { width, height, .. } = *self.dataset;
+        let rings = self.rings;
+        let (distances, pixels) = (rings.distances_mm.len(), rings.width * rings.height);
+        let mut survey = Survey {
+            sums: vec![0.0; distances],
+            squares: vec![0.0; distances],
+            counts: vec![0; distances],
+            availability: Planes::new(rings.len(), width, height, 0.0),
+            energy: vec![0.0; width * height],
+            missing: 0,
+            negative: 0.0,
+            positive: 0.0,
+        };
+        let area = self.dataset.pitch_mm * self.dataset.pitch_mm;
+        let empty = |band: Range<usize>| Survey {
+            sums: vec![0.0; distances],
+            squares: vec![0.0; distances],
+            counts: vec![0; distances],
+            availability: Planes::new(rings.len(), width, band.len(), 0.0),
+            energy: vec![0.0; width * band.len()],
+            missing: 0,
+            negative: 0.0,
+            positive: 0.0,
+        };
+        let row = |survey: &mut Survey, y: usize, windows: &[f32]| {
+            let local = y % BAND_ROWS;
+            for pixel in 0..pixels {
+                let data = &windows[pixel * width..(pixel + 1) * width];
+                for (&value, x) in data.iter().zip(0..) {
+                    let value = f64::from(value);
+                    if value.is_finite() {
+                        survey.negative -= value.min(0.0);
+                        survey.positive += value.max(0.0);
+                    } else if self.dataset.is_present(y * width + x) {
+                        survey.missing += 1;
+                    }
+                }
+            }
+            for ring in 0..rings.len() {
+                let share = 1.0 / rings.ring(ring).len() as f32;
+                let availability = survey.availability.row_mut(ring, local);
+                for offset in rings.ring(ring) {
+                    let data = &windows[offset.pixel * width..(offset.pixel + 1) * width];
+                    let energy = &mut survey.energy[local * width..(local + 1) * width];
+                    for ((&value, availability), energy) in data.iter().zip(availability.iter_mut()).zip(energy) {
+                        if value.is_finite() {
+                            *energy += f64::from(value) * area;
+                            survey.sums[offset.distance] += f64::from(value);
+                            survey.squares[offset.distance] += f64::from(value) * f64::from(value);
+                            survey.counts[offset.distance] += 1;
+                            *availability += share;
+                        }
+                    }
+                }
+            }
+        };
+        self.pass("reading", empty, row, |band, part| {
+            survey.energy[band.start * width..band.end * width].copy_from_slice(&part.energy);
+            for ring in 0..rings.len() {
+                for (local, y) in band.clone().enumerate() {
+                    survey.availability.row_mut(ring, y).copy_from_slice(part.availability.row(ring, local));
+                }
+            }
+            for distance in 0..distances {
+                survey.sums[distance] += part.sums[distance];
+                survey.squares[distance] += part.squares[distance];
+                survey.counts[distance] += part.counts[distance];
+            }
+            survey.missing += part.missing;
+            survey.negative += part.negative;
+            survey.positive += part.positive;
+        })?;
+        Ok(survey)
+    }
+
+    /// Σ ½·weight·residual over the measurements of every texel and ring, and what the model misses by.
+    pub fn gradient(
+        &self,
+        stage: &str,
+        model: &Model<'_>,
+        variance: Variance,
+        kind: Residual,
+    ) -> Result<Gradient, BssrdfError> {
+        let Dataset { width, height, .. } = *self.dataset;
+        let (rings, reach) = (self.rings, self.rings.reach_rows());
+        let mut whole = Gradient {
+            values: Planes::new(rings.len(), width, height, 0.0),
+            outside: Planes::new(rings.len(), width, height, 0.0),
+            misses: Misses::new(rings.len(), 0),
+        };
+        // A band's windows reach into the rows around it.
+        let around = |band: &Range<usize>| band.start.saturating_sub(reach)..(band.end + reach).min(height);
+        let empty = |band: Range<usize>| {
+            let rows = around(&band);
+            let gradient = Gradient {
+                values: Planes::new(rings.len(), width, rows.len(), 0.0),
+                outside: Planes::new(rings.len(), width, band.len(), 0.0),
+                misses: Misses::new(rings.len(), 0),
+            };
+            (gradient, rows.start, Scratch::default())
+        };
+        let row = |(part, first, scratch): &mut (Gradient, usize, Scratch), y: usize, windows: &[f32]| {
+            let Gradient { values, outside, misses } = part;
+            for ring in 0..rings.len() {
+                scratch.reset(width);
+                let lit = model.root.row(ring, y);
+                for offset in rings.ring(ring) {
+                    let data = &windows[offset.pixel * width..(offset.pixel + 1) * width];
+                    let global = model.global[offset.distance];
+                    let inside = self.inside(y, offset);
+                    if let Some((texels, row)) = &inside {
+                        let to = moved(texels, offset.dx);
+                        let seen = &model.root.row(ring, *row)[to.clone()];
+                        let (data, lit) = (&data[texels.clone()], &lit[texels.clone()]);
+                        let to_lit = &mut scratch.to_lit[texels.clone()];
+                        let to_seen = &mut values.row_mut(ring, row - *first)[to];
+                        kernel::gradient(data, lit, seen, global, variance, kind, to_lit, to_seen);
+                        kernel::differences(data, lit, seen, global, texels.start, &mut scratch.sums);
+                    }
+                    let texels = inside.map_or(0..0, |(texels, _)| texels);
+                    for x in (0..texels.start).chain(texels.end.max(texels.start)..width) {
+                        // Seen beyond the patch: judged by the lit texel's own profile.
+                        let r = global * lit[x] * lit[x];
+                        if data[x].is_finite() && r > 0.0 {
+                            let weight = OUTSIDE_WEIGHT * r * r / variance_of(variance, r);
+                            let ratio = data[x] / r;
+                            let damp = if kind == Residual::Logarithm { 2.0 / (ratio.max(0.0) + 1.0) } else { 1.0 };
+                            scratch.to_lit[x] += weight * (ratio - 1.0) * damp;
+                            scratch.outside[x] += weight;
+                        }
+                    }
+                }
+                let to_lit = values.row_mut(ring, y - *first);
+                to_lit.iter_mut().zip(&scratch.to_lit).for_each(|(to, from)| *to += from);
+                outside.row_mut(ring, y % BAND_ROWS).copy_from_slice(&scratch.outside);
+                misses.add(ring, &scratch.sums);
+            }
+        };
+        self.pass(stage, empty, row, |band, (part, first, _)| {
+            for ring in 0..rings.len() {
+                for local in 0..part.values.height {
+                    let to = whole.values.row_mut(ring, first + local);
+                    to.iter_mut().zip(part.values.row(ring, local)).for_each(|(to, from)| *to += from);
+                }
+                for (local, y) in band.clone().enumerate() {
+                    whole.outside.row_mut(ring, y).copy_from_slice(part.outside.row(ring, local));
+                }
+            }
+            whole.misses.merge(&part.misses);
+        })?;
+        Ok(whole)
+    }
+
+    /// What equation 7 misses by, ring by ring and texel by texel; P/g is interpolated between the rings.
+    pub fn residual(&self, model: &Model<'_>) -> Result<Misses, BssrdfError> {
+        let Dataset { width, height, .. } = *self.dataset;
+        let rings = self.rings;
+        let mut whole = Misses::new(rings.len(), width * height);
+        let empty = |band: Range<usize>| (Misses::new(rings.len(), band.len() * width), Scratch::default());
+        let row = |(misses, scratch): &mut (Misses, Scratch), y: usize, windows: &[f32]| {
+            for ring in 0..rings.len() {
+                scratch.reset(width);
+                for offset in rings.ring(ring) {
+                    let Some((texels, row)) = self.inside(y, offset) else { continue };
+                    let (between, share) = model.between[offset.distance];
+                    model.blend(between, share, y, &mut scratch.to_lit);
+                    model.blend(between, share, row, &mut scratch.outside);
+                    let data = &windows[offset.pixel * width..(offset.pixel + 1) * width][texels.clone()];
+                    let (lit, seen) = (&scratch.to_lit[texels.clone()], &scratch.outside[moved(&texels, offset.dx)]);
+                    let global = model.global[offset.distance];
+                    kernel::differences(data, lit, seen, global, texels.start, &mut scratch.sums);
+                }
+                misses.add(ring, &scratch.sums);
+                misses.add_places((y % BAND_ROWS) * width, &scratch.sums);
+            }
+        };
+        self.pass("checking", empty, row, |band, (part, _)| {
+            whole.merge(&part);
+            whole.places[band.start * width..band.end * width].copy_from_slice(&part.places);
+        })?;
+        Ok(whole)
+    }
+}
+
+/// A measurement beyond the patch, where another material may lie, counts this much of one within: it decides where nothing else does.
+const OUTSIDE_WEIGHT: f32 = 0.01;
+
+fn variance_of(variance: Variance, r: f32) -> f32 {
+    variance.constant + r * (variance.linear + r * variance.square)
+}
+
+/// The columns whose pixel `dx` further lies within `width`.
+pub fn inside(width: usize, dx: isize) -> Range<usize> {
+    let reach = dx.unsigned_abs().min(width);
+    if dx < 0 { reach..width } else { 0..width - reach }
+}
+
+/// The columns `dx` further.
+pub fn moved(columns: &Range<usize>, dx: isize) -> Range<usize> {
+    columns.start.saturating_add_signed(dx)..columns.end.saturating_add_signed(dx)
+}
+
+/// What the data look like.
+pub struct Survey {
+    /// Σ D per distance.
+    pub sums: Vec<f64>,
+    /// Σ D² per distance.
+    pub squares: Vec<f64>,
+    /// Measurements per distance.
+    pub counts: Vec<u64>,
+    /// Share of each texel's window that is there, by ring.
+    pub availability: Planes,
+    /// Σ D · area over the rings of each texel's window.
+    pub energy: Vec<f64>,
+    /// Values missing in windows that should be there.
+    pub missing: u64,
+    /// −Σ of what is negative.
+    pub negative: f64,
+    /// Σ of what is positive.
+    pub positive: f64,
+}
+
+/// R̂ = g·eᵢ·eₒ.
+pub struct Model<'a> {
+    /// g per distance, per mm².
+    pub global: &'a [f32],
+    /// e = √(P/g) per ring and texel; 0 where nothing was measured.
+    pub root: &'a Planes,
+    /// For each distance, the ring below and the share of the next one.
+    pub between: &'a [(usize, f32)],
+}
+
+impl Model<'_> {
+    fn blend(&self, ring: usize, share: f32, row: usize, out: &mut [f32]) {
+        let next = (ring + 1).min(self.root.rings() - 1);
+        for ((out, a), b) in out.iter_mut().zip(self.root.row(ring, row)).zip(self.root.row(next, row)) {
+            *out = a + share * (b - a);
+        }
+    }
+}
+
+/// Where the fit should go.
+pub struct Gradient {
+    /// Σ ½·weight·residual.
+    pub values: Planes,
+    /// Σ weight of what is seen beyond the patch.
+    pub outside: Planes,
+    /// What the model misses by.
+    pub misses: Misses,
+}
+
+/// Sums of differences between data and model.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Sums {
+    /// Measurements.
+    pub count: f64,
+    /// Σ (D − R̂)².
+    pub error: f64,
+    /// Σ D².
+    pub data: f64,
+    /// Σ R̂².
+    pub model_square: f64,
+    /// Σ R̂.
+    pub model: f64,
+    /// Σ (D − R̂).
+    pub bias: f64,
+}
+
+/// Differences by ring and by place.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Misses {
+    /// Per ring.
+    pub rings: Vec<Sums>,
+    /// Per lit texel: Σ (D − R̂)² and Σ D².
+    pub places: Vec<[f64; 2]>,
+}
+
+impl Misses {
+    fn new(rings: usize, places: usize) -> Self {
+        Self { rings: vec![Sums::default(); rings], places: vec![[0.0; 2]; places] }
+    }
+
+    fn add(&mut self, ring: usize, row: &RowSums) {
+        let total = |values: &[f32]| values.iter().map(|value| f64::from(*value)).sum::<f64>();
+        let sums = &mut self.rings[ring];
+        sums.count += total(&row.count);
+        sums.error += total(&row.error);
+        sums.data += total(&row.data);
+        sums.model_square += total(&row.model_square);
+        sums.model += total(&row.model);
+        sums.bias += total(&row.bias);
+    }
+
+    fn add_places(&mut self, start: usize, row: &RowSums) {
+        for ((place, error), data) in self.places[start..].iter_mut().zip(&row.error).zip(&row.data) {
+            place[0] += f64::from(*error);
+            place[1] += f64::from(*data);
+        }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        for (sums, other) in self.rings.iter_mut().zip(&other.rings) {
+            sums.count += other.count;
+            sums.error += other.error;
+            sums.data += other.data;
+            sums.model_square += other.model_square;
+            sums.model += other.model;
+            sums.bias += other.bias;
+        }
+    }
+
+    /// √(Σ(D − R̂)² / ΣD²) over everything.
+    pub fn relative(&self) -> f64 {
+        relative(&self.rings)
+    }
+
+    /// The same without the lit texel itself, where equation 7 is no more than P(x, 0).
+    pub fn relative_beyond_centre(&self) -> f64 {
+        relative(&self.rings[1..])
+    }
+
+    /// The part of that which is noise of the measurement, by what is known of it.
+    pub fn noise_beyond_centre(&self, variance: Variance) -> f64 {
+        let rings = &self.rings[1..];
+        let noise = |sums: &Sums| f64::from(variance.constant) * sums.count + f64::from(variance.linear) * sums.model;
+        let data = rings.iter().map(|sums| sums.data).sum::<f64>();
+        (rings.iter().map(noise).sum::<f64>() / data.max(f64::MIN_POSITIVE)).sqrt()
+    }
+}
+
+fn relative(rings: &[Sums]) -> f64 {
+    let total = |f: fn(&Sums) -> f64| rings.iter().map(f).sum::<f64>();
+    (total(|sums| sums.error) / total(|sums| sums.data).max(f64::MIN_POSITIVE)).sqrt()
+}
+
+/// Buffers of a row.
+#[derive(Default)]
+struct Scratch {
+    to_lit: Vec<f32>,
+    outside: Vec<f32>,
+    sums: RowSums,
+}
+
+impl Scratch {
+    fn reset(&mut self, width: usize) {
+        for row in [&mut self.to_lit, &mut self.outside] {
+            row.clear();
+            row.resize(width, 0.0);
+        }
+        self.sums.reset(width);
+    }
+}

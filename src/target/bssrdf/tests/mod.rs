@@ -1,0 +1,6 @@
+//! Laws of the factorisation.
+
+mod exact;
+mod input;
+mod laws;
+mod patch;
