@@ -3,6 +3,7 @@
 //! Only this room prints. Exit codes: 0 done; 1 done, but the answer is no; 2 bad usage, job or input; 3 reading or writing
 //! the output failed; 130 interrupted.
 
+mod compare;
 mod factor;
 mod match_target;
 mod material;
@@ -27,7 +28,7 @@ use std::{
 
 use clap::{Parser, Subcommand};
 use lumislice::{
-    job::{Blame, FactorError, Interrupt, RedrawError, RunError, verify::VerifyError},
+    job::{Blame, CompareError, FactorError, Interrupt, RedrawError, RunError, verify::VerifyError},
     measure::MeasureError,
     optics::OpticsError,
 };
@@ -47,6 +48,7 @@ enum Command {
     Match(match_target::MatchArgs),
     Material(material::MaterialArgs),
     Factor(factor::FactorArgs),
+    Compare(compare::CompareArgs),
     Preview(preview::PreviewArgs),
     Verify(verify::VerifyArgs),
     Printers(printers::PrintersArgs),
@@ -84,6 +86,7 @@ pub fn run() -> ExitCode {
         Command::Match(args) => match_target::run(args),
         Command::Material(args) => material::run(args),
         Command::Factor(args) => factor::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Preview(args) => preview::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Printers(args) => printers::run(args),
@@ -120,6 +123,8 @@ fn exit_code(error: &anyhow::Error) -> u8 {
     } else if let Some(error) = error.downcast_ref::<RedrawError>() {
         error.blame()
     } else if let Some(error) = error.downcast_ref::<FactorError>() {
+        error.blame()
+    } else if let Some(error) = error.downcast_ref::<CompareError>() {
         error.blame()
     } else if let Some(OpticsError::Cancelled) = error.downcast_ref() {
         Blame::Interrupt

@@ -36,6 +36,8 @@ struct Cluster {
 /// A factored dataset.
 #[derive(Debug)]
 pub struct FactoredMap {
+    /// Distance between texels, mm.
+    pub pitch_mm: f64,
     /// Texels per row.
     pub width: u32,
     /// Rows, the first at the largest y.
@@ -87,8 +89,8 @@ impl FactoredMap {
         };
         let profiles = record.clusters.iter().map(|cluster| cluster.profiles.iter().map(profile).collect());
         let profiles = profiles.collect::<Result<_, _>>()?;
-        let channels = record.channels;
-        Ok(Self { width, height, channels, labels, profiles, record: path })
+        let Record { pitch_mm, channels, .. } = record;
+        Ok(Self { pitch_mm, width, height, channels, labels, profiles, record: path })
     }
 
     /// Hankel transforms by cluster and channel of `channels`, over `grid`: one channel serves all, three serve one by their luminance.

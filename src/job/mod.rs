@@ -6,6 +6,7 @@
 //! later ([`Job::check_resins`]), when the materials are known. `docs/job.md` lists every key.
 
 mod checks;
+mod compare;
 mod error;
 mod estimate;
 mod factored;
@@ -40,6 +41,7 @@ use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
+pub use compare::{CompareError, CompareRequest, Comparison, Difference, Stage, compare, compare_into};
 pub use error::{JobError, Place};
 pub use estimate::Estimate;
 pub use factoring::{

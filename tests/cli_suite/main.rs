@@ -11,6 +11,7 @@
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
 mod factor;
+mod compare;
 mod interrupt;
 mod matching;
 mod material;

@@ -32,7 +32,7 @@ formats = ["png"]
 "#;
 
 /// A bright and a dark cluster, side by side: profiles that a stacking of white, and one of black, have about.
-fn bench() -> Bench {
+pub fn bench() -> Bench {
     let bench = Bench::new();
     bench.write("slab.obj", SLAB.as_bytes());
     bench.write("job.toml", JOB.as_bytes());

@@ -3,7 +3,7 @@
 use crate::support::{keys, run};
 
 /// Every command with the flags that scripts may use.
-const COMMANDS: [(&str, &[&str]); 12] = [
+const COMMANDS: [(&str, &[&str]); 13] = [
     ("slice", &["--output", "--overwrite", "--slices <A..B>", "--dry-run", "--json"]),
     ("predict", &["--materials", "--stack", "--core", "--model", "--light", "--photons", "--seed", "--csv", "--json"]),
     (
@@ -43,6 +43,7 @@ const COMMANDS: [(&str, &[&str]); 12] = [
             "--json",
         ],
     ),
+    ("compare", &["OUT", "--map", "--materials", "--photons", "--seed", "--output", "--overwrite", "--json"]),
     ("preview", &["OUT"]),
     ("verify", &["OUT", "--json"]),
     ("printers", &["--json"]),

@@ -1,0 +1,83 @@
+//! `compare`: what each step from a factored dataset to a printed slab costs.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::slice_bssrdf::bench;
+use crate::support::{Bench, keys};
+
+const COMPARE: [&str; 8] = ["compare", "out", "--map", "factored", "--photons", "40000", "-o", "sheet"];
+
+fn stage<'a>(comparison: &'a Value, name: &str) -> &'a Value {
+    comparison["stages"].as_array().unwrap().iter().find(|stage| stage["name"] == name).unwrap()
+}
+
+/// A slab of one cluster that a stacking can match, its labels all 0.
+fn uniform() -> Bench {
+    let bench = bench();
+    let image = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(4, 2, vec![0_u16; 8]).unwrap();
+    image.save(bench.path("factored/labels.png")).unwrap();
+    bench.run(["slice", "job.toml", "-o", "out"]).exits(0);
+    bench
+}
+
+#[test]
+fn an_even_slab_prints_as_predicted() {
+    let bench = uniform();
+    let found = bench.run(COMPARE.into_iter().chain(["--json"])).exits(0).json();
+    assert_eq!(found["lights"], serde_json::json!(["area", "edge", "spot"]));
+    let names: Vec<_> =
+        found["stages"].as_array().unwrap().iter().map(|stage| stage["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["clustered", "predicted", "printed"]);
+    assert_eq!(
+        keys(&stage(&found, "printed")["differences"][0]),
+        ["bias", "rms", "relative_rms", "correlation", "noise"]
+    );
+    // Under even light the printed slab has the albedo of its stacking, to a standard error of 0.002 and what lies beyond 1.2 mm.
+    let against = |name: &str, other: &str| {
+        let pairs = stage(&found, name)["against"].as_array().unwrap();
+        pairs.iter().find(|pair| pair[0] == other).unwrap()[1][0]["bias"].as_f64().unwrap()
+    };
+    assert!(against("printed", "predicted").abs() < 0.01, "{found}");
+    assert!(against("predicted", "predicted by Kubelka–Munk").abs() < 0.02, "{found}");
+    // A picture of one value has no correlation; light falls across the edge.
+    assert_eq!(stage(&found, "predicted")["differences"][0]["correlation"], Value::Null);
+    let edge: Vec<_> =
+        stage(&found, "printed")["edge"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    assert!(edge.len() == 4 && edge[0] > 4.0 * edge[3] && edge[3] > 0.0, "{edge:?}");
+}
+
+#[test]
+fn a_sheet_is_a_page_and_pictures() {
+    let bench = uniform();
+    let ran = bench.run(COMPARE).exits(0);
+    assert!(ran.stdout.starts_with("4 × 2 texels, sheet/sheet.html\n"), "{}", ran.stdout);
+    let first = bench.files("sheet");
+    let names: Vec<_> = first.keys().map(String::as_str).collect();
+    assert_eq!(names, ["comparison.json", "edge.png", "manifest.json", "sheet.html", "sheet.png"]);
+    let page = String::from_utf8(first["sheet.html"].clone()).unwrap();
+    assert!(page.contains("<svg") && !page.contains("src=\"http") && !page.contains("href=\"http"));
+    bench.run(COMPARE).refuses(2, &["sheet: found a folder that is not empty"]);
+    bench.run(COMPARE.into_iter().chain(["--overwrite"])).exits(0);
+    assert_eq!(bench.files("sheet"), first, "the same bytes again");
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let bench = uniform();
+    let refused = |args: &[&str], parts: &[&str]| {
+        bench.run(["compare"].iter().chain(args).chain(&["-o", "sheet"])).refuses(2, parts);
+    };
+    refused(&["nothing", "--map", "factored"], &["nothing: found"]);
+    refused(&["out", "--map", "out"], &["factored.json"]);
+    refused(&["out", "--map", "factored", "--photons", "1"], &["--photons: found 1, expected 0 or at least 2"]);
+    let record = fs::read_to_string(bench.path("factored/factored.json")).unwrap();
+    bench.write("factored/factored.json", record.replace("\"pitch_mm\": 1.0", "\"pitch_mm\": 2.0").as_bytes());
+    refused(&["out", "--map", "factored"], &["out: found an object of 4.000 mm along x with a map of 8.000 mm"]);
+    bench.write("factored/factored.json", record.as_bytes());
+    fs::write(bench.path("out/slices/slice_3.png"), "").unwrap();
+    refused(&["out", "--map", "factored"], &["slice_3.png: found"]);
+    fs::remove_file(bench.path("out/slices/slice_3.png")).unwrap();
+    refused(&["out", "--map", "factored"], &["slice_3.png: found"]);
+}
