@@ -7,8 +7,8 @@ use clap::Args;
 use lumislice::{
     job::{NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
     optics::{
-        DEFAULT_SEED, FrequencyGrid, Light, MaterialFile, MaterialSet, PhotonOptions, Prediction, ProfileFile,
-        TransportOptions, VolumeCoefficients,
+        DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, PhotonOptions, Prediction, ProfileFile, TransportOptions,
+        VolumeCoefficients,
     },
     search::{
         BlockTable, Match, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget, Stacking, match_target,
@@ -118,12 +118,12 @@ struct Judged {
 /// Runs the command.
 pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
     args.check()?;
-    let materials = Materials::read(&args.materials)?;
+    let mut materials = Materials::read(&args.materials)?;
     let target = args.target(materials.file.channels().len())?;
     let core = args.core.as_deref().map(|name| materials.file.resin_index(name)).transpose()?;
     let limits = args.limits(&materials)?;
-    args.check_volumes(&materials.file)?;
     let bars = Bars::new(args.json);
+    let model = args.fit(&mut materials, &bars)?;
     let set = materials.load(&bars)?;
     let volumes: Option<Vec<_>> = set.resins.iter().map(|resin| resin.volume.clone()).collect();
     let options = SearchOptions {
@@ -139,7 +139,7 @@ pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
     leave_at_once();
     bars.stage("search", 0);
     let resins: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
-    let refiner = (args.model == Judge::Transport).then(|| {
+    let refiner = (model == Judge::Transport).then(|| {
         let volumes = volumes.as_deref().unwrap_or_default();
         Refiner::new(volumes, &set.grid, &options, args.refine_options())
     });
@@ -261,14 +261,22 @@ impl MatchArgs {
         RefineOptions { min_layer_mm, step_mm: self.layer_step_mm, ..default }
     }
 
-    /// Who asks for transport or photons needs coefficients of every resin.
-    fn check_volumes(&self, file: &MaterialFile) -> anyhow::Result<()> {
+    /// Who asks for transport or photons needs coefficients of every resin; what fits none is left to Kubelka–Munk. The answer is the model
+    /// to refine in.
+    fn fit(&self, materials: &mut Materials, bars: &Bars) -> anyhow::Result<Judge> {
         if self.model == Judge::Km && self.photons.is_none() {
-            return Ok(());
+            return Ok(Judge::Km);
         }
+        // Loading says what was refused, and why.
+        materials.fit(None, bars)?;
+        let file = &materials.file;
         match file.resin_names().find(|name| file.volume(name).is_none()) {
-            Some(name) => Err(no_coefficients(name, &self.materials)),
-            None => Ok(()),
+            None => Ok(self.model),
+            Some(name) if self.photons.is_some() => Err(no_coefficients(name, &self.materials)),
+            Some(_) => {
+                say("warning: matching by Kubelka-Munk instead");
+                Ok(Judge::Km)
+            }
         }
     }
 }

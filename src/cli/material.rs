@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use lumislice::optics::{MaterialFile, MaterialSet, Resin};
+use lumislice::optics::{CoefficientFit, MaterialFile, MaterialSet, Resin};
 use serde_json::json;
 
 use super::{
@@ -85,8 +85,10 @@ fn list(args: &ListArgs) -> anyhow::Result<Answer> {
 }
 
 fn show(args: &ShowArgs) -> anyhow::Result<Answer> {
-    let materials = Materials::read(&args.materials)?;
-    let set = materials.load(&Bars::new(args.json))?;
+    let mut materials = Materials::read(&args.materials)?;
+    let bars = Bars::new(args.json);
+    materials.fit(None, &bars)?;
+    let set = materials.load(&bars)?;
     if args.json {
         print_json(&json!({
             "name": set.name,
@@ -134,12 +136,47 @@ fn record(resin: &Resin) -> serde_json::Value {
         "print_as": if resin.print_as_background { "background" } else { "resin" },
         "refractive_index": resin.refractive_index,
         "coefficients": coefficients,
+        "fit": resin.fit.as_ref().map(|fits| fits.iter().map(fit_record).collect::<Vec<_>>()),
         "slab_thickness_mm": resin.representative_thickness_mm,
         "slab_reflection": per_channel(|channel| channel.reflection),
         "slab_transmission": per_channel(|channel| channel.transmission),
         "half_space_reflection": per_channel(|channel| channel.half_space),
         "notes": resin.notes,
     })
+}
+
+fn fit_record(fit: &CoefficientFit) -> serde_json::Value {
+    json!({
+        "residual_rms": fit.residual,
+        "slabs": fit.slabs,
+        "reduced_scattering_uncertainty": fit.reduced_scattering_share,
+        "absorption_uncertainty": fit.absorption_share,
+        "g_uncertainty": fit.g_uncertainty,
+    })
+}
+
+/// How well coefficients fit the profiles of the resins that came without.
+fn fits(set: &MaterialSet) -> Option<String> {
+    let percent = |share: f64| format!("{:.1}%", 100.0 * share);
+    let rows = set.resins.iter().filter_map(|resin| resin.fit.as_ref().map(|fits| (resin, fits)));
+    let rows: Vec<Vec<String>> = rows
+        .flat_map(|(resin, fits)| {
+            fits.iter().zip(&set.channels).map(|(fit, channel)| {
+                vec![
+                    resin.name.clone(),
+                    channel.clone(),
+                    fit.slabs.to_string(),
+                    format!("{:.1e}", fit.residual),
+                    percent(fit.reduced_scattering_share),
+                    percent(fit.absorption_share),
+                    format!("{:.2}", fit.g_uncertainty),
+                ]
+            })
+        })
+        .collect();
+    let header =
+        ["fitted", "channel", "slabs", "residual rms", "scattering (1 - g) within", "absorption within", "g within"];
+    (!rows.is_empty()).then(|| table(&header, &rows))
 }
 
 fn report(set: &MaterialSet) -> String {
@@ -174,6 +211,7 @@ fn report(set: &MaterialSet) -> String {
         ["resin", "channel", "scattering/mm", "absorption/mm", "g", "slab mm", "reflects", "transmits", "half-space"];
     let mut text = format!("{}\n  from {}\n", set.name, set.provenance);
     text += &table(&light, &rows);
+    text += &fits(set).unwrap_or_default();
     text += &table(&["resin", "rgb in slices", "g/cm³", "refr. index", "printed as"], &about);
     for resin in set.resins.iter().filter(|resin| !resin.notes.is_empty()) {
         text += &format!("  {}: {}\n", resin.name, resin.notes.lines().collect::<Vec<_>>().join(" "));

@@ -28,6 +28,18 @@ impl Materials {
         Ok(Self { file, built_in: true })
     }
 
+    /// Fits coefficients to the resins given by profiles only, of those in `names` or of all, and says what was found. The answer is one line for
+    /// each resin that no coefficients fit.
+    pub fn fit(&mut self, names: Option<&[&str]>, bars: &Bars) -> Result<Vec<String>, OpticsError> {
+        let mut step = bars.share("coefficients");
+        let refused = self.file.fit(names, |_, share| {
+            step(share);
+            go_on()
+        });
+        bars.finish();
+        refused
+    }
+
     /// All parameters; simulates the resins that come without profiles. Says what was done to the data of a file.
     pub fn load(self, bars: &Bars) -> Result<MaterialSet, OpticsError> {
         let mut step = bars.share("materials");

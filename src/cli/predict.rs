@@ -19,6 +19,7 @@ use super::{
     output_file::OutputFile,
     print, print_json,
     progress::Bars,
+    say,
     table::{number, table},
 };
 
@@ -78,14 +79,25 @@ enum Source {
 pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
     args.check()?;
     let layers = parse_stack(&args.stack).map_err(|error| anyhow!("--stack: {error}"))?;
-    let materials = Materials::read(&args.materials)?;
+    let mut materials = Materials::read(&args.materials)?;
     let file = &materials.file;
     let indices =
         layers.iter().map(|(name, mm)| Ok((file.resin_index(name)?, *mm))).collect::<anyhow::Result<Vec<_>>>()?;
     let core = args.core.as_deref().map(|name| file.resin_index(name)).transpose()?;
     let csv = args.open_csv(file.channels())?;
     let bars = Bars::new(args.json);
-    let prediction = match args.model {
+    let mut model = args.model;
+    if model != Model::Km {
+        let names: Vec<&str> = layers.iter().map(|(name, _)| name.as_str()).chain(args.core.as_deref()).collect();
+        let refused = materials.fit(Some(&names), &bars)?;
+        refused.iter().for_each(|reason| say(&format!("warning: {reason}")));
+        if !refused.is_empty() && model == Model::Transport && args.light == Source::Diffuse {
+            say("warning: predicting by Kubelka-Munk instead");
+            model = Model::Km;
+        }
+    }
+    let file = &materials.file;
+    let prediction = match model {
         Model::Km => Prediction::kubelka_munk(&materials.load(&bars)?, &indices, core),
         Model::Transport => args.transport(file, &layers)?,
         Model::MonteCarlo => args.trace(file, &layers, &bars)?,
@@ -108,6 +120,7 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
             "k_rad_per_mm": prediction.grid.as_slice(),
             "reflection_hankel": reflection,
             "transmission_hankel": transmission,
+            "glint": prediction.light.iter().map(|light| light.glint).collect::<Vec<_>>(),
             "half_energy_radius_mm": prediction.light.iter().map(|light| light.half_energy_radius_mm).collect::<Vec<_>>(),
         }))?;
         return Ok(Answer::Yes);
@@ -127,7 +140,7 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
         })
         .collect();
     let header = ["channel", "albedo", "transmission", "50% within mm", "90% within mm"];
-    print(&(args.title(&layers) + "\n" + &table(&header, &rows)))?;
+    print(&(args.title(&layers, model) + "\n" + &table(&header, &rows)))?;
     Ok(Answer::Yes)
 }
 
@@ -194,10 +207,10 @@ impl PredictArgs {
         channels.iter().map(|channel| OutputFile::open(&with_channel(path, channel))).collect()
     }
 
-    fn title(&self, layers: &[(String, f64)]) -> String {
+    fn title(&self, layers: &[(String, f64)], model: Model) -> String {
         let layers: Vec<_> = layers.iter().map(|(name, mm)| format!("{name} {mm} mm")).collect();
         let below = self.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
-        let model = match self.model {
+        let model = match model {
             Model::Km => "Kubelka-Munk",
             Model::Transport => "transport",
             Model::MonteCarlo => "Monte Carlo",

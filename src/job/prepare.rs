@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 
 use super::{
     AlbedoSource, DepthFrom, Distance, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError,
-    Scaling, StackingReport, TargetSpec, checks,
+    Scaling, StackingModel, StackingReport, TargetSpec, checks,
     factored::FactoredMap,
     stackings::{TargetContext, object_layers},
 };
@@ -73,7 +73,7 @@ impl Prepared {
     ///
     /// # Errors
     /// Any input that cannot be used; see [`RunError`].
-    pub fn new(job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Result<Self, RunError> {
+    pub fn new(mut job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Result<Self, RunError> {
         let mut warnings = Vec::new();
         let mut inputs = read_inputs(&job)?;
         let draft = read_materials(&job)?;
@@ -92,10 +92,19 @@ impl Prepared {
         let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
 
         progress.stage("materials", 0);
-        let materials = finish_materials(draft, interrupt)?;
+        let materials = finish_materials(draft, job.stacking.model != StackingModel::KubelkaMunk, interrupt)?;
         // What was done to the data of a built-in set is the same in every job, and stands in the manifest.
         if let MaterialSource::File(_) = job.materials {
             warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));
+        }
+        if let Some(resin) = materials.resins.iter().find(|resin| resin.volume.is_none())
+            && job.stacking.model != StackingModel::KubelkaMunk
+        {
+            warnings.push(format!(
+                "stacking.model: \"km\" in place of \"transport\", which does not know resin {}",
+                resin.name
+            ));
+            job.stacking.model = StackingModel::KubelkaMunk;
         }
         let distance = match job.field.distance {
             Distance::Exact => DistanceKind::Exact,
@@ -263,17 +272,18 @@ fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
     Ok(draft)
 }
 
-/// Simulates the resins that come without profiles.
-fn finish_materials(draft: MaterialDraft, interrupt: &Interrupt) -> Result<MaterialSet, RunError> {
-    let file = match draft {
+/// Simulates the resins that come without profiles, and fits coefficients (`fit`) to those that come with nothing else.
+fn finish_materials(draft: MaterialDraft, fit: bool, interrupt: &Interrupt) -> Result<MaterialSet, RunError> {
+    let mut file = match draft {
         MaterialDraft::Ready(set) => return Ok(set),
         MaterialDraft::File(file) => file,
     };
-    let set = file.into_set(|_, _| match interrupt.requested() {
+    let go_on = |_: &str, _| match interrupt.requested() {
         true => std::ops::ControlFlow::Break(()),
         false => std::ops::ControlFlow::Continue(()),
-    });
-    match set {
+    };
+    let fitted = if fit { file.fit(None, go_on).map(drop) } else { Ok(()) };
+    match fitted.and_then(|()| file.into_set(go_on)) {
         Err(_) if interrupt.requested() => Err(RunError::Interrupted),
         set => Ok(set?),
     }

@@ -18,6 +18,12 @@ impl FrequencyGrid {
         Self((0..len.max(2)).map(|i| i as f64 * step).collect())
     }
 
+    /// These frequencies in rad/mm, ascending from 0, at least one.
+    pub(crate) fn of(k: Vec<f64>) -> Self {
+        debug_assert!(k.first() == Some(&0.0) && k.windows(2).all(|pair| pair[0] < pair[1]), "{k:?}");
+        Self(k.into())
+    }
+
     /// Number of frequencies.
     #[allow(clippy::len_without_is_empty)] // never empty
     pub fn len(&self) -> usize {

@@ -12,9 +12,11 @@
 //!   VolumeCoefficients ──► Transport ──────────────────────────────────────────────────►─┘
 //! ```
 
+mod coefficient_fit;
 mod composite;
 mod error;
 mod frequency;
+mod fresnel;
 mod hankel;
 mod inverse;
 mod kubelka_munk;
@@ -29,6 +31,7 @@ mod tail;
 mod transport;
 mod volume;
 
+pub use coefficient_fit::{CoefficientFit, FitRefusal, MAX_FIT_RESIDUAL, MeasuredSlab, fit_coefficients};
 pub use composite::Composite;
 pub use error::OpticsError;
 pub use frequency::FrequencyGrid;

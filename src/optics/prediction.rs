@@ -36,6 +36,9 @@ pub struct ChannelPrediction {
     pub reflection_hankel: Vec<f64>,
     /// T̂(k); the first is the total transmission.
     pub transmission_hankel: Vec<f64>,
+    /// Share of the light that the top surface reflects like a mirror before any has entered, which R̂ leaves out; 0 where the first resin is
+    /// index-matched, and by Kubelka–Munk.
+    pub glint: f64,
     /// Radius in mm within which half of the reflected light leaves; `None` where nothing is reflected or the radius is out of reach.
     pub half_energy_radius_mm: Option<f64>,
     /// The same for nine tenths of it.
@@ -100,7 +103,11 @@ impl Prediction {
             let layers: Vec<_> = layers.iter().map(|&(resin, mm)| (resin[channel], mm)).collect();
             let model = Transport { layers: &layers, base: core.map(|core| core[channel]), light, options };
             let spectra = model.spectra(&grid);
-            ChannelPrediction::from_spectra(spectra.reflection, spectra.transmission, &grid)
+            let glint = model.glint();
+            ChannelPrediction {
+                glint,
+                ..ChannelPrediction::from_spectra(spectra.reflection, spectra.transmission, &grid)
+            }
         });
         Self { channels: channels.to_vec(), light: predicted.collect(), grid }
     }
@@ -135,11 +142,9 @@ impl Prediction {
             let result = simulation.run_with(|photons| {
                 progress((channel as f64 + photons as f64 / options.photons as f64) / channels.len() as f64)
             })?;
-            light.push(ChannelPrediction::from_profiles(
-                &result.reflection_profile,
-                &result.transmission_profile,
-                &grid,
-            ));
+            let profiles = (&result.reflection_profile, &result.transmission_profile);
+            let predicted = ChannelPrediction::from_profiles(profiles.0, profiles.1, &grid);
+            light.push(ChannelPrediction { glint: result.glint.mean, ..predicted });
         }
         Ok(Self { channels: channels.to_vec(), grid, light })
     }
@@ -162,6 +167,7 @@ impl ChannelPrediction {
             }
         });
         Self {
+            glint: 0.0,
             half_energy_radius_mm: r.radius_of_energy(0.5),
             ninety_percent_radius_mm: r.radius_of_energy(0.9),
             rings: rings.collect(),
@@ -181,6 +187,7 @@ impl ChannelPrediction {
             transmission_per_mm2: *t,
         });
         Self {
+            glint: 0.0,
             half_energy_radius_mm: reflection.radius_of_energy(0.5),
             ninety_percent_radius_mm: reflection.radius_of_energy(0.9),
             rings: rings.collect(),

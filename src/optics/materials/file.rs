@@ -19,10 +19,14 @@
 //! transmission = "support-t.csv"        # left out: the transmission column of the same files
 //! thickness-mm = 5.6
 //! print-as = "background"
+//! [[resin.slab]]                        # more slabs of the resin, of other thicknesses
+//! reflection = "support-thin-r.csv"
+//! transmission = "support-thin-t.csv"
+//! thickness-mm = 1.0
 //! ```
 //!
-//! Coefficients and profiles may both be given: Kubelka–Munk parameters then come from the profiles, and whoever needs
-//! coefficients has them.
+//! Coefficients and profiles may both be given: Kubelka–Munk parameters then come from the profiles, of the first slab if there are several, and
+//! whoever needs coefficients has them. Where only profiles are given, [`MaterialFile::fit`] finds coefficients for all slabs together.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -51,6 +55,8 @@ pub struct MaterialFile {
     pub(super) resins: Vec<Draft>,
     /// Seed of the first resin's first channel where slabs are simulated.
     pub(super) first_seed: u64,
+    /// What fits had to say.
+    remarks: Vec<String>,
 }
 
 impl MaterialSet {
@@ -107,6 +113,7 @@ impl MaterialFile {
             provenance: top.string("provenance")?.map_or("not stated".into(), |text| text.value),
             resins: Vec::new(),
             first_seed: DEFAULT_SEED,
+            remarks: Vec::new(),
         };
         let tables = top.get("resin").ok_or_else(|| top.missing("resin", "at least one [[resin]] table"))?;
         let (at, not_tables) = (tables.span().start, "[[resin]] tables".to_string());
@@ -128,6 +135,35 @@ impl MaterialFile {
         Ok(file)
     }
 
+    /// Fits coefficients to the resins that are given by profiles only: those in `names`, or all. Some seconds a resin. The answer is one line for each
+    /// resin that stays without, because none fit; the set's warnings will have them too. `progress` hears what is being done and how much of the
+    /// whole is, 0 to 1, and may break off.
+    ///
+    /// # Errors
+    /// [`OpticsError::Cancelled`].
+    pub fn fit(
+        &mut self,
+        names: Option<&[&str]>,
+        mut progress: impl FnMut(&str, f64) -> ControlFlow<()>,
+    ) -> Result<Vec<String>, OpticsError> {
+        let channels = self.channels.clone();
+        let wanted =
+            |draft: &Draft| draft.volume.is_none() && names.is_none_or(|names| names.contains(&draft.name.as_str()));
+        let mut drafts: Vec<&mut Draft> = self.resins.iter_mut().filter(|draft| wanted(draft)).collect();
+        let count = drafts.len() as f64;
+        let mut refused = Vec::new();
+        for (index, draft) in drafts.iter_mut().enumerate() {
+            if progress(&format!("fitting {}", draft.name), index as f64 / count).is_break() {
+                return Err(OpticsError::Cancelled);
+            }
+            if let Err(reason) = draft.fit(&channels) {
+                refused.push(format!("{reason}; only the model km knows this resin"));
+            }
+        }
+        self.remarks.extend(refused.iter().cloned());
+        Ok(refused)
+    }
+
     /// Simulates what has no profiles and reads off all parameters. `progress` hears what is being done and how much of the whole
     /// is, 0 to 1, and may break off.
     ///
@@ -135,7 +171,7 @@ impl MaterialFile {
     /// [`OpticsError::Spectrum`] for profiles that are no slab's; [`OpticsError::Cancelled`].
     pub fn into_set(self, mut progress: impl FnMut(&str, f64) -> ControlFlow<()>) -> Result<MaterialSet, OpticsError> {
         let grid = FrequencyGrid::default();
-        let mut warnings: Vec<String> = self.resins.iter().filter_map(Draft::warning).collect();
+        let mut warnings: Vec<String> = self.resins.iter().filter_map(Draft::warning).chain(self.remarks).collect();
         let simulated = self.resins.iter().filter(|draft| draft.profiles.is_none()).count() * self.channels.len();
         let mut done = 0;
         let mut order: Vec<(usize, Draft)> = self.resins.into_iter().enumerate().collect();
@@ -185,6 +221,7 @@ impl MaterialFile {
                 density_g_per_cm3: draft.density,
                 print_as_background: draft.background,
                 volume: draft.volume,
+                fit: draft.fit,
                 kubelka_munk,
                 slab,
                 profiles,

@@ -12,7 +12,7 @@ mod slabs;
 mod spectra;
 pub(crate) mod toml_source;
 
-use super::{FrequencyGrid, KubelkaMunk, RadialProfile, SlabSpectrum, VolumeCoefficients};
+use super::{CoefficientFit, FrequencyGrid, KubelkaMunk, RadialProfile, SlabSpectrum, VolumeCoefficients};
 pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
 pub use simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, SimulatedProfile, simulate_profile};
@@ -49,6 +49,8 @@ pub struct Resin {
     pub print_as_background: bool,
     /// Volume coefficients per channel, if known.
     pub volume: Option<Vec<VolumeCoefficients>>,
+    /// How they were fitted to the profiles, if they were; per channel.
+    pub fit: Option<Vec<CoefficientFit>>,
     /// Kubelka–Munk parameters per channel.
     pub kubelka_munk: Vec<KubelkaMunk>,
     /// Spectra of the representative slab per channel, as the parameters were read from.
@@ -57,7 +59,8 @@ pub struct Resin {
     pub profiles: Vec<(RadialProfile, RadialProfile)>,
     /// Thickness of the representative slab per channel, mm.
     pub representative_thickness_mm: Vec<f64>,
-    /// Refractive index; light is reckoned index-matched whatever it is.
+    /// Refractive index, as in the coefficients. The Kubelka–Munk parameters of simulated slabs are index-matched whatever it is; those of
+    /// measured ones have the surfaces of the measured slab in them.
     pub refractive_index: f64,
     /// Free text of the file.
     pub notes: String,

@@ -2,10 +2,13 @@
 
 use std::path::PathBuf;
 
-use super::toml_source::{At, Folder, Keys, Strings};
-use crate::optics::{MAX_REFRACTIVE_INDEX, OpticsError, ProfileFile, RadialProfile, VolumeCoefficients};
+use super::toml_source::{At, Folder, Keys, Strings, kind};
+use crate::optics::{
+    CoefficientFit, MAX_REFRACTIVE_INDEX, MeasuredSlab, OpticsError, ProfileFile, RadialProfile, VolumeCoefficients,
+    fit_coefficients,
+};
 
-const RESIN_KEYS: [&str; 12] = [
+const RESIN_KEYS: [&str; 13] = [
     "name",
     "rgba",
     "density-g-per-cm3",
@@ -16,9 +19,11 @@ const RESIN_KEYS: [&str; 12] = [
     "reflection",
     "transmission",
     "thickness-mm",
+    "slab",
     "print-as",
     "notes",
 ];
+const SLAB_KEYS: [&str; 3] = ["reflection", "transmission", "thickness-mm"];
 /// Thickest slab accepted, mm.
 pub(crate) const MAX_THICKNESS_MM: f64 = 100.0;
 /// Densities from foam to tungsten-filled; a value outside is in other units.
@@ -32,12 +37,23 @@ pub(super) struct Draft {
     pub(super) density: f64,
     pub(super) background: bool,
     pub(super) volume: Option<Vec<VolumeCoefficients>>,
-    /// R and T per channel.
+    /// What the coefficients were fitted to the profiles with, if they were; per channel.
+    pub(super) fit: Option<Vec<CoefficientFit>>,
+    /// R and T per channel of the slab that Kubelka–Munk parameters are read from.
     pub(super) profiles: Option<Vec<(RadialProfile, RadialProfile)>>,
     pub(super) thickness_mm: Vec<f64>,
+    /// Slabs of other thicknesses.
+    pub(super) further: Vec<Slab>,
     pub(super) refractive_index: f64,
     pub(super) notes: String,
     pub(super) line: usize,
+}
+
+/// A measured slab: profiles and thickness per channel.
+#[derive(Debug, Clone)]
+pub(super) struct Slab {
+    pub(super) profiles: Vec<(RadialProfile, RadialProfile)>,
+    pub(super) thickness_mm: Vec<f64>,
 }
 
 impl Draft {
@@ -96,17 +112,25 @@ impl Draft {
             Some(index) => return Err(keys.wrong("refractive-index", &index, "1 to 3")),
         };
         let volume = volume(&keys, channels.len(), refractive_index)?;
-        let profiles = profiles(&keys, folder, channels)?;
+        let mut further = slabs(&keys, folder, channels)?.into_iter();
+        let own = profiles(&keys, folder, channels)?;
+        let (profiles, own_thickness) = match own {
+            Some(_) => (own, None),
+            None => further.next().map(|first| (first.profiles, first.thickness_mm)).unzip(),
+        };
+        let further = further.collect();
         if volume.is_none() && profiles.is_none() {
-            return Err(keys.missing("scattering-per-mm", "coefficients, or measured profiles under `reflection`"));
+            return Err(keys.missing(
+                "scattering-per-mm",
+                "coefficients, or measured profiles under `reflection` or [[resin.slab]]",
+            ));
         }
-        let thickness_mm = match (keys.per_channel("thickness-mm", channels.len())?, &volume) {
-            (Some(given), _) => {
-                if let Some(wrong) = given.iter().find(|t| !(t.value > 0.0 && t.value <= MAX_THICKNESS_MM)) {
-                    return Err(keys.wrong("thickness-mm", wrong, "more than 0, at most 100"));
-                }
-                given.iter().map(|thickness| thickness.value).collect()
-            }
+        let given = thickness(&keys, channels.len())?;
+        if given.is_some() && own_thickness.is_some() {
+            return Err(keys.missing("reflection", "profiles of the slab whose thickness-mm is given"));
+        }
+        let thickness_mm = match (given.or(own_thickness), &volume) {
+            (Some(given), _) => given,
             (None, Some(volume)) if profiles.is_none() => {
                 volume.iter().map(VolumeCoefficients::representative_thickness_mm).collect()
             }
@@ -115,17 +139,53 @@ impl Draft {
         let notes = keys.string("notes")?.map(|notes| notes.value).unwrap_or_default();
         let line = 1 + keys.source.text[..keys.start].matches('\n').count();
         let (name, rgba, density) = (name.value, rgba.value, density.value);
-        Ok(Self { name, rgba, density, background, volume, profiles, thickness_mm, refractive_index, notes, line })
+        Ok(Self {
+            name,
+            rgba,
+            density,
+            background,
+            volume,
+            fit: None,
+            profiles,
+            thickness_mm,
+            further,
+            refractive_index,
+            notes,
+            line,
+        })
     }
 
-    /// What the user should know of that is noted but not reckoned with.
+    /// What the user should know of that not every model reckons with.
     pub(super) fn warning(&self) -> Option<String> {
-        (self.refractive_index != 1.0).then(|| {
+        (self.refractive_index != 1.0 && self.profiles.is_none()).then(|| {
             format!(
-                "resin {}: refractive index {} is noted, but light is reckoned index-matched, without Fresnel reflection",
+                "resin {}: refractive index {} counts in the models transport and monte-carlo; km reckons index-matched",
                 self.name, self.refractive_index
             )
         })
+    }
+
+    /// Fits coefficients to the profiles of every channel, if there are none and each channel's are good enough; else says why not.
+    pub(super) fn fit(&mut self, channels: &[String]) -> Result<(), String> {
+        let (None, Some(profiles)) = (&self.volume, &self.profiles) else { return Ok(()) };
+        let mut fits = Vec::with_capacity(channels.len());
+        for (channel, name) in channels.iter().enumerate() {
+            let first = (self.thickness_mm[channel], &profiles[channel]);
+            let further = self.further.iter().map(|slab| (slab.thickness_mm[channel], &slab.profiles[channel]));
+            let slabs: Vec<_> = std::iter::once(first)
+                .chain(further)
+                .map(|(thickness_mm, (reflection, transmission))| MeasuredSlab {
+                    thickness_mm,
+                    reflection,
+                    transmission,
+                })
+                .collect();
+            let fit = fit_coefficients(&slabs, self.refractive_index);
+            fits.push(fit.map_err(|refusal| format!("resin {}, channel {name}: {refusal}", self.name))?);
+        }
+        self.volume = Some(fits.iter().map(|fit| fit.coefficients).collect());
+        self.fit = Some(fits);
+        Ok(())
     }
 }
 
@@ -192,6 +252,39 @@ fn volume(
         return Err(keys.error(scattering[i].at, "scattering-per-mm", "0, and no absorption".into(), expected));
     }
     Ok(Some(coefficients))
+}
+
+/// Thickness of a slab per channel.
+fn thickness(keys: &Keys<'_, '_>, channels: usize) -> Result<Option<Vec<f64>>, OpticsError> {
+    let Some(given) = keys.per_channel("thickness-mm", channels)? else { return Ok(None) };
+    if let Some(wrong) = given.iter().find(|t| !(t.value > 0.0 && t.value <= MAX_THICKNESS_MM)) {
+        return Err(keys.wrong("thickness-mm", wrong, "more than 0, at most 100"));
+    }
+    Ok(Some(given.iter().map(|thickness| thickness.value).collect()))
+}
+
+/// The [[resin.slab]] tables.
+fn slabs(keys: &Keys<'_, '_>, folder: &Folder<'_>, channels: &[String]) -> Result<Vec<Slab>, OpticsError> {
+    let Some(value) = keys.get("slab") else { return Ok(Vec::new()) };
+    let expected = || "[[resin.slab]] tables".to_owned();
+    let Some(tables) = value.get_ref().as_array() else {
+        return Err(keys.error(value.span().start, "slab", kind(value.get_ref()), expected()));
+    };
+    let one = |(index, item): (usize, &toml::Spanned<toml::de::DeValue<'_>>)| {
+        let at = item.span().start;
+        let Some(table) = item.get_ref().as_table() else {
+            return Err(keys.error(at, "slab", kind(item.get_ref()), expected()));
+        };
+        let prefix = format!("{}slab {}: ", keys.prefix, index + 1);
+        let keys = Keys { source: keys.source, table, start: at, prefix };
+        keys.reject_unknown(&SLAB_KEYS)?;
+        let profiles = profiles(&keys, folder, channels)?;
+        let profiles = profiles.ok_or_else(|| keys.missing("reflection", "the slab's profiles"))?;
+        let thickness_mm = thickness(&keys, channels.len())?;
+        let thickness_mm = thickness_mm.ok_or_else(|| keys.missing("thickness-mm", "the slab's thickness"))?;
+        Ok(Slab { profiles, thickness_mm })
+    };
+    tables.iter().enumerate().map(one).collect()
 }
 
 fn profiles(

@@ -25,7 +25,8 @@ pub struct SimulatedProfile {
     pub result: MonteCarloResult,
 }
 
-/// Simulates a slab. `progress` hears how many photons are done about every million and may break off.
+/// Simulates a slab, index-matched whatever the resin's refractive index: what Kubelka–Munk parameters are read from must not have the
+/// slab's own surfaces in it. `progress` hears how many photons are done about every million and may break off.
 ///
 /// # Errors
 /// As [`MonteCarlo::run_with`].
@@ -37,7 +38,7 @@ pub fn simulate_profile(
     progress: impl FnMut(u64) -> ControlFlow<()>,
 ) -> Result<SimulatedProfile, OpticsError> {
     let job = MonteCarlo {
-        layers: vec![Layer { coefficients, thickness_mm }],
+        layers: vec![Layer { coefficients: coefficients.with_refractive_index(1.0), thickness_mm }],
         base: None,
         light: Light::Diffuse,
         photons,

@@ -1,13 +1,14 @@
 //! Multi-layer Monte Carlo: the referee that shares no equation with the Hankel models.
 //!
-//! Photons random-walk through plane layers as in Wang, Jacques and Zheng 1995 (MCML), with the refractive indices matched, so
-//! that no interface reflects or bends, and with the phase function of Henyey and Greenstein 1941. **In:** layers, an optional
-//! half-space below them, the light at the origin of the top. **Out:** total reflection and transmission and their radial
-//! profiles, each with a standard error.
+//! Photons random-walk through plane layers as in Wang, Jacques and Zheng 1995 (MCML), with the phase function of Henyey and
+//! Greenstein 1941. Where refractive indices differ, air's 1 included, Fresnel's reflectance decides by chance between reflection and
+//! refraction. **In:** layers, an optional half-space below them, the light at the origin of the top. **Out:** total reflection and
+//! transmission and their radial profiles, each with a standard error; what the top surface reflects before any light has entered, the
+//! glint, is kept apart.
 //!
 //! *Guaranteed:* estimates without bias; the same bytes for the same seed whatever the number of threads, because photons
 //! come in batches of fixed size, each with a random stream of its own, summed in their order.
-//! *Not covered:* Fresnel reflection, polarisation, time of flight; lateral inhomogeneity is [`voxels`]' task.
+//! *Not covered:* polarisation, time of flight; lateral inhomogeneity is [`voxels`]' task, which is index-matched.
 
 mod rings;
 mod tally;
@@ -79,8 +80,10 @@ pub struct Estimate {
 pub struct MonteCarloResult {
     /// Photons traced.
     pub photons: u64,
-    /// Total reflection, the albedo under this light.
+    /// Total reflection, the albedo under this light, without the glint.
     pub reflection: Estimate,
+    /// What the top surface reflects at once, like a mirror; 0 where it is index-matched.
+    pub glint: Estimate,
     /// Total transmission, scattered or not.
     pub transmission: Estimate,
     /// The part of the transmission that was never scattered.

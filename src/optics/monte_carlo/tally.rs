@@ -80,6 +80,7 @@ pub(super) struct Tally {
     top: Face,
     bottom: Face,
     unscattered: Face,
+    glint: Moments,
 }
 
 impl Tally {
@@ -90,6 +91,7 @@ impl Tally {
             top: Face::new(rings),
             bottom: Face::new(rings),
             unscattered: Face::new(rings),
+            glint: Moments::default(),
         }
     }
 
@@ -111,7 +113,13 @@ impl Tally {
         }
     }
 
+    #[inline]
+    pub(super) fn score_glint(&mut self, weight: f64) {
+        self.glint.score(weight);
+    }
+
     pub(super) fn add(&mut self, other: &Self) {
+        self.glint.add(&other.glint);
         self.top.add(&other.top);
         self.bottom.add(&other.bottom);
         self.unscattered.add(&other.unscattered);
@@ -121,6 +129,7 @@ impl Tally {
         MonteCarloResult {
             photons,
             reflection: self.top.total.estimate(photons),
+            glint: self.glint.estimate(photons),
             transmission: self.bottom.total.estimate(photons),
             unscattered_transmission: self.unscattered.total.estimate(photons),
             reflection_profile: self.top.profile(photons, edges),

@@ -9,12 +9,14 @@ use rand_xoshiro::rand_core::Rng;
 
 use super::tally::Tally;
 use super::{Layer, Light};
-use crate::optics::VolumeCoefficients;
+use crate::optics::{VolumeCoefficients, fresnel::refraction};
 
 /// Weight under which a photon plays roulette, with survivors raised to [`REVIVED`]: a compromise in favour of faint transmission;
 /// on 3 mm of white 1/(σ² s) is 6.6e6 for R and 5.0e8 for T; at 0.01 and 0.1 they are 6.2e6 and 5.0e8, at 0.2 and 0.5
 /// 6.3e6 and 4.0e8, at 0.5 and 1 (nearly analog) 9.5e6 and 2.5e8. Thin slabs do not care.
 pub(super) const FAINT: f64 = 0.05;
+/// Refractive index of what surrounds the stack.
+const AIR: f64 = 1.0;
 /// Weight a survivor of the roulette is raised to.
 pub(super) const REVIVED: f64 = 0.25;
 
@@ -27,6 +29,10 @@ struct Medium {
     mean_free_path: f64,
     albedo: f64,
     phase: HenyeyGreenstein,
+    /// Refractive indices of the medium, of what lies above it and of what lies below.
+    index: f64,
+    index_above: f64,
+    index_below: f64,
 }
 
 /// Layers from the top down, the last one endless if there is a half-space below.
@@ -50,8 +56,14 @@ impl Stack {
                 mean_free_path: 1.0 / coefficients.sigma_t(), // ∞ in a void
                 albedo: coefficients.albedo(),
                 phase: HenyeyGreenstein::new(coefficients.g),
+                index: coefficients.refractive_index,
+                index_above: AIR,
+                index_below: AIR,
             });
             top = bottom;
+        }
+        for i in 1..media.len() {
+            (media[i].index_above, media[i - 1].index_below) = (media[i - 1].index, media[i].index);
         }
         Self { media }
     }
@@ -68,6 +80,13 @@ impl Stack {
             }
         };
         let mut weight = 1.0;
+        if let Some(first) = self.media.first().filter(|first| first.index != AIR)
+            && let Some(inside) = refraction(direction.z, AIR, first.index)
+        {
+            tally.score_glint(inside.reflectance);
+            weight -= inside.reflectance;
+            direction = direction.bent(AIR / first.index, inside.cosine);
+        }
         let mut scattered = false;
         let mut index = 0;
         loop {
@@ -93,6 +112,18 @@ impl Stack {
                 y += crossing * direction.y;
                 z = boundary;
                 optical_depth = (optical_depth - crossing * medium.sigma_t).max(0.0);
+                let beyond = if downwards { medium.index_below } else { medium.index_above };
+                if beyond != medium.index {
+                    match refraction(direction.z.abs(), medium.index, beyond) {
+                        Some(found) if uniform(rng) >= found.reflectance => {
+                            direction = direction.bent(medium.index / beyond, found.cosine);
+                        }
+                        _ => {
+                            direction.z = -direction.z;
+                            continue;
+                        }
+                    }
+                }
                 if downwards {
                     index += 1;
                 } else if index == 0 {
@@ -124,6 +155,12 @@ pub(super) struct Direction {
 }
 
 impl Direction {
+    /// Beyond a horizontal boundary, where the sine is `ratio` times the old one and the cosine has the given size.
+    #[inline]
+    fn bent(self, ratio: f64, cosine: f64) -> Self {
+        Self { x: ratio * self.x, y: ratio * self.y, z: cosine.copysign(self.z) }
+    }
+
     /// This direction turned by a polar angle of the given cosine, at an azimuth given as (cos φ, sin φ). The frame around
     /// the old direction is that of Duff et al. 2017, *Building an Orthonormal Basis, Revisited*: no pole, no branch.
     #[inline]

@@ -77,6 +77,41 @@ fn measured_profiles_become_kubelka_munk_parameters() {
 }
 
 #[test]
+fn slabs_of_several_thicknesses_are_read() {
+    let slab = |lines: &str| format!("{MEASURED}[[resin.slab]]\n{lines}\n");
+    let thin = "reflection = \"p.csv\"\ntransmission = \"q.csv\"\nthickness-mm = 1";
+    assert!(read(&slab(thin)).is_ok());
+    // The first of the tables is the slab that the others follow, if none stands in the resin itself.
+    let only = slab(thin).replace("reflection = \"p.csv\"\ntransmission = \"q.csv\"\nthickness-mm = 2\n", "");
+    let set = read(&only).unwrap().into_set(|_, _| ControlFlow::Continue(())).unwrap();
+    assert_eq!(set.resins[0].representative_thickness_mm, [1.0]);
+    for (lines, fault) in [
+        ("thickness-mm = 1", "resin wax: slab 1: reflection: found nothing, expected the slab's profiles"),
+        (
+            "reflection = \"p.csv\"\ntransmission = \"q.csv\"",
+            "slab 1: thickness-mm: found nothing, expected the slab's thickness",
+        ),
+        (&thin.replace('1', "0"), "slab 1: thickness-mm: found 0, expected more than 0, at most 100"),
+        (&thin.replace("thick", "thikc"), "key: found `thikcness-mm`"),
+    ] {
+        let found = message(&slab(lines));
+        assert!(found.contains(fault), "{found}");
+    }
+}
+
+#[test]
+fn profiles_that_no_coefficients_fit_leave_the_resin_to_kubelka_munk() {
+    let mut file = read(MEASURED).unwrap();
+    let refused = file.fit(None, |_, _| ControlFlow::Continue(())).unwrap();
+    assert!(refused.len() == 1 && refused[0].starts_with("resin wax, channel Y: no coefficients fit"), "{refused:?}");
+    let set = file.into_set(|_, _| ControlFlow::Continue(())).unwrap();
+    assert!(set.resins[0].volume.is_none() && set.warnings.contains(&refused[0]));
+    let mut file = read(MEASURED).unwrap();
+    assert!(matches!(file.fit(None, |_, _| ControlFlow::Break(())), Err(OpticsError::Cancelled)));
+    assert!(file.fit(Some(&["white"]), |_, _| ControlFlow::Break(())).unwrap().is_empty());
+}
+
+#[test]
 fn coefficients_are_simulated_and_can_be_cancelled() {
     let measured = "reflection = \"p.csv\"\ntransmission = \"q.csv\"\nthickness-mm = 2";
     let simulated = "scattering-per-mm = 8\nabsorption-per-mm = 90\nprint-as = \"background\"";

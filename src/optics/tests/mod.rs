@@ -5,3 +5,4 @@ mod materials;
 mod monte_carlo;
 mod profile_csv;
 pub(super) mod reference;
+mod stacks;

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::reference::numbers;
 use crate::optics::{Layer, Light, MonteCarlo, OpticsError, RingEdges, VolumeCoefficients};
 
 const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5, refractive_index: 1.0 };
@@ -89,6 +90,53 @@ fn a_half_space_is_the_limit_of_thick_slabs() {
     let sigma = thick.reflection.standard_error.hypot(endless.reflection.standard_error);
     assert!((thick.reflection.mean - endless.reflection.mean).abs() < 4.0 * sigma);
     assert_eq!(endless.transmission.mean, 0.0);
+}
+
+/// Light between the two faces of a slab that only absorbs, summed over its reflections.
+#[test]
+fn a_clear_slab_reflects_at_both_faces() {
+    let dye = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.5, g: 0.0, refractive_index: 1.5 };
+    let result = MonteCarlo { light: Light::Normal, ..slab(dye, 2.0) }.run().unwrap();
+    let (face, once) = (0.04_f64, (-1.0_f64).exp());
+    let between = 1.0 / (1.0 - (face * once).powi(2));
+    let expected = (1.0 - face).powi(2) * once * between;
+    assert!((result.glint.mean - face).abs() < 1e-12 && result.glint.standard_error < 1e-9);
+    assert!((result.transmission.mean - expected).abs() < 4.0 * result.transmission.standard_error, "{result:?}");
+    let back = (1.0 - face).powi(2) * face * once * once * between;
+    assert!((result.reflection.mean - back).abs() < 4.0 * result.reflection.standard_error);
+    assert_eq!(result.unscattered_transmission, result.transmission);
+}
+
+#[test]
+fn without_absorption_nothing_is_lost_between_mirrors() {
+    let resin =
+        |refractive_index| VolumeCoefficients { sigma_a: 0.0, ..SUPPORT }.with_refractive_index(refractive_index);
+    let layers = [1.5, 1.3, 1.7].map(|index| Layer { coefficients: resin(index), thickness_mm: 0.4 }).to_vec();
+    let result = MonteCarlo { layers, ..slab(SUPPORT, 1.0) }.run().unwrap();
+    let sum = result.reflection.mean + result.transmission.mean + result.glint.mean;
+    // Light that hardly gets in at a grazing angle plays roulette.
+    assert!((sum - 1.0).abs() < 1e-5, "{sum}");
+    // 0.0918 of diffuse light is reflected by n = 1.5.
+    assert!((result.glint.mean - 0.0918).abs() < 4.0 * result.glint.standard_error + 5e-5, "{:?}", result.glint);
+}
+
+/// Against iadpython's adding–doubling: `scripts/fresnel-slabs`.
+#[test]
+fn slabs_in_air_are_those_of_adding_doubling() {
+    let rows = numbers(include_str!("fresnel_slabs.csv"));
+    for (index, row) in rows.iter().enumerate().filter(|(_, row)| row[1] <= 1.0).step_by(5) {
+        let [albedo, tau, g, r_normal, t_normal, r_diffuse, t_diffuse] = row[..] else { panic!("columns") };
+        let resin =
+            VolumeCoefficients { sigma_s: albedo * tau, sigma_a: (1.0 - albedo) * tau, g, refractive_index: 1.5 };
+        for (light, r, t) in [(Light::Normal, r_normal, t_normal), (Light::Diffuse, r_diffuse, t_diffuse)] {
+            let found = MonteCarlo { light, seed: 100 + index as u64, ..slab(resin, 1.0) }.run().unwrap();
+            let error = found.reflection.standard_error.hypot(found.glint.standard_error);
+            let off = found.reflection.mean + found.glint.mean - r;
+            assert!(off.abs() < 4.0 * error + 3e-4, "{row:?}, {light:?}: R {found:?}");
+            let off = found.transmission.mean - t;
+            assert!(off.abs() < 4.0 * found.transmission.standard_error + 3e-4, "{row:?}, {light:?}: T {found:?}");
+        }
+    }
 }
 
 #[test]

@@ -7,66 +7,86 @@
 //! With e^{−ix cosφ} = Σ (2 − δ_m0) (−i)^m J_m(x) cos mφ and the addition theorem of Legendre functions, diffuse light has
 //!
 //! ```text
-//! T̂₁(k) = Σ σs ∫ dz Σ_lm (2l + 1) g_l (2 − δ_m0) (−1)^m F_lm(z, τ) F_lm(h − z, τ_h − τ)
-//! F_lm(z, τ) = ∫ p_l^m(μ) J_m(kz tanθ) e^{−τ/μ} dμ,
+//! T̂₁(k) = Σ σs ∫ dz Σ_lm (2l + 1) g_l F_lm F′_lm,   F_lm = n² ∫ p_l^m(μ) v_m e^{−Σ τ/μ} dμ above,   F′_lm = ∫ p_l^m(μ) v′_m e^{−Σ τ/μ} dμ below
+//! v_m = (−1)^m √(2 − δ_m0) J_m(k Σ h tanθ),   v′_m = √(2 − δ_m0) J_m(k Σ h tanθ),
 //! ```
 //!
-//! summed over the layers; for a vertical beam the first F is ½ e^{−τ} where m = 0, and 0 elsewhere. To the directions F is a sum over
-//! their nodes, and J_m Gauss–Chebyshev quadrature over as many azimuths as they have orders.
+//! summed over the layers, with μ and n those of the layer that scatters, Σ over the way to it or from it, and boundaries' transmittances on the way;
+//! for a vertical beam F is ½ e^{−Στ} where m = 0, and 0 elsewhere. To the directions F is a sum over their nodes, and v what their
+//! orders make of it. Light that also turns round at a boundary is left to them.
 
-use std::f64::consts::PI;
+use std::f64::consts::SQRT_2;
+
+use rayon::prelude::*;
 
 use super::{
-    beam::GAUSS,
     directions::{Directions, gauss_legendre},
-    scattering::{Scattering, legendre},
+    rays::{Ray, stream},
+    scattering::{Scattering, legendre, ratio},
 };
 use crate::optics::Light;
 
-/// Nodes of the exact integrals over μ. Twice as many change T̂ of 1 mm of support by 1e-5 rms from 0 to 20 rad/mm.
-const EXACT_NODES: usize = 48;
+/// Nodes of the exact integrals over μ. Twice as many change T̂ of 1 mm of support by 2e-5 rms from 0 to 20 rad/mm.
+const EXACT_NODES: usize = 40;
+/// Beyond this kh the exact light is gone: every way through is at least h long, and waves on it cancel as e^{−kh}.
+const CALM: f64 = 16.0;
+/// From kh = 1 on the exact light is reckoned at kh this far apart, and interpolated between.
+const SPACING: f64 = 0.3;
+/// Gauss points of a layer h thick: one for each of these kh at the highest frequency, within limits.
+const TURN: f64 = 2.5;
+const POINTS: (usize, usize) = (4, 8);
+/// Light on a node below this share needs no waves.
+const DEAD: f64 = 1e-10;
 
 /// Light scattered once on its way down through a stack.
 pub(super) struct Once<'a> {
     layers: &'a [(Scattering, f64)],
     light: Light,
-    thickness_mm: f64,
-    tau: f64,
-    exact: Quadrature,
     seen: Quadrature,
+    /// k, and the exact light there; 0 beyond.
+    exact: Vec<(f64, f64)>,
     /// Share of the exact light that the directions see at k = 0; kept, so that R + T stays what it is.
     share: f64,
 }
 
 /// Polar angles and azimuthal orders over which F is summed.
 struct Quadrature {
-    nodes: Vec<Node>,
+    rays: Vec<Ray>,
+    /// p_l^m(μ): layer, ray, and then order after order l from m on.
+    legendre: Vec<Vec<Vec<f64>>>,
     orders: usize,
-    /// cos mφ for each azimuth φ and order m, and cosφ; none where J_m is exact.
-    azimuths: Vec<(f64, Vec<f64>)>,
-}
-
-struct Node {
-    mu: f64,
-    weight: f64,
-    /// p_l^m(μ): order m, l − m.
-    legendre: Vec<Vec<f64>>,
+    terms: usize,
+    /// Depths in each layer, as shares of it, and their weights.
+    depths: Vec<Vec<(f64, f64)>>,
+    /// Whether v is what the directions make of it.
+    discrete: bool,
 }
 
 impl<'a> Once<'a> {
-    pub(super) fn new(layers: &'a [(Scattering, f64)], directions: &Directions, light: Light) -> Self {
+    /// For the frequencies `k`, ascending.
+    pub(super) fn new(layers: &'a [(Scattering, f64)], directions: &Directions, light: Light, k: &[f64]) -> Self {
         let terms = directions.terms();
-        let (tau, thickness_mm) = super::extent(layers);
-        let mut it = Self {
-            layers,
-            light,
-            thickness_mm,
-            tau,
-            exact: Quadrature::exact(terms),
-            seen: Quadrature::of(directions),
-            share: 0.0,
-        };
-        let exact = it.through(&it.exact, 0.0);
+        let orders = directions.orders.min(terms);
+        let k_max = k.last().copied().unwrap_or(0.0);
+        let seen = Quadrature::new(directions.crossing(layers), depths(layers, k_max), terms, orders, true);
+        let thickness_mm: f64 = layers.iter().map(|(_, mm)| mm).sum();
+        let mut it = Self { layers, light, seen, exact: Vec::new(), share: 0.0 };
+        let quadrature = Quadrature::exact(layers, terms, k_max);
+        let mut nodes: Vec<f64> = Vec::new();
+        for &k in k.iter().take_while(|k| **k * thickness_mm <= CALM) {
+            let far = nodes.last().is_none_or(|last| (k - last) * thickness_mm >= SPACING);
+            if far || k * thickness_mm < 1.0 {
+                nodes.push(k);
+            }
+        }
+        // The last one is no node if it is too near the one before; then the next to come.
+        if let (Some(&last), Some(&node)) = (k.iter().rfind(|k| **k * thickness_mm <= CALM), nodes.last())
+            && last > node
+        {
+            nodes.push(last);
+        }
+        it.exact = nodes.par_iter().map(|&k| (k, it.through(&quadrature, k))).collect();
+        let exact = it.through(&quadrature, 0.0);
         if exact > 0.0 {
             it.share = it.through(&it.seen, 0.0) / exact;
         }
@@ -75,97 +95,138 @@ impl<'a> Once<'a> {
 
     /// The exact light in place of the directions' own.
     pub(super) fn correction(&self, k: f64) -> f64 {
-        self.share * self.through(&self.exact, k) - self.through(&self.seen, k)
+        self.share * interpolated(&self.exact, k) - self.through(&self.seen, k)
     }
 
     fn through(&self, quadrature: &Quadrature, k: f64) -> f64 {
-        let (mut z, mut tau, mut total) = (0.0, 0.0, 0.0);
-        for (resin, mm) in self.layers {
-            for (x, weight) in GAUSS {
-                let (z, tau) = (z + x * mm, tau + x * mm * resin.extinction);
-                let after = quadrature.moments(k * (self.thickness_mm - z), self.tau - tau);
-                let turned = match self.light {
-                    Light::Diffuse => turned(&quadrature.moments(k * z, tau), &after, &resin.factors),
+        let before = match self.light {
+            Light::Diffuse => quadrature.moments(self.layers, k, false),
+            Light::Normal => Vec::new(),
+        };
+        let after = quadrature.moments(self.layers, k, true);
+        let vertical = Ray::new(self.layers, 1.0, 1.0);
+        let (mut above, mut total, mut at) = (0.0_f64, 0.0, 0);
+        for (layer, (resin, mm)) in self.layers.iter().enumerate() {
+            let factors: Vec<f64> = (0..quadrature.orders).flat_map(|m| resin.factors[m..].iter().copied()).collect();
+            for (x, weight) in &quadrature.depths[layer] {
+                let turned: f64 = match self.light {
+                    Light::Diffuse => {
+                        before[at].iter().zip(&after[at]).zip(&factors).map(|((a, b), f)| a * b * f).sum()
+                    }
                     Light::Normal => {
-                        0.5 * (-tau).exp() * after[0].iter().zip(&resin.factors).map(|(f, g)| f * g).sum::<f64>()
+                        let beam = 0.5 * vertical.legs[layer].into * (-above - x * mm * resin.extinction).exp();
+                        beam * after[at].iter().zip(&resin.factors).map(|(f, g)| f * g).sum::<f64>()
                     }
                 };
                 total += mm * weight * resin.sigma_s * turned;
+                at += 1;
             }
-            z += mm;
-            tau += mm * resin.extinction;
+            above += mm * resin.extinction;
         }
         total
     }
 }
 
-/// Σ_lm (2l + 1) g_l (2 − δ_m0) (−1)^m F_lm F′_lm.
-fn turned(before: &[Vec<f64>], after: &[Vec<f64>], factors: &[f64]) -> f64 {
-    let orders = before.iter().zip(after).enumerate();
-    orders
-        .map(|(m, (before, after))| {
-            let sum: f64 = before.iter().zip(after).zip(&factors[m..]).map(|((a, b), f)| a * b * f).sum();
-            match m {
-                0 => sum,
-                _ if m % 2 == 0 => 2.0 * sum,
-                _ => -2.0 * sum,
-            }
-        })
-        .sum()
+/// Cubic through the four nodes around k; 0 beyond them.
+fn interpolated(nodes: &[(f64, f64)], k: f64) -> f64 {
+    let above = nodes.partition_point(|node| node.0 < k);
+    if above == nodes.len() {
+        return 0.0;
+    }
+    if nodes[above].0 == k {
+        return nodes[above].1;
+    }
+    let first = above.saturating_sub(2).min(nodes.len().saturating_sub(4));
+    let four = &nodes[first..nodes.len().min(first + 4)];
+    let share = |i: usize| {
+        let others = (0..four.len()).filter(|&j| j != i);
+        others.map(|j| (k - four[j].0) / (four[i].0 - four[j].0)).product::<f64>()
+    };
+    (0..four.len()).map(|i| share(i) * four[i].1).sum()
 }
 
 impl Quadrature {
-    fn new((mu, weight): (&[f64], &[f64]), orders: usize, terms: usize, azimuths: Vec<(f64, Vec<f64>)>) -> Self {
-        let node =
-            |(&mu, &weight)| Node { mu, weight, legendre: (0..orders).map(|m| legendre(m, terms, mu)).collect() };
-        Self { nodes: mu.iter().zip(weight).map(node).collect(), orders, azimuths }
+    fn new(rays: Vec<Ray>, depths: Vec<Vec<(f64, f64)>>, terms: usize, orders: usize, discrete: bool) -> Self {
+        let functions = |mu: f64| (0..orders).flat_map(|m| legendre(m, terms, mu)).collect();
+        let within = |layer: usize| rays.iter().map(|ray| functions(ray.legs[layer].mu)).collect();
+        Self { legendre: (0..depths.len()).map(within).collect(), depths, rays, orders, terms, discrete }
     }
 
-    fn exact(terms: usize) -> Self {
+    fn exact(layers: &[(Scattering, f64)], terms: usize, k_max: f64) -> Self {
         let (mu, weight) = gauss_legendre(EXACT_NODES);
-        Self::new((&mu, &weight), terms, terms, Vec::new())
+        let rays = mu.iter().zip(&weight).map(|(&mu, &weight)| Ray::new(layers, mu, weight)).collect();
+        Self::new(rays, depths(layers, k_max), terms, terms, false)
     }
 
-    fn of(directions: &Directions) -> Self {
-        let terms = directions.terms();
-        let orders = directions.orders.min(terms);
-        let azimuth = |j: usize| {
-            let phi = (j as f64 + 0.5) * PI / directions.orders as f64;
-            (phi.cos(), (0..orders).map(|m| (m as f64 * phi).cos()).collect())
-        };
-        let azimuths = (0..directions.orders).map(azimuth).collect();
-        Self::new((&directions.mu, &directions.weight), orders, terms, azimuths)
-    }
-
-    /// F_lm at kz = `turn`: order m, l − m.
-    fn moments(&self, turn: f64, tau: f64) -> Vec<Vec<f64>> {
-        let mut moments: Vec<Vec<f64>> = self.nodes[0].legendre.iter().map(|values| vec![0.0; values.len()]).collect();
-        let mut waves = vec![0.0; self.orders];
-        for node in &self.nodes {
-            let x = turn * (1.0 - node.mu * node.mu).sqrt() / node.mu;
-            if self.azimuths.is_empty() {
-                bessel(x, &mut waves)
-            } else {
-                self.waves(x, &mut waves)
-            }
-            let light = node.weight * (-tau / node.mu).exp();
-            for ((sums, legendre), wave) in moments.iter_mut().zip(&node.legendre).zip(&waves) {
-                sums.iter_mut().zip(legendre).for_each(|(sum, value)| *sum += light * wave * value);
+    /// F at every Gauss point of every layer, from above; or F′, from below (`backwards`): order after order l from m on.
+    fn moments(&self, layers: &[(Scattering, f64)], k: f64, backwards: bool) -> Vec<Vec<f64>> {
+        let length = (0..self.orders).map(|m| self.terms - m).sum();
+        let points: usize = self.depths.iter().map(Vec::len).sum();
+        let mut moments = vec![vec![0.0; length]; points];
+        let mut orders = vec![0.0; self.orders];
+        for (index, ray) in self.rays.iter().enumerate() {
+            let (mut phase, mut tau) = (0.0, 0.0_f64);
+            orders.fill(0.0);
+            orders[0] = 1.0;
+            let mut at = if backwards { points } else { 0 };
+            for step in 0..layers.len() {
+                let layer = if backwards { layers.len() - 1 - step } else { step };
+                let ((resin, mm), leg) = (&layers[layer], &ray.legs[layer]);
+                let share = if backwards { leg.out } else { resin.index * resin.index * leg.into };
+                let ratio = ratio(resin.extinction, k * (1.0 - leg.mu * leg.mu).sqrt());
+                let mut reached = 0.0;
+                let depths = &self.depths[layer];
+                for point in 0..=depths.len() {
+                    // The depths are symmetric; last of all the layer's end.
+                    let end = point == depths.len();
+                    let x = if end { 1.0 } else { depths[point].0 };
+                    let here = at - usize::from(backwards && !end);
+                    at = if end || backwards { here } else { at + 1 };
+                    let way = (x - reached) * mm;
+                    reached = x;
+                    phase += k * way * leg.slope;
+                    tau += way * resin.extinction / leg.mu;
+                    let light = leg.weight * share * (-tau).exp();
+                    if light < DEAD {
+                        continue;
+                    }
+                    if self.discrete {
+                        stream(&mut orders, k * way * leg.slope, ratio, backwards);
+                    }
+                    if end {
+                        continue;
+                    }
+                    if !self.discrete {
+                        waves(phase, backwards, &mut orders);
+                    }
+                    let (mut sums, mut values) = (&mut moments[here][..], &self.legendre[layer][index][..]);
+                    for (m, order) in orders.iter().enumerate() {
+                        let (these, others) = sums.split_at_mut(self.terms - m);
+                        let (functions, rest) = values.split_at(self.terms - m);
+                        (sums, values) = (others, rest);
+                        these.iter_mut().zip(functions).for_each(|(sum, value)| *sum += light * order * value);
+                    }
+                }
             }
         }
         moments
     }
+}
 
-    /// J_m(x) = i^m ⟨e^{−ix cosφ} cos mφ⟩ over the azimuths.
-    fn waves(&self, x: f64, waves: &mut [f64]) {
-        waves.fill(0.0);
-        let share = 1.0 / self.azimuths.len() as f64;
-        for (cos_phi, cosines) in &self.azimuths {
-            let (sin, cos) = (x * cos_phi).sin_cos();
-            for (m, (wave, cosine)) in waves.iter_mut().zip(cosines).enumerate() {
-                *wave += share * cosine * [cos, sin, -cos, -sin][m % 4];
-            }
-        }
+/// Gauss points and weights of every layer.
+fn depths(layers: &[(Scattering, f64)], k_max: f64) -> Vec<Vec<(f64, f64)>> {
+    let one = |(_, mm): &(Scattering, f64)| {
+        let (x, weight) = gauss_legendre(((k_max * mm / TURN).ceil() as usize).clamp(POINTS.0, POINTS.1));
+        x.into_iter().zip(weight).collect()
+    };
+    layers.iter().map(one).collect()
+}
+
+/// v, or v′ `backwards`.
+fn waves(phase: f64, backwards: bool, orders: &mut [f64]) {
+    bessel(phase, orders);
+    for (m, order) in orders.iter_mut().enumerate().skip(1) {
+        *order *= if m % 2 == 1 && !backwards { -SQRT_2 } else { SQRT_2 };
     }
 }
 
@@ -175,6 +236,8 @@ fn bessel(x: f64, values: &mut [f64]) {
     const HEADROOM: usize = 22;
     /// Below, J_0 is 1, J_1 is x/2 and the others 0 to 1e-17.
     const SMALL: f64 = 1e-8;
+    /// Where the recurrence is scaled down.
+    const LARGE: f64 = 1e200;
     let orders = values.len();
     if x < SMALL {
         values.fill(0.0);
@@ -193,6 +256,11 @@ fn bessel(x: f64, values: &mut [f64]) {
     let (mut above, mut here, mut sum) = (0.0, f64::MIN_POSITIVE, 0.0);
     for m in (1..=orders + HEADROOM).rev() {
         (above, here) = (here, 2.0 * m as f64 / x * here - above);
+        if here.abs() > LARGE {
+            for value in [&mut above, &mut here, &mut sum].into_iter().chain(values.iter_mut().skip(m)) {
+                *value /= LARGE;
+            }
+        }
         if m <= orders {
             values[m - 1] = here;
         }
@@ -206,6 +274,7 @@ fn bessel(x: f64, values: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::optics::{FrequencyGrid, TransportOptions, tests::reference::SUPPORT};
 
     #[test]
     fn bessel_functions_are_those_of_the_library() {
@@ -220,15 +289,33 @@ mod tests {
     }
 
     #[test]
+    fn what_lies_between_is_interpolated() {
+        let directions = Directions::new([], TransportOptions { polar: 6, orders: 5 });
+        let k: Vec<f64> = FrequencyGrid::default().as_slice().to_vec();
+        for mm in [0.05, 0.3, 1.0, 4.0] {
+            let layers = [(Scattering::new(&SUPPORT, &directions), mm)];
+            let exact = Quadrature::exact(&layers, directions.terms(), 20.0);
+            let once = Once::new(&layers, &directions, Light::Diffuse, &k);
+            for &k in &k {
+                let (found, exact) = (interpolated(&once.exact, k), once.through(&exact, k));
+                assert!((found - exact).abs() < 5e-5, "{mm} mm, k = {k}: {found} instead of {exact}");
+            }
+        }
+    }
+
+    #[test]
     fn enough_directions_see_the_same() {
-        let directions = Directions::new(40, 80);
-        let resin = Scattering::new(&crate::optics::tests::reference::SUPPORT, &directions);
-        let layers = [(resin, 1.0)];
-        for light in [Light::Diffuse, Light::Normal] {
-            let once = Once::new(&layers, &directions, light);
-            for k in [0.0, 3.0, 20.0] {
-                let (exact, seen) = (once.through(&once.exact, k), once.through(&once.seen, k));
-                assert!((exact - seen).abs() < 2e-5, "{light:?}, k = {k}: {exact} and {seen}");
+        for index in [1.0, 1.5] {
+            let directions = Directions::new([index], TransportOptions { polar: 40, orders: 30 });
+            let resin = Scattering::new(&SUPPORT.with_refractive_index(index), &directions);
+            let layers = [(resin, 1.0)];
+            let exact = Quadrature::exact(&layers, directions.terms(), 20.0);
+            for light in [Light::Diffuse, Light::Normal] {
+                let once = Once::new(&layers, &directions, light, &[0.0, 20.0]);
+                for k in [0.0, 3.0, 15.0] {
+                    let (exact, seen) = (once.through(&exact, k), once.through(&once.seen, k));
+                    assert!((exact - seen).abs() < 2e-5, "{light:?}, n = {index}, k = {k}: {exact} and {seen}");
+                }
             }
         }
     }

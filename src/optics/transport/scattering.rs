@@ -7,18 +7,23 @@
 //! ```
 //!
 //! Only A − B and A + B are needed, which hold the Legendre functions of even and of odd l + m. The forward peak that the terms
-//! cannot resolve counts as unscattered: delta-M, Wiscombe 1977, with f = g^terms.
-
-use std::f64::consts::FRAC_1_SQRT_2;
+//! cannot resolve counts as unscattered: delta-M, Wiscombe 1977, with f = g^terms. Where nodes are not a double-Gauss rule (between media of
+//! different indices), what a direction's discrete phase function lacks to 1 goes straight on too, so that no light is lost.
+//!
+//! Of the azimuthal orders the first one left out, M, is not 0 but −ρ times the last: light that left a source along a slanted way has orders that fall
+//! by the ratio ρ = (√(σt′² + κ²) − σt′)/κ, κ = k √(1 − μ²), the Fourier series of 1/(σt′ + iκ cosφ). So 5 orders do what takes 10 with
+//! M = 0 (support 1 mm, 7 polar angles, k from 2 to 20 rad/mm: R̂ within 1e-4).
 
 use faer::Mat;
 
-use super::directions::Directions;
+use super::directions::{Directions, coupling};
 use crate::optics::VolumeCoefficients;
 
 /// A resin over the directions.
 #[derive(Debug, Clone)]
 pub(super) struct Scattering {
+    /// Refractive index.
+    pub(super) index: f64,
     /// σt′ per mm, without the forward peak.
     pub(super) extinction: f64,
     /// σs′ per mm.
@@ -30,7 +35,11 @@ pub(super) struct Scattering {
     odd: Mat<f64>,
     /// Coupling of neighbouring orders per rad/mm: the unknowns and √(1 − μ²)/μ times the share of cosφ.
     lateral: Vec<(usize, usize, f64)>,
+    /// Unknowns of the last order and their √(1 − μ²)/μ times the share of cosφ.
+    last: Vec<(usize, f64)>,
     mu: Vec<f64>,
+    /// Light per mm that neither goes on nor is scattered elsewhere: extinction less what discrete scattering lacks.
+    lost: Vec<f64>,
 }
 
 /// A − B and A + B, per mm.
@@ -46,7 +55,8 @@ impl Scattering {
         let sigma_s = volume.sigma_s * (1.0 - peak);
         let moment = |l: usize| (volume.g.powi(l as i32) - peak) / (1.0 - peak);
         let factors: Vec<f64> = (0..terms).map(|l| (2 * l + 1) as f64 * moment(l)).collect();
-        let unknowns: Vec<_> = directions.unknowns().collect();
+        let hemisphere = directions.within(volume.refractive_index);
+        let unknowns: Vec<_> = directions.unknowns(volume.refractive_index).collect();
         let functions: Vec<Vec<f64>> = unknowns.iter().map(|u| legendre(u.order, terms, u.mu)).collect();
         let n = unknowns.len();
         // The parts of p over even and odd l + m: ½ Σ (2l + 1) …, twice.
@@ -62,20 +72,35 @@ impl Scattering {
             })
         };
         let (even, odd) = (part(0), part(1));
-        let nodes = directions.mu.len();
+        let nodes = directions.nodes();
+        let slope: Vec<f64> = (0..nodes).map(|node| hemisphere.slope(node)).collect();
         let lateral = (1..directions.orders).flat_map(|order| {
-            let share = if order == 1 { FRAC_1_SQRT_2 } else { 0.5 };
-            let rate = move |mu: &f64| (1.0 - mu * mu).sqrt() / mu * share;
             let pair = move |node: usize| ((order - 1) * nodes + node, order * nodes + node);
-            directions.mu.iter().enumerate().map(move |(node, mu)| (pair(node).0, pair(node).1, rate(mu)))
+            slope.iter().enumerate().map(move |(node, slope)| (pair(node).0, pair(node).1, slope * coupling(order)))
+        });
+        // Between orders m and m + 1, in either direction: cos mφ cosφ = ½ cos (m + 1)φ + …, and twice that from order 0.
+        let share = if directions.orders == 1 { 1.0 } else { coupling(directions.orders) };
+        let last =
+            slope.iter().enumerate().map(|(node, slope)| ((directions.orders - 1) * nodes + node, slope * share));
+        let extinction = sigma_s + volume.sigma_a;
+        // Flux into the nodes of order 0 out of every direction.
+        let kept = |j: usize| (0..nodes).map(|i| even[(i, j)]).sum::<f64>() * unknowns[j].mu;
+        let beam = directions.beam();
+        let lost = (0..n).map(|j| match j {
+            _ if j == beam => extinction - sigma_s + kept(beam),
+            _ if hemisphere.travels(j % nodes) => extinction - sigma_s + kept(j % nodes),
+            _ => extinction,
         });
         Self {
+            index: volume.refractive_index,
             sigma_s,
             factors,
-            extinction: sigma_s + volume.sigma_a,
+            lateral: lateral.collect(),
+            last: last.collect(),
+            lost: lost.collect(),
+            extinction,
             even,
             odd,
-            lateral: lateral.collect(),
             mu: unknowns.iter().map(|u| u.mu).collect(),
         }
     }
@@ -86,16 +111,25 @@ impl Scattering {
         let block = |scattering: &Mat<f64>| {
             let mut block = Mat::from_fn(n, n, |i, j| -scattering[(i, j)]);
             for (i, mu) in self.mu.iter().enumerate() {
-                block[(i, i)] += self.extinction / mu;
+                block[(i, i)] += self.lost[i] / mu;
             }
             for &(low, high, rate) in &self.lateral {
                 block[(low, high)] -= k * rate;
                 block[(high, low)] += k * rate;
             }
+            for &(i, rate) in &self.last {
+                let kappa = k * (1.0 - self.mu[i] * self.mu[i]).sqrt();
+                block[(i, i)] += k * rate * ratio(self.extinction, kappa);
+            }
             block
         };
         Generator { minus: block(&self.even), plus: block(&self.odd) }
     }
+}
+
+/// ρ: by how much azimuthal orders of light that goes straight fall from one to the next.
+pub(super) fn ratio(extinction: f64, kappa: f64) -> f64 {
+    if kappa > 0.0 { kappa / (extinction + extinction.hypot(kappa)) } else { 0.0 }
 }
 
 /// √((l − m)!/(l + m)!) P_l^m(μ) for l = m … terms − 1.
@@ -122,6 +156,7 @@ pub(super) fn legendre(m: usize, terms: usize, mu: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::optics::TransportOptions;
 
     /// p_l^m over μ and φ obeys the addition theorem: Σ_m (2 − δ) p_l^m(μ) p_l^m(μ′) cos mφ = P_l(cos of the angle between).
     #[test]
@@ -141,7 +176,7 @@ mod tests {
 
     #[test]
     fn without_absorption_no_flux_is_lost() {
-        let directions = Directions::new(6, 4);
+        let directions = Directions::new([], TransportOptions { polar: 6, orders: 4 });
         let generator = Scattering::new(
             &VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.0, g: 0.9, refractive_index: 1.0 },
             &directions,

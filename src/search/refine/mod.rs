@@ -70,7 +70,7 @@ pub struct Refiner {
 }
 
 /// Directions that tell good sequences from bad ones.
-const COARSE: TransportOptions = TransportOptions { polar: 4, orders: 6 };
+const COARSE: TransportOptions = TransportOptions { polar: 4, orders: 4 };
 /// Evaluations of a fit that only ranks, and of one that counts.
 const RANKING_STEPS: usize = 5;
 const FINAL_STEPS: usize = 12;
