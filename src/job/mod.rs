@@ -48,6 +48,7 @@ pub use factoring::{
     ChannelFit, ClusterRecord, FACTORED, FACTORED_VERSION, FactorError, FactorRequest, FactorSettings, Factored,
     LABELS, PROFILES, RingResidual, RoundRecord, Simpler, TailRecord, factor_into,
 };
+pub use images::{srgb_to_linear, to_channels};
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
 };

@@ -1,8 +1,8 @@
 //! From what an object should look like to the layers that do it.
 
 use super::{
-    AlbedoSource, DepthFrom, Interrupt, Job, LayerEntry, OutputFormat, Progress, RunError, SearchEntry, StackingEntry,
-    StackingModel, StackingReport, TargetSpec, TransportEntry,
+    AlbedoSource, DepthFrom, InputPath, Interrupt, Job, LayerEntry, OutputFormat, Progress, RunError, SearchEntry,
+    StackingEntry, StackingModel, StackingReport, TargetSpec, TransportEntry,
     factored::FactoredMap,
     heights::LayerMaps,
     images::{read_labels, read_picture, srgb_to_linear, to_channels},
@@ -66,8 +66,8 @@ pub(super) fn object_layers(
             let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking, core)?);
             Ok(context.uniform("stacking", &stacking, core, entry))
         }
-        TargetSpec::Profile { path } => {
-            let target = context.profile_target(path.as_ref())?;
+        TargetSpec::Profile { paths } => {
+            let target = context.profile_target("target.profile", paths)?;
             let found = context.search(core, std::slice::from_ref(&target))?.remove(0);
             let entry = context.matched_entry(&found, &target, 1.0, None);
             Ok(context.uniform("profile", found.stacking(), core, entry))
@@ -82,7 +82,7 @@ pub(super) fn object_layers(
                 });
             }
             context.require_uvs("target.labels")?;
-            let targets = profiles.iter().map(|path| context.profile_target(path.as_ref()));
+            let targets = profiles.iter().map(|paths| context.profile_target("target.profiles", paths));
             let targets = targets.collect::<Result<Vec<_>, _>>()?;
             labelled_layers(context, "clusters", (width, height), labels_of, targets, None, core)
         }
@@ -187,7 +187,7 @@ fn texture_layers(
         k: context.job.clusters.k,
         seed: context.job.clusters.seed,
         coefficients,
-        dc_weight: context.job.stacking.dc_weight,
+        objective: context.job.stacking.objective,
         ..Default::default()
     };
     let clusters = cluster(&spectra, &weights, &options)
@@ -294,7 +294,7 @@ impl TargetContext<'_> {
             max_thickness_mm: stacking.max_thickness_mm,
             units: stacking.units,
             depth: stacking.depth,
-            dc_weight: stacking.dc_weight,
+            objective: stacking.objective,
             limits: self.limits(),
             core: Some(core),
             max_nodes: None,
@@ -321,21 +321,25 @@ impl TargetContext<'_> {
         Ok(found)
     }
 
-    fn profile_target(&self, path: &std::path::Path) -> Result<SearchTarget, RunError> {
-        let Some(reflection) = ProfileFile::read(path)?.reflection else {
-            let found = format!("{} without reflection_per_mm2", path.display());
-            return Err(self.refuse("target", found, "a profile with a column of reflection"));
+    fn profile_target(&self, key: &str, paths: &[InputPath]) -> Result<SearchTarget, RunError> {
+        let channels = self.materials.channels.len();
+        if paths.len() != 1 && paths.len() != channels {
+            let expected = format!("one path, or one for each of {channels} channels");
+            return Err(self.refuse(key, format!("{} paths", paths.len()), &expected));
+        }
+        let spectrum = |path: &InputPath| -> Result<Vec<f64>, RunError> {
+            let Some(reflection) = ProfileFile::read(path.as_ref())?.reflection else {
+                let found = format!("{} without reflection_per_mm2", path.path.display());
+                return Err(self.refuse(key, found, "a profile with a column of reflection"));
+            };
+            Ok(reflection.hankel(&self.materials.grid).values)
         };
-        let spectrum = reflection.hankel(&self.materials.grid);
-        Ok(SearchTarget { channels: vec![spectrum.values; self.materials.channels.len()] })
+        let spectra = paths.iter().map(spectrum).collect::<Result<Vec<_>, _>>()?;
+        Ok(SearchTarget { channels: (0..channels).map(|c| spectra[c.min(spectra.len() - 1)].clone()).collect() })
     }
 
     /// Reads the textures of a texture target.
-    fn appearance(
-        &self,
-        albedo: &AlbedoSource,
-        mean_free_path: Option<&super::InputPath>,
-    ) -> Result<Appearance, RunError> {
+    fn appearance(&self, albedo: &AlbedoSource, mean_free_path: Option<&InputPath>) -> Result<Appearance, RunError> {
         let channels = self.materials.channels.len();
         let mean_free_path = mean_free_path.map(|path| read_picture(path.as_ref())).transpose()?;
         if mean_free_path.is_some() {

@@ -13,6 +13,7 @@ mod equation_7;
 mod layers;
 mod limits;
 mod lookups;
+mod metric;
 mod slots;
 mod texture;
 mod textured;
