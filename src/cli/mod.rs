@@ -3,10 +3,13 @@
 //! Only this room prints. Exit codes: 0 done; 1 done, but the answer is no; 2 bad usage, job or input; 3 reading or writing
 //! the output failed; 130 interrupted.
 
+mod gamut;
+mod match_plot;
 mod match_target;
 mod material;
 mod materials;
 mod output_file;
+mod plots;
 mod predict;
 mod preview;
 mod printers;
@@ -42,6 +45,7 @@ enum Command {
     Slice(slice::SliceArgs),
     Predict(predict::PredictArgs),
     Match(match_target::MatchArgs),
+    Gamut(gamut::GamutArgs),
     Material(material::MaterialArgs),
     Preview(preview::PreviewArgs),
     Verify(verify::VerifyArgs),
@@ -78,6 +82,7 @@ pub fn run() -> ExitCode {
         Command::Slice(args) => slice::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Match(args) => match_target::run(args),
+        Command::Gamut(args) => gamut::run(args),
         Command::Material(args) => material::run(args),
         Command::Preview(args) => preview::run(args),
         Command::Verify(args) => verify::run(args),

@@ -98,9 +98,7 @@ impl Prepared {
         let mut objects = Vec::new();
         let mut fields = Vec::new();
         for (index, ((mut solid, transform), object)) in solids.into_iter().zip(&job.objects).enumerate() {
-            let has_uvs = !solid.mesh.uvs.is_empty();
-            // Without texture coordinates nothing varies within a page, and any will do.
-            solid.mesh.uvs.resize(solid.mesh.triangles.len(), Default::default());
+            let has_uvs = complete_uvs(&mut solid);
             let context = TargetContext {
                 job: &job,
                 materials: &materials,
@@ -214,13 +212,13 @@ fn digest(path: &Path) -> std::io::Result<String> {
 }
 
 /// Materials as far as they can be checked quickly.
-enum MaterialDraft {
+pub(super) enum MaterialDraft {
     Ready(MaterialSet),
     File(MaterialFile),
 }
 
 /// Reads the materials and checks every resin that the job names.
-fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
+pub(super) fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
     let draft = match &job.materials {
         MaterialSource::Set(name) => {
             job.check_material_set(&MaterialSet::builtin_names().collect::<Vec<_>>())?;
@@ -237,7 +235,7 @@ fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
 }
 
 /// Simulates the resins that come without profiles.
-fn finish_materials(draft: MaterialDraft, interrupt: &Interrupt) -> Result<MaterialSet, RunError> {
+pub(super) fn finish_materials(draft: MaterialDraft, interrupt: &Interrupt) -> Result<MaterialSet, RunError> {
     let file = match draft {
         MaterialDraft::Ready(set) => return Ok(set),
         MaterialDraft::File(file) => file,
@@ -252,7 +250,7 @@ fn finish_materials(draft: MaterialDraft, interrupt: &Interrupt) -> Result<Mater
     }
 }
 
-fn load_solid(
+pub(super) fn load_solid(
     job: &Job,
     index: usize,
     object: &ObjectJob,
@@ -288,6 +286,13 @@ fn load_solid(
     let solid = mesh::close(placed).map_err(in_file)?;
     solid.health.warnings().into_iter().for_each(&mut warn);
     Ok((solid, to_lattice * loaded.file_to_mesh))
+}
+
+/// Gives a mesh without texture coordinates some, for nothing varies within a page then and any will do; whether it had its own.
+pub(super) fn complete_uvs(solid: &mut Solid) -> bool {
+    let had = !solid.mesh.uvs.is_empty();
+    solid.mesh.uvs.resize(solid.mesh.triangles.len(), Default::default());
+    had
 }
 
 fn bounds(solid: &Solid) -> [DVec3; 2] {

@@ -34,7 +34,16 @@ struct Object {
     height_mm: Option<f64>,
     rotate_deg: [f64; 3],
     position_mm: [f64; 3],
+    target: MappedTarget,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct MappedTarget {
+    #[serde(flatten)]
     target: Target,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gamut_map: Option<bool>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -202,7 +211,11 @@ fn object(object: &super::ObjectJob) -> Object {
         height_mm,
         rotate_deg: object.rotate_deg,
         position_mm: object.position_mm,
-        target: target(&object.target),
+        target: MappedTarget {
+            target: target(&object.target),
+            // Nothing is to be mapped where the stacking is given.
+            gamut_map: (!matches!(object.target, TargetSpec::Stacking { .. })).then_some(object.gamut_map),
+        },
     }
 }
 

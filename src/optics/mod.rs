@@ -13,6 +13,7 @@
 //! ```
 
 mod composite;
+mod edge;
 mod error;
 mod frequency;
 mod hankel;
@@ -30,6 +31,7 @@ mod transport;
 mod volume;
 
 pub use composite::Composite;
+pub use edge::EdgeResponse;
 pub use error::OpticsError;
 pub use frequency::FrequencyGrid;
 pub use hankel::ProfileSpectrum;

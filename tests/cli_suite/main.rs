@@ -10,6 +10,7 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
+mod gamut;
 mod interrupt;
 mod matching;
 mod material;
