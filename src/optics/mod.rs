@@ -41,6 +41,7 @@ pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinSpectrum,
     SimulatedProfile, SlabPlan, SpectrumError, regenerate_builtin, simulate_profile,
 };
+pub use monte_carlo::voxels;
 pub use monte_carlo::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges};
 pub use prediction::{ChannelPrediction, PhotonOptions, PredictedRing, Prediction};
 pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERANCE, ProfileError, RadialProfile};
@@ -48,7 +49,7 @@ pub use profile_csv::ProfileFile;
 pub use repair::{LostInNoise, TransmissionRepair, repair_transmission};
 pub use tail::Tail;
 pub use transport::{ModalReflection, ReflectionSlope, Transport, TransportOptions, TransportSpectra};
-pub use volume::{MAX_COEFFICIENT_PER_MM, VolumeCoefficients};
+pub use volume::{MAX_COEFFICIENT_PER_MM, MAX_REFRACTIVE_INDEX, VolumeCoefficients};
 
 #[cfg(test)]
 mod tests;

@@ -2,8 +2,7 @@
 
 use super::OpticsError;
 
-/// How a resin scatters and absorbs in one channel, index-matched to its surroundings, with the phase function of
-/// Henyey and Greenstein 1941.
+/// How a resin scatters, absorbs and bends light in one channel, with the phase function of Henyey and Greenstein 1941.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VolumeCoefficients {
     /// σs, scattering events per mm, ≥ 0.
@@ -12,10 +11,15 @@ pub struct VolumeCoefficients {
     pub sigma_a: f64,
     /// g, the mean cosine of a scattering event, in (−1, 1); positive is forward.
     pub g: f64,
+    /// Refractive index n, 1 to 3; 1, that of air, is index-matched as the paper assumes.
+    pub refractive_index: f64,
 }
 
 /// Above this many events per mm the mean free path is under 10 nm: not a resin but a slip of units.
 pub const MAX_COEFFICIENT_PER_MM: f64 = 1e5;
+
+/// Diamond has 2.4; nothing that is printed comes near.
+pub const MAX_REFRACTIVE_INDEX: f64 = 3.0;
 
 /// How far a representative slab should reach into the diffuse decay: κ·h. At 4.5 a slab lets through about 1% of what enters
 /// it, which both its R̂ (within 1e-4 of the half-space) and its T̂ (above the noise of 2e6 photons) can be read from. The
@@ -27,13 +31,19 @@ const REPRESENTATIVE_MAX_MM: f64 = 6.0;
 const REPRESENTATIVE_MAX_REDUCED: f64 = 20.0;
 
 impl VolumeCoefficients {
-    /// Checked coefficients.
+    /// Checked coefficients of an index-matched resin; [`VolumeCoefficients::with_refractive_index`] gives it another index.
     ///
     /// # Errors
     /// [`OpticsError::Parameter`] naming the first value that is not finite, negative, absurdly large, or g outside (−1, 1).
     pub fn new(sigma_s: f64, sigma_a: f64, g: f64) -> Result<Self, OpticsError> {
-        let it = Self { sigma_s, sigma_a, g };
+        let it = Self { sigma_s, sigma_a, g, refractive_index: 1.0 };
         it.check().map(|()| it)
+    }
+
+    /// The same resin with another refractive index, 1 to 3.
+    #[must_use]
+    pub const fn with_refractive_index(self, refractive_index: f64) -> Self {
+        Self { refractive_index, ..self }
     }
 
     /// The check behind [`VolumeCoefficients::new`], for values put together by hand.
@@ -50,10 +60,14 @@ impl VolumeCoefficients {
         };
         per_mm("scattering-per-mm", self.sigma_s)?;
         per_mm("absorption-per-mm", self.sigma_a)?;
-        if self.g > -1.0 && self.g < 1.0 {
+        if !(self.g > -1.0 && self.g < 1.0) {
+            return Err(OpticsError::parameter("g", self.g, "a mean cosine between -1 and 1, both excluded".into()));
+        }
+        if (1.0..=MAX_REFRACTIVE_INDEX).contains(&self.refractive_index) {
             Ok(())
         } else {
-            Err(OpticsError::parameter("g", self.g, "a mean cosine between -1 and 1, both excluded".into()))
+            let expected = format!("1 to {MAX_REFRACTIVE_INDEX}");
+            Err(OpticsError::parameter("refractive-index", self.refractive_index, expected))
         }
     }
 

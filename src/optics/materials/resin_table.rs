@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::toml_source::{At, Folder, Keys, Strings};
-use crate::optics::{OpticsError, ProfileFile, RadialProfile, VolumeCoefficients};
+use crate::optics::{MAX_REFRACTIVE_INDEX, OpticsError, ProfileFile, RadialProfile, VolumeCoefficients};
 
 const RESIN_KEYS: [&str; 12] = [
     "name",
@@ -92,10 +92,10 @@ impl Draft {
         }
         let refractive_index = match keys.number("refractive-index")? {
             None => 1.0,
-            Some(index) if (1.0..=3.0).contains(&index.value) => index.value,
+            Some(index) if (1.0..=MAX_REFRACTIVE_INDEX).contains(&index.value) => index.value,
             Some(index) => return Err(keys.wrong("refractive-index", &index, "1 to 3")),
         };
-        let volume = volume(&keys, channels.len())?;
+        let volume = volume(&keys, channels.len(), refractive_index)?;
         let profiles = profiles(&keys, folder, channels)?;
         if volume.is_none() && profiles.is_none() {
             return Err(keys.missing("scattering-per-mm", "coefficients, or measured profiles under `reflection`"));
@@ -158,7 +158,11 @@ fn rgba(keys: &Keys<'_, '_>) -> Result<At<[u8; 4]>, OpticsError> {
     Ok(At { value, at: numbers.at })
 }
 
-fn volume(keys: &Keys<'_, '_>, channels: usize) -> Result<Option<Vec<VolumeCoefficients>>, OpticsError> {
+fn volume(
+    keys: &Keys<'_, '_>,
+    channels: usize,
+    refractive_index: f64,
+) -> Result<Option<Vec<VolumeCoefficients>>, OpticsError> {
     let [scattering, absorption, g] =
         ["scattering-per-mm", "absorption-per-mm", "g"].map(|key| keys.per_channel(key, channels));
     let (scattering, absorption) = match (scattering?, absorption?) {
@@ -169,7 +173,8 @@ fn volume(keys: &Keys<'_, '_>, channels: usize) -> Result<Option<Vec<VolumeCoeff
     };
     let g = g?.unwrap_or_else(|| (0..channels).map(|_| At { value: 0.0, at: keys.start }).collect());
     let coefficients = scattering.iter().zip(&absorption).zip(&g).map(|((sigma_s, sigma_a), g)| {
-        VolumeCoefficients::new(sigma_s.value, sigma_a.value, g.value).map_err(|error| match error {
+        let matched = VolumeCoefficients::new(sigma_s.value, sigma_a.value, g.value);
+        matched.map(|matched| matched.with_refractive_index(refractive_index)).map_err(|error| match error {
             OpticsError::Parameter { name, found, expected } => {
                 let at = match name.as_str() {
                     "g" => g.at,

@@ -58,7 +58,7 @@ impl SimulatedProfile {
 
     /// What the file's comment says: the slab, the totals, and that nothing was measured.
     pub fn comment(&self) -> String {
-        let VolumeCoefficients { sigma_s, sigma_a, g } = self.coefficients;
+        let VolumeCoefficients { sigma_s, sigma_a, g, .. } = self.coefficients;
         let (r, t) = (self.result.reflection, self.result.transmission);
         format!(
             "simulated, not measured: slab of {} mm, sigma_s {sigma_s}, sigma_a {sigma_a} per mm, g {g} (Henyey-Greenstein), \

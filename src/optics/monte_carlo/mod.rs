@@ -7,10 +7,11 @@
 //!
 //! *Guaranteed:* estimates without bias; the same bytes for the same seed whatever the number of threads, because photons
 //! come in batches of fixed size, each with a random stream of its own, summed in their order.
-//! *Not covered:* Fresnel reflection, polarisation, lateral inhomogeneity, time of flight.
+//! *Not covered:* Fresnel reflection, polarisation, time of flight; lateral inhomogeneity is [`voxels`]' task.
 
 mod rings;
 mod tally;
+pub mod voxels;
 mod walk;
 
 use std::ops::ControlFlow;

@@ -8,24 +8,24 @@ use crate::optics::RadialProfile;
 
 /// First and second moment of weights.
 #[derive(Debug, Clone, Copy, Default)]
-struct Moments {
+pub(super) struct Moments {
     weight: f64,
     squared: f64,
 }
 
 impl Moments {
     #[inline]
-    fn score(&mut self, weight: f64) {
+    pub(super) fn score(&mut self, weight: f64) {
         self.weight += weight;
         self.squared += weight * weight;
     }
 
-    fn add(&mut self, other: &Self) {
+    pub(super) fn add(&mut self, other: &Self) {
         self.weight += other.weight;
         self.squared += other.squared;
     }
 
-    fn estimate(&self, photons: u64) -> Estimate {
+    pub(super) fn estimate(&self, photons: u64) -> Estimate {
         let n = photons as f64;
         let mean = self.weight / n;
         let variance = (self.squared / n - mean * mean).max(0.0);

@@ -14,9 +14,9 @@ use crate::optics::VolumeCoefficients;
 /// Weight under which a photon plays roulette, with survivors raised to [`REVIVED`]: a compromise in favour of faint transmission;
 /// on 3 mm of white 1/(σ² s) is 6.6e6 for R and 5.0e8 for T; at 0.01 and 0.1 they are 6.2e6 and 5.0e8, at 0.2 and 0.5
 /// 6.3e6 and 4.0e8, at 0.5 and 1 (nearly analog) 9.5e6 and 2.5e8. Thin slabs do not care.
-const FAINT: f64 = 0.05;
+pub(super) const FAINT: f64 = 0.05;
 /// Weight a survivor of the roulette is raised to.
-const REVIVED: f64 = 0.25;
+pub(super) const REVIVED: f64 = 0.25;
 
 /// A plane layer as the walk sees it; z grows downwards from 0 at the lit top.
 #[derive(Debug, Clone)]
@@ -117,17 +117,17 @@ impl Stack {
 
 /// A unit vector; z points down into the stack.
 #[derive(Debug, Clone, Copy)]
-struct Direction {
-    x: f64,
-    y: f64,
-    z: f64,
+pub(super) struct Direction {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    pub(super) z: f64,
 }
 
 impl Direction {
     /// This direction turned by a polar angle of the given cosine, at an azimuth given as (cos φ, sin φ). The frame around
     /// the old direction is that of Duff et al. 2017, *Building an Orthonormal Basis, Revisited*: no pole, no branch.
     #[inline]
-    fn turned(self, cosine: f64, (cos_phi, sin_phi): (f64, f64)) -> Self {
+    pub(super) fn turned(self, cosine: f64, (cos_phi, sin_phi): (f64, f64)) -> Self {
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
         let (u, v) = (sine * cos_phi, sine * sin_phi);
         let sign = 1.0_f64.copysign(self.z);
@@ -143,7 +143,7 @@ impl Direction {
 
 /// Inverse of the phase function's distribution of cosines.
 #[derive(Debug, Clone, Copy)]
-struct HenyeyGreenstein {
+pub(super) struct HenyeyGreenstein {
     g: f64,
     one_minus_g_squared: f64,
     one_plus_g_squared: f64,
@@ -154,13 +154,13 @@ impl HenyeyGreenstein {
     /// |g| under which the inverse (error ~ ε/g²) is worse than taking scattering as isotropic (error ~ g).
     const ISOTROPIC: f64 = 1e-5;
 
-    fn new(g: f64) -> Self {
+    pub(super) fn new(g: f64) -> Self {
         let g = if g.abs() < Self::ISOTROPIC { 0.0 } else { g };
         Self { g, one_minus_g_squared: 1.0 - g * g, one_plus_g_squared: 1.0 + g * g, half_inverse_g: 0.5 / g }
     }
 
     #[inline]
-    fn sample(&self, u: f64) -> f64 {
+    pub(super) fn sample(&self, u: f64) -> f64 {
         if self.g == 0.0 {
             return 2.0 * u - 1.0;
         }
@@ -171,13 +171,13 @@ impl HenyeyGreenstein {
 
 /// Uniform in [0, 1), 53 bits.
 #[inline]
-fn uniform(rng: &mut Xoshiro256PlusPlus) -> f64 {
+pub(super) fn uniform(rng: &mut Xoshiro256PlusPlus) -> f64 {
     (rng.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
 }
 
 /// (cos φ, sin φ) of a uniform azimuth by von Neumann's rejection from the disc: arithmetic only, so the same on every machine.
 #[inline]
-fn azimuth(rng: &mut Xoshiro256PlusPlus) -> (f64, f64) {
+pub(super) fn azimuth(rng: &mut Xoshiro256PlusPlus) -> (f64, f64) {
     loop {
         let bits = rng.next_u64();
         let u = f64::from(bits as u32 as i32) * (1.0 / (1u64 << 31) as f64);

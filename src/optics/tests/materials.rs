@@ -58,7 +58,7 @@ thickness-mm = 2
 fn a_file_of_coefficients_is_read() {
     let file = read(GOOD).unwrap();
     let resins: Vec<_> = file.coefficients().collect();
-    let of = |sigma_s, sigma_a, g| VolumeCoefficients { sigma_s, sigma_a, g };
+    let of = |sigma_s, sigma_a, g| VolumeCoefficients { sigma_s, sigma_a, g, refractive_index: 1.0 };
     assert_eq!(resins[0].1, [of(8.0, 0.2, 0.5), of(8.0, 0.3, 0.5)]);
     assert_eq!(resins[1].1, [of(0.5, 0.0, 0.0), of(0.6, 0.0, 0.0)]);
     assert_eq!(resins[1].2, [0.5, 0.5]);

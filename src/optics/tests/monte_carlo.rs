@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 
 use crate::optics::{Layer, Light, MonteCarlo, OpticsError, RingEdges, VolumeCoefficients};
 
-const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5 };
-const SUPPORT: VolumeCoefficients = VolumeCoefficients { sigma_s: 1.6, sigma_a: 0.025, g: 0.75 };
+const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5, refractive_index: 1.0 };
+const SUPPORT: VolumeCoefficients = VolumeCoefficients { sigma_s: 1.6, sigma_a: 0.025, g: 0.75, refractive_index: 1.0 };
 
 fn slab(coefficients: VolumeCoefficients, thickness_mm: f64) -> MonteCarlo {
     MonteCarlo {
@@ -77,7 +77,7 @@ fn splitting_a_layer_or_adding_an_empty_one_changes_nothing() {
 fn a_stack_of_nothing_lets_everything_through() {
     let result = slab(WHITE, 0.0).run().unwrap();
     assert_eq!((result.reflection.mean, result.transmission.mean), (0.0, 1.0));
-    let void = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.0, g: 0.0 };
+    let void = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.0, g: 0.0, refractive_index: 1.0 };
     let result = slab(void, 3.0).run().unwrap();
     assert_eq!((result.reflection.mean, result.unscattered_transmission.mean), (0.0, 1.0));
 }

@@ -16,7 +16,7 @@ fn spectra(
 }
 
 fn volume() -> impl Strategy<Value = VolumeCoefficients> {
-    (0.0..20.0, 0.0..5.0, -0.9..0.95).prop_map(|(sigma_s, sigma_a, g)| VolumeCoefficients { sigma_s, sigma_a, g })
+    (0.0..20.0, 0.0..5.0, -0.9..0.95).prop_map(|(sigma_s, sigma_a, g)| VolumeCoefficients { sigma_s, sigma_a, g, refractive_index: 1.0 })
 }
 
 fn light() -> impl Strategy<Value = Light> {
@@ -126,7 +126,7 @@ proptest! {
 
 #[test]
 fn without_scattering_light_goes_straight() {
-    let clear = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.5, g: 0.0 };
+    let clear = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.5, g: 0.0, refractive_index: 1.0 };
     let beam = spectra(&[(clear, 2.0)], None, Light::Normal, &[0.0, 7.0]);
     assert!(beam.reflection.iter().all(|r| r.abs() < 1e-12));
     assert!(beam.transmission.iter().all(|t| (t - (-1.0_f64).exp()).abs() < 1e-12), "{:?}", beam.transmission);
@@ -146,7 +146,7 @@ fn totals_are_those_of_adding_doubling() {
     let mut worst = [0.0_f64; 2];
     for row in numbers(&text) {
         let [albedo, tau, g, r_normal, t_normal, r_diffuse, t_diffuse, _] = row[..] else { panic!("columns") };
-        let layers = [(VolumeCoefficients { sigma_s: albedo, sigma_a: 1.0 - albedo, g }, tau)];
+        let layers = [(VolumeCoefficients { sigma_s: albedo, sigma_a: 1.0 - albedo, g, refractive_index: 1.0 }, tau)];
         let options = TransportOptions { polar: 16, orders: 1 };
         let exact = [(Light::Normal, r_normal, t_normal), (Light::Diffuse, r_diffuse, t_diffuse)];
         for (worst, (light, r, t)) in worst.iter_mut().zip(exact) {
