@@ -2,7 +2,10 @@
 
 use lumislice::{
     plot::{Axis, BLACK, BLUE, Figure, GREY, Panel, Series, Shape, VERMILION},
-    search::{BlockTable, Gamut, GamutMap, Match, SearchTarget, match_targets, place_of},
+    search::{
+        BlockTable, Gamut, GamutMap, RefineOptions, Refined, Refiner, SearchError, SearchOptions, SearchTarget,
+        place_of,
+    },
     target::NormalizedDiffusion,
 };
 
@@ -27,13 +30,19 @@ pub fn run(options: &Options) -> Outcome {
             Ok(SearchTarget { channels: vec![NormalizedDiffusion::new(albedo, path)?.spectrum(grid)] })
         })
         .collect::<Result<_, lumislice::target::DiffusionError>>()?;
-    let gamut = Gamut::explore(&resins.parameters(), None, grid, &search)?;
+    // Layers as fine as a printer's slices of 27 µm; the search's blocks are coarser.
+    let fine = SearchOptions { units: 186, ..search.clone() };
+    let gamut = Gamut::explore(&resins.parameters(), Some(&resins.volumes()), grid, &fine)?;
     let map = GamutMap::new(&gamut, &wanted, &vec![1.0; wanted.len()], grid);
     let mapped: Vec<_> = map.moves.iter().zip(&wanted).map(|(moved, target)| moved.apply(target, grid)).collect();
     let table = BlockTable::new(&resins.parameters(), &search)?;
-    let (clipped, brought) = (match_targets(&table, &wanted)?, match_targets(&table, &mapped)?);
+    let refiner = Refiner::new(&resins.volumes(), grid, &search, RefineOptions::default());
+    let refined = |targets: &[SearchTarget]| -> Result<Vec<Refined>, SearchError> {
+        Ok(refiner.match_targets(&table, targets)?.into_iter().map(|(_, refined)| refined).collect())
+    };
+    let (clipped, brought) = (refined(&wanted)?, refined(&mapped)?);
 
-    let places = |found: &[Match]| -> Vec<Option<Place>> {
+    let places = |found: &[Refined]| -> Vec<Option<Place>> {
         found.iter().map(|found| place_of(&found.reflection[0], grid)).collect()
     };
     let asked: Vec<Option<Place>> = map.moves.iter().map(|moved| moved.from[0]).collect();
@@ -43,7 +52,7 @@ pub fn run(options: &Options) -> Outcome {
         wanted.len() * (wanted.len() - 1) / 2
     );
     println!("| --- | --- | --- | --- | --- | --- |");
-    let as_asked = |found: &[Match]| mean(found.iter().zip(&wanted).map(|(found, target)| squares(found, target)));
+    let as_asked = |found: &[Refined]| mean(found.iter().zip(&wanted).map(|(found, target)| squares(found, target)));
     let as_mapped = mean(brought.iter().map(|found| found.objective));
     let line = |name: &str, at: &[Option<Place>], asked: f64, mapped: String| {
         let [albedo, width] = disorder(at);
@@ -69,7 +78,7 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / n
 }
 
-fn squares(found: &Match, target: &SearchTarget) -> f64 {
+fn squares(found: &Refined, target: &SearchTarget) -> f64 {
     found.reflection[0].iter().zip(&target.channels[0]).map(|(r, t)| (r - t) * (r - t)).sum()
 }
 

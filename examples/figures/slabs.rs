@@ -18,8 +18,8 @@ use super::{
     models::{Resins, rms},
 };
 
-/// The translucent sample, mm from the top; the job's core, black, lies below.
-const SAMPLE: [(&str, f64); 2] = [("white", 0.1), ("support", 4.9)];
+/// The translucent sample, mm from the top: as near to the surface as support may lie; the job's core, black, lies below.
+const SAMPLE: [(&str, f64); 2] = [("white", 0.2), ("support", 4.8)];
 const SLABS: usize = 5;
 /// Size of a slab, and the distance between slabs, mm.
 const SLAB_MM: [f64; 3] = [20.0, 20.0, 6.0];
@@ -33,8 +33,8 @@ pub fn run(options: &Options) -> Outcome {
     let refiner = Refiner::new(&resins.volumes(), &resins.set.grid, &search, RefineOptions::default());
     let found = refiner.match_targets(&table, &targets)?;
     println!(
-        "| slab | layers, mm from the top | support, mm | 50% within, mm | asked | KM's discrete | promised | photons see | rms |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
+        "| slab | layers, mm from the top | support, mm | albedo | asked | 50% within, mm | asked | KM's discrete | promised | photons see | rms |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
     );
     let core = search.core;
     let mut seen = Vec::new();
@@ -82,9 +82,12 @@ fn row(
     let wanted = &target.channels[0];
     let off = rms(&photons.reflection_hankel, wanted);
     println!(
-        "| {} | {} | {support:.2} | {:.3} | {:.3} | {:.1e} | {:.1e} | {:.1e} | {off:.1e} |",
+        "| {} | {} | {:.2} | {:.4} | {:.4} | {:.3} | {:.3} | {:.1e} | {:.1e} | {:.1e} | {off:.1e} |",
         slab + 1,
         resins.named(&refined.stacking),
+        support.max(0.0),
+        photons.reflection_hankel[0],
+        wanted[0],
         radius(&photons.reflection_hankel),
         radius(wanted),
         discrete.objective,

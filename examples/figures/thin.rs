@@ -6,6 +6,9 @@ use super::{Options, Outcome, models::Resins};
 
 const THICKNESS_MM: [f64; 9] = [0.02, 0.04, 0.078, 0.156, 0.312, 0.625, 1.25, 2.5, 5.0];
 
+/// Totals that photons know no better than this say nothing.
+const TELLING: f64 = 0.02;
+
 /// An error is not known better than the photons are: three of these is what noise may show.
 fn standard_error(share: f64, photons: u64) -> f64 {
     (share * (1.0 - share) / photons as f64).sqrt()
@@ -34,6 +37,10 @@ pub fn run(options: &Options) -> Outcome {
                 let truth = total(&found.photons);
                 let noise = standard_error(truth, options.photons) / truth;
                 let off = [&found.km, &found.transport].map(|model| total(model) / truth - 1.0);
+                if !(truth > 0.0 && noise < TELLING) {
+                    cells.extend(["too little to tell".to_owned(), "–".to_owned(), "–".to_owned()]);
+                    continue;
+                }
                 cells.push(format!("{truth:.5} ± {:.5}", noise * truth));
                 cells.extend(off.map(|off| format!("{:+.2}%", 100.0 * off)));
                 for (curve, value) in curves.iter_mut().zip([off[0].abs(), off[1].abs(), 3.0 * noise]) {

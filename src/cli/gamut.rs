@@ -15,7 +15,7 @@ use serde_json::json;
 
 use super::{
     Answer, INTERRUPT,
-    match_target::{MEAN_FREE_PATH_MM, parse_depth, parse_min_depth},
+    match_target::{MEAN_FREE_PATH_MM, parse_depth, parse_layer, parse_min_depth},
     materials::{Materials, no_coefficients},
     output_file::OutputFile,
     plots::PlotFile,
@@ -37,10 +37,10 @@ pub struct GamutArgs {
     /// Thickest stacking, mm.
     #[arg(long, value_name = "MM", default_value_t = 5.0, help_heading = "Stackings")]
     max_thickness_mm: f64,
-    /// Units the thickness is divided into.
-    #[arg(long, value_name = "N", default_value_t = 64, help_heading = "Stackings")]
-    units: usize,
-    /// Most blocks in a stacking (a layer of u units takes as many as u has binary ones).
+    /// Layers are multiples of so many mm, such as a printer's slice.
+    #[arg(long, value_name = "MM", default_value = "0.027", value_parser = parse_layer, help_heading = "Stackings")]
+    layer_step_mm: f64,
+    /// Most layers in a stacking, 1 to 12.
     #[arg(long, value_name = "N", default_value = "6", value_parser = parse_depth, help_heading = "Stackings")]
     depth: usize,
     /// Least depth of a resin below the surface, RESIN:MM; support keeps 0.2 mm unless given. Repeatable.
@@ -92,7 +92,7 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
     let core = args.core.as_deref().map(|name| materials.file.resin_index(name)).transpose()?;
     let options = SearchOptions {
         max_thickness_mm: args.max_thickness_mm,
-        units: args.units,
+        units: (args.max_thickness_mm / args.layer_step_mm).ceil() as usize,
         depth: args.depth,
         limits: args.limits(&materials)?,
         core,

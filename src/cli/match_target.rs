@@ -94,7 +94,7 @@ enum Judge {
     Transport,
 }
 
-fn parse_layer(text: &str) -> Result<f64, String> {
+pub(super) fn parse_layer(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|mm| (0.001..=10.0).contains(mm));
     number.ok_or_else(|| "expected 0.001 to 10 mm".to_owned())
 }

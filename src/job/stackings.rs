@@ -337,7 +337,17 @@ impl TargetContext<'_> {
             StackingModel::KubelkaMunk => None,
             StackingModel::Transport { .. } => Some(self.volumes()?),
         };
-        let (grid, options) = (&self.materials.grid, self.search_options(core));
+        let stacking = &self.job.stacking;
+        let slice_mm = self.job.printer.pitch_mm.z;
+        let step_mm = match stacking.model {
+            StackingModel::KubelkaMunk => slice_mm,
+            StackingModel::Transport { min_layer_mm, layer_step_mm } => {
+                layer_step_mm.or(min_layer_mm).unwrap_or(slice_mm)
+            }
+        };
+        // What a printer can lay, but not finer than tells anything apart.
+        let units = (stacking.max_thickness_mm / step_mm.max(FINEST_STEP_MM)).ceil() as usize;
+        let (grid, options) = (&self.materials.grid, SearchOptions { units, ..self.search_options(core) });
         let gamut = Gamut::explore(&self.parameters(), volumes.as_deref(), grid, &options);
         let map =
             GamutMap::new(&gamut.map_err(|fault| self.search_fault(fault))?, &wanted.targets, &wanted.shares, grid);
@@ -562,6 +572,9 @@ fn map_in_words(map: &GamutMap, shares: &[f64]) -> String {
         range(|moved| moved.width_factor),
     )
 }
+
+/// Steps of layers in a gamut, at least.
+const FINEST_STEP_MM: f64 = 0.025;
 
 /// Searches between two looks at the clock.
 const SEARCH_BATCH: usize = 16;

@@ -5,7 +5,10 @@ use crate::support::{keys, run};
 /// Every command with the flags that scripts may use.
 const COMMANDS: [(&str, &[&str]); 13] = [
     ("slice", &["--output", "--overwrite", "--slices <A..B>", "--dry-run", "--json"]),
-    ("predict", &["--materials", "--stack", "--core", "--model", "--light", "--photons", "--seed", "--csv", "--plot", "--json"]),
+    (
+        "predict",
+        &["--materials", "--stack", "--core", "--model", "--light", "--photons", "--seed", "--csv", "--plot", "--json"],
+    ),
     (
         "match",
         &[

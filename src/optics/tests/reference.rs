@@ -8,9 +8,12 @@ use crate::optics::{
     RingEdges, VolumeCoefficients,
 };
 
-pub(in crate::optics) const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5, refractive_index: 1.0 };
-pub(in crate::optics) const BLACK: VolumeCoefficients = VolumeCoefficients { sigma_s: 2.5, sigma_a: 4.0, g: 0.5, refractive_index: 1.0 };
-pub(in crate::optics) const SUPPORT: VolumeCoefficients = VolumeCoefficients { sigma_s: 1.6, sigma_a: 0.025, g: 0.75, refractive_index: 1.0 };
+pub(in crate::optics) const WHITE: VolumeCoefficients =
+    VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5, refractive_index: 1.0 };
+pub(in crate::optics) const BLACK: VolumeCoefficients =
+    VolumeCoefficients { sigma_s: 2.5, sigma_a: 4.0, g: 0.5, refractive_index: 1.0 };
+pub(in crate::optics) const SUPPORT: VolumeCoefficients =
+    VolumeCoefficients { sigma_s: 1.6, sigma_a: 0.025, g: 0.75, refractive_index: 1.0 };
 
 /// A file of the reference folder, or `None` after saying that it is skipped.
 pub(in crate::optics) fn reference(name: &str) -> Option<String> {
@@ -39,7 +42,12 @@ fn z_scores(rows: &[Vec<f64>], photons: u64, seed: u64) -> Vec<f64> {
         for (light, r, t) in [(Light::Normal, r_normal, t_normal), (Light::Diffuse, r_diffuse, t_diffuse)] {
             let job = MonteCarlo {
                 layers: vec![Layer {
-                    coefficients: VolumeCoefficients { sigma_s: albedo * tau, sigma_a: (1.0 - albedo) * tau, g, refractive_index: 1.0 },
+                    coefficients: VolumeCoefficients {
+                        sigma_s: albedo * tau,
+                        sigma_a: (1.0 - albedo) * tau,
+                        g,
+                        refractive_index: 1.0,
+                    },
                     thickness_mm: 1.0,
                 }],
                 base: None,

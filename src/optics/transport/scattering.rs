@@ -142,8 +142,11 @@ mod tests {
     #[test]
     fn without_absorption_no_flux_is_lost() {
         let directions = Directions::new(6, 4);
-        let generator =
-            Scattering::new(&VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.0, g: 0.9, refractive_index: 1.0 }, &directions).generator(0.0);
+        let generator = Scattering::new(
+            &VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.0, g: 0.9, refractive_index: 1.0 },
+            &directions,
+        )
+        .generator(0.0);
         for j in (0..6).chain([directions.beam()]) {
             let lost: f64 = (0..6).map(|i| generator.minus[(i, j)]).sum::<f64>()
                 + if j == directions.beam() { generator.minus[(j, j)] } else { 0.0 };

@@ -16,7 +16,12 @@ fn spectra(
 }
 
 fn volume() -> impl Strategy<Value = VolumeCoefficients> {
-    (0.0..20.0, 0.0..5.0, -0.9..0.95).prop_map(|(sigma_s, sigma_a, g)| VolumeCoefficients { sigma_s, sigma_a, g, refractive_index: 1.0 })
+    (0.0..20.0, 0.0..5.0, -0.9..0.95).prop_map(|(sigma_s, sigma_a, g)| VolumeCoefficients {
+        sigma_s,
+        sigma_a,
+        g,
+        refractive_index: 1.0,
+    })
 }
 
 fn light() -> impl Strategy<Value = Light> {

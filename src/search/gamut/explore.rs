@@ -23,7 +23,7 @@ const ALBEDO_CELLS: usize = 80;
 const RADIUS_CELLS: usize = 72;
 const RADIUS_MM: [f64; 2] = [0.01, 20.0];
 /// Changes that are tried.
-pub(super) const TRIALS: usize = 40_000;
+pub(super) const TRIALS: usize = 120_000;
 /// Every so many-th kept stacking of the inside is shown.
 const INSIDE_STRIDE: usize = 8;
 
@@ -157,21 +157,20 @@ impl<'a> Explorer<'a> {
         joined
     }
 
-    /// Whether the search could find it.
+    /// Whether it keeps the limits.
     fn allowed(&self, runs: &Runs) -> bool {
-        let (mut depth, mut blocks) = (0, 0);
+        let mut depth = 0;
         for &(resin, units) in runs {
             let limit = &self.limits[resin];
             if depth < limit.top || units < limit.least || units > limit.most {
                 return false;
             }
             depth += units;
-            blocks += units.count_ones() as usize;
         }
         // A last layer of the core's resin is the core's.
         let core = self.options.core;
         depth <= self.options.units
-            && blocks <= self.options.depth
+            && runs.len() <= self.options.depth
             && core.is_none_or(|core| depth >= self.limits[core].top && runs.last().is_none_or(|last| last.0 != core))
     }
 

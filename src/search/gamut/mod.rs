@@ -62,8 +62,8 @@ pub fn place_of(spectrum: &[f64], grid: &FrequencyGrid) -> Option<[f64; 2]> {
 }
 
 impl Gamut {
-    /// Explores what `resins`, index `[resin][channel]` on `grid`, reach within the space of `options` (dc-weight and max-nodes do not
-    /// matter). Stackings are found by Kubelka–Munk; with the resins' coefficients in `volumes` they are placed by transport. The same for the
+    /// Explores what `resins`, index `[resin][channel]` on `grid`, reach with at most `depth` layers of whole units that keep the limits
+    /// of `options`. Layers are to be as fine as the printer's, not as a search's blocks: whole units of 78 µm leave gaps. Stackings are found by Kubelka–Munk; with the resins' coefficients in `volumes` they are placed by transport. The same for the
     /// same input, whatever the number of threads.
     ///
     /// # Errors
