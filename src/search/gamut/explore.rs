@@ -9,7 +9,7 @@
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
-use super::width::RadiusTable;
+use super::width::{RADII_MM, RadiusTable};
 use crate::{
     optics::{FrequencyGrid, KubelkaMunk},
     search::{SearchOptions, options::UnitLimit},
@@ -18,10 +18,9 @@ use crate::{
 /// Layers from the top: resin and units.
 pub(super) type Runs = Vec<(usize, usize)>;
 
-/// Cells of the plane: albedo 0 to 1, and radius from 0.01 to 20 mm in even steps of its logarithm.
+/// Cells of the plane: albedo 0 to 1, and the table's radii in even steps of their logarithm.
 const ALBEDO_CELLS: usize = 80;
 const RADIUS_CELLS: usize = 72;
-const RADIUS_MM: [f64; 2] = [0.01, 20.0];
 /// Changes that are tried.
 pub(super) const TRIALS: usize = 120_000;
 /// Every so many-th kept stacking of the inside is shown.
@@ -194,7 +193,7 @@ impl<'a> Explorer<'a> {
         let Some(radius) = self.radii.half_energy(&spectrum) else { return };
         let elite = Elite { runs, albedo: spectrum[0], radius };
         let column = ((elite.albedo * ALBEDO_CELLS as f64) as usize).min(ALBEDO_CELLS - 1);
-        let [low, high] = RADIUS_MM.map(f64::ln);
+        let [low, high] = RADII_MM.map(f64::ln);
         let row = ((radius.ln() - low) / (high - low) * RADIUS_CELLS as f64) as usize;
         let row = row.min(RADIUS_CELLS - 1);
         let cell = &mut self.cells[row * ALBEDO_CELLS + column];

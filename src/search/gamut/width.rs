@@ -7,7 +7,7 @@
 use crate::optics::FrequencyGrid;
 
 /// Radii of the table, mm: from finer than a printer's voxel to where the default grid aliases.
-const RADII_MM: [f64; 2] = [0.01, 20.0];
+pub(super) const RADII_MM: [f64; 2] = [0.01, 20.0];
 const RADII: usize = 72;
 /// Largest phase kr per Gauss step, and the three-point rule.
 const MAX_PHASE: f64 = 0.8;
