@@ -8,6 +8,7 @@
 mod checks;
 mod error;
 mod estimate;
+mod factored;
 mod images;
 mod manifest;
 mod object;
@@ -43,7 +44,7 @@ pub use estimate::Estimate;
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
 };
-pub use object::{ObjectJob, Scaling};
+pub use object::{DepthFrom, ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
     SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,

@@ -15,6 +15,16 @@ pub enum Scaling {
     HeightMm(f64),
 }
 
+/// What depth is measured from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DepthFrom {
+    /// The whole surface.
+    #[default]
+    Surface,
+    /// What of it looks up: a slab to be seen from above, layered straight down.
+    Top,
+}
+
 /// One object on the tray.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectJob {
@@ -28,13 +38,19 @@ pub struct ObjectJob {
     pub rotate_deg: [f64; 3],
     /// Where its bounding box's minimum stands, mm, −2000 to 2000; default 0.
     pub position_mm: [f64; 3],
+    /// What depth is measured from; default the whole surface.
+    pub depth_from: DepthFrom,
     /// What it should look like: its own target, or else the job's.
     pub target: TargetSpec,
     /// Whether targets out of reach are brought into the resins' gamut before the search; default no.
     pub gamut_map: bool,
 }
 
-pub(super) const KEYS: &[&str] = &["mesh", "unit", "scale", "height-mm", "rotate-deg", "position-mm", "target"];
+/// Names in the job file.
+pub(super) const DEPTH_FROM: &[(&str, DepthFrom)] = &[("surface", DepthFrom::Surface), ("top", DepthFrom::Top)];
+
+pub(super) const KEYS: &[&str] =
+    &["mesh", "unit", "scale", "height-mm", "rotate-deg", "position-mm", "depth-from", "target"];
 
 /// Reads every object; `common` is the job's `[target]`.
 pub(super) fn read_all(root: &Table<'_>, common: Option<&(TargetSpec, bool)>) -> Result<Vec<ObjectJob>> {
@@ -64,6 +80,7 @@ fn read(table: &Table<'_>, common: Option<&(TargetSpec, bool)>) -> Result<Object
         scaling,
         rotate_deg: table.triple_or("rotate-deg", [0.0; 3], ANGLE)?,
         position_mm: table.triple_or("position-mm", [0.0; 3], POSITION)?,
+        depth_from: table.get("depth-from").map_or(Ok(DepthFrom::Surface), |value| value.choice(DEPTH_FROM))?,
         target,
         gamut_map,
     })

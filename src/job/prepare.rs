@@ -7,8 +7,9 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::{
-    AlbedoSource, Distance, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError, Scaling,
-    StackingReport, TargetSpec, checks,
+    AlbedoSource, DepthFrom, Distance, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat, Progress, RunError,
+    Scaling, StackingReport, TargetSpec, checks,
+    factored::FactoredMap,
     stackings::{TargetContext, object_layers},
 };
 use crate::{
@@ -98,6 +99,13 @@ impl Prepared {
         let mut objects = Vec::new();
         let mut fields = Vec::new();
         for (index, ((mut solid, transform), object)) in solids.into_iter().zip(&job.objects).enumerate() {
+            let bounds = bounds(&solid);
+            if object.depth_from == DepthFrom::Top && !solid.measure_from_top() {
+                let found = "\"top\" of a mesh of which nothing looks up";
+                return Err(job
+                    .refuse(&format!("object[{index}].depth-from"), found, "a level or nearly level top")
+                    .into());
+            }
             let has_uvs = complete_uvs(&mut solid);
             let context = TargetContext {
                 job: &job,
@@ -110,7 +118,6 @@ impl Prepared {
             };
             let (layers, stackings) = object_layers(&context, &object.target, &mut warnings)?;
             stop_if(interrupt)?;
-            let bounds = bounds(&solid);
             let field = ObjectField::new(&solid, lattice, layers)
                 .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
             fields.push(field.with_distance(distance));
@@ -191,6 +198,11 @@ fn read_inputs(job: &Job) -> Result<Vec<InputFile>, RunError> {
         add(object.mesh.shown(), object.mesh.as_ref())?;
         for path in object.target.files() {
             add(path.shown(), path.as_ref())?;
+        }
+        if let TargetSpec::Bssrdf { map, .. } = &object.target {
+            for file in FactoredMap::files(map.as_ref())? {
+                add(format!("{}/{file}", map.shown().trim_end_matches('/')), &map.as_ref().join(&file))?;
+            }
         }
     }
     if let MaterialSource::File(path) = &job.materials {
@@ -320,7 +332,7 @@ impl TargetSpec {
                 albedo.into_iter().chain(mean_free_path).collect()
             }
             Self::Clusters { labels, profiles } => std::iter::once(labels).chain(profiles).collect(),
-            Self::Bssrdf { map } => vec![map],
+            Self::Bssrdf { .. } => Vec::new(), // a folder; see [`read_inputs`]
         }
     }
 }

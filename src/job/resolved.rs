@@ -34,6 +34,7 @@ struct Object {
     height_mm: Option<f64>,
     rotate_deg: [f64; 3],
     position_mm: [f64; 3],
+    depth_from: &'static str,
     target: MappedTarget,
 }
 
@@ -72,6 +73,8 @@ enum Target {
     },
     Bssrdf {
         map: String,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        max_albedo: Option<f64>,
     },
 }
 
@@ -211,6 +214,10 @@ fn object(object: &super::ObjectJob) -> Object {
         height_mm,
         rotate_deg: object.rotate_deg,
         position_mm: object.position_mm,
+        depth_from: match object.depth_from {
+            super::DepthFrom::Surface => "surface",
+            super::DepthFrom::Top => "top",
+        },
         target: MappedTarget {
             target: target(&object.target),
             // Nothing is to be mapped where the stacking is given.
@@ -241,6 +248,6 @@ fn target(spec: &TargetSpec) -> Target {
             labels: labels.shown(),
             profiles: profiles.iter().map(super::InputPath::shown).collect(),
         },
-        TargetSpec::Bssrdf { map } => Target::Bssrdf { map: map.shown() },
+        TargetSpec::Bssrdf { map, max_albedo } => Target::Bssrdf { map: map.shown(), max_albedo: *max_albedo },
     }
 }

@@ -3,6 +3,7 @@
 use super::{
     AlbedoSource, GamutMapEntry, Interrupt, Job, LayerEntry, Progress, RunError, SearchEntry, StackingEntry,
     StackingModel, StackingReport, TargetSpec, TransportEntry,
+    factored::FactoredMap,
     images::{read_labels, read_picture, srgb_to_linear, to_channels},
 };
 use crate::{
@@ -134,25 +135,57 @@ pub(super) fn wanted(
             context.require_uvs("target.labels")?;
             let targets = profiles.iter().map(|path| context.profile_target(path.as_ref()));
             let targets = targets.collect::<Result<Vec<_>, _>>()?;
-            let atlas = Atlas::new(&context.solid.mesh, &[(width, height)], &[]);
-            let mut texels = vec![0_u64; profiles.len()];
-            for texel in atlas.pages()[0].covered() {
-                texels[usize::from(labels_of[texel])] += 1;
-            }
-            let total: u64 = texels.iter().sum();
-            Ok(Wanted {
-                kind: "clusters",
-                shares: texels.iter().map(|&texels| texels as f64 / total.max(1) as f64).collect(),
-                rms: vec![None; targets.len()],
-                targets,
-                surface: Surface::Labelled { atlas, labels: vec![LabelMap(labels_of)] },
-            })
+            Ok(labelled(context, "clusters", (width, height), labels_of, targets, None))
         }
         TargetSpec::Texture { albedo, mean_free_path, mean_free_path_mm, max_albedo } => {
             let pages = context.appearance(albedo, mean_free_path.as_ref())?;
             texture_wanted(context, pages, *mean_free_path_mm, *max_albedo, warnings)
         }
-        TargetSpec::Bssrdf { .. } => Err(context.job.refuse("target.kind", "bssrdf", "a kind that is built").into()),
+        TargetSpec::Bssrdf { map, max_albedo } => {
+            context.require_uvs("target.map")?;
+            let map = FactoredMap::read(map.as_ref())?;
+            let channels = &context.materials.channels;
+            let targets = map.spectra(channels, &context.materials.grid)?;
+            let targets = targets.into_iter().map(|channels| SearchTarget { channels }).collect();
+            Ok(labelled(context, "bssrdf", (map.width, map.height), map.labels, targets, *max_albedo))
+        }
+    }
+}
+
+/// `targets`, wanted where `labels` name them; `max_albedo` rescales them all as [`rescale`] says.
+fn labelled(
+    context: &TargetContext<'_>,
+    kind: &'static str,
+    size: (u32, u32),
+    labels: Vec<u16>,
+    mut targets: Vec<SearchTarget>,
+    max_albedo: Option<f64>,
+) -> Wanted {
+    let atlas = Atlas::new(&context.solid.mesh, &[size], &[]);
+    let mut texels = vec![0_u64; targets.len()];
+    for texel in atlas.pages()[0].covered() {
+        texels[usize::from(labels[texel])] += 1;
+    }
+    if let Some(most) = max_albedo {
+        rescale(&mut targets, &texels, most);
+    }
+    let total: u64 = texels.iter().sum();
+    Wanted {
+        kind,
+        shares: texels.iter().map(|&texels| texels as f64 / total.max(1) as f64).collect(),
+        rms: vec![None; targets.len()],
+        targets,
+        surface: Surface::Labelled { atlas, labels: vec![LabelMap(labels)] },
+    }
+}
+
+/// Scales all profiles by one factor, so that the largest albedo of any that is laid somewhere becomes `most`.
+fn rescale(targets: &mut [SearchTarget], shares: &[u64], most: f64) {
+    let laid = targets.iter().zip(shares).filter(|(_, share)| **share > 0);
+    let brightest = laid.flat_map(|(target, _)| &target.channels).map(|spectrum| spectrum[0]).fold(0.0, f64::max);
+    let scale = most / brightest.max(f64::MIN_POSITIVE);
+    for spectrum in targets.iter_mut().flat_map(|target| &mut target.channels) {
+        spectrum.iter_mut().for_each(|value| *value *= scale);
     }
 }
 

@@ -38,10 +38,12 @@ pub enum TargetSpec {
         /// Profile CSVs, 1 to 65535.
         profiles: Vec<InputPath>,
     },
-    /// Profiles factored from a measured 4D BSSRDF. Not built yet: no job has it.
+    /// Profiles factored from a measured 4D BSSRDF.
     Bssrdf {
         /// The folder that `lumislice factor` wrote.
         map: InputPath,
+        /// The largest albedo of a cluster after rescaling, 0.001 to 1; `None`: not rescaled.
+        max_albedo: Option<f64>,
     },
 }
 
@@ -62,7 +64,7 @@ pub(super) const KINDS: &[(&str, &[&str])] = &[
     ("profile", &["profile", "gamut-map"]),
     ("texture", &["albedo", "albedo-value", "mean-free-path", "mean-free-path-mm", "max-albedo", "gamut-map"]),
     ("clusters", &["labels", "profiles", "gamut-map"]),
-    ("bssrdf", &["map", "gamut-map"]),
+    ("bssrdf", &["map", "max-albedo", "gamut-map"]),
 ];
 
 /// A target, and whether it is to be brought into the gamut.
@@ -75,7 +77,7 @@ fn read(table: &Table<'_>) -> Result<TargetSpec> {
     let all: Vec<&str> = KINDS.iter().flat_map(|(_, keys)| *keys).copied().chain(["kind"]).collect();
     table.allow_only(&all)?;
     let kinds: Vec<_> = KINDS.iter().map(|kind| (kind.0, kind)).collect();
-    let expected = "one of \"stacking\", \"profile\", \"texture\", \"clusters\"";
+    let expected = "one of \"stacking\", \"profile\", \"texture\", \"clusters\", \"bssrdf\"";
     let value = table.require("kind", expected)?;
     let (kind, keys) = *value.choice(&kinds)?;
     refuse_foreign_keys(table, kind, keys)?;
@@ -103,15 +105,10 @@ fn read(table: &Table<'_>) -> Result<TargetSpec> {
             Ok(TargetSpec::Clusters { labels, profiles })
         }
         _ => {
-            // Read in full, so that the job's own mistakes show first.
-            table
-                .require("map", "the path of a folder of factored profiles")?
-                .folder("a folder of factored profiles")?;
-            Err(JobError::NotBuilt {
-                place: value.place(),
-                key: value.path().to_owned(),
-                found: kind.to_owned(),
-                expected: expected.to_owned(),
+            const MAP: &str = "a folder of factored profiles";
+            Ok(TargetSpec::Bssrdf {
+                map: table.require("map", "the path of a folder of factored profiles")?.folder(MAP)?,
+                max_albedo: table.get("max-albedo").map(|value| value.number(MAX_ALBEDO)).transpose()?,
             })
         }
     }

@@ -1,7 +1,7 @@
 //! What a job asks of light, without searching for it.
 
 use super::{
-    Interrupt, Job, Progress, RunError,
+    DepthFrom, Interrupt, Job, Progress, RunError,
     prepare::{complete_uvs, finish_materials, load_solid, read_materials},
     stackings::{TargetContext, wanted},
 };
@@ -28,6 +28,9 @@ pub fn targets(job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Resu
     let mut targets = Vec::new();
     for (index, object) in job.objects.iter().enumerate() {
         let (mut solid, _) = load_solid(&job, index, object, &mut warnings)?;
+        if object.depth_from == DepthFrom::Top {
+            solid.measure_from_top();
+        }
         let has_uvs = complete_uvs(&mut solid);
         let context = TargetContext {
             job: &job,

@@ -79,6 +79,29 @@ pub struct Solid {
     pub health: HealthReport,
 }
 
+impl Solid {
+    /// Has depth measured from the triangles that look up alone, those whose normal is within 45° of +z: below a level top it is height, as of
+    /// a slab seen from above. The others still tell inside from outside, as caps do. Says whether any look up.
+    pub fn measure_from_top(&mut self) -> bool {
+        let mesh = &mut self.mesh;
+        let corners = |triangle: &[u32; 3]| triangle.map(|v| mesh.positions[v as usize]);
+        let looks_up = |[a, b, c]: [DVec3; 3]| {
+            let normal = (b - a).cross(c - a);
+            normal.z > normal.length() * std::f64::consts::FRAC_1_SQRT_2
+        };
+        let up: Vec<bool> = mesh.triangles.iter().map(|triangle| looks_up(corners(triangle))).collect();
+        let others = mesh.triangles.iter().zip(&up).filter(|(_, up)| !**up).map(|(triangle, _)| corners(triangle));
+        self.caps.extend(others);
+        let mut kept = up.iter();
+        mesh.triangles.retain(|_| kept.next() == Some(&true));
+        let mut kept = up.iter();
+        mesh.uvs.retain(|_| kept.next() == Some(&true));
+        let mut kept = up.iter();
+        mesh.material_of.retain(|_| kept.next() == Some(&true));
+        !mesh.triangles.is_empty()
+    }
+}
+
 /// What a mesh suffers from, and what was done about it.
 #[derive(Debug, Clone, Default, serde::Serialize)]
 pub struct HealthReport {

@@ -16,6 +16,7 @@ mod matching;
 mod material;
 mod predict;
 mod slice_bad;
+mod slice_bssrdf;
 mod slice_bytes;
 mod slice_folder;
 mod slice_refined;

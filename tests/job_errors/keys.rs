@@ -20,7 +20,7 @@ fn unknown_keys() {
         (
             "height-mm = 30",
             "\"two words\" = 30",
-            "bad.toml:3:1: object[0].\"two words\": found an unknown key; expected one of mesh, unit, scale, height-mm, rotate-deg, position-mm, target",
+            "bad.toml:3:1: object[0].\"two words\": found an unknown key; expected one of mesh, unit, scale, height-mm, rotate-deg, position-mm, depth-from, target",
         ),
         ("preset =", "pre-set =", "bad.toml:6:1: printer.pre-set: found an unknown key; did you mean `preset`?"),
         (
@@ -46,7 +46,7 @@ fn unknown_keys() {
         (
             "height-mm = 30",
             "zz = 1\naa = 1",
-            "bad.toml:3:1: object[0].zz: found an unknown key; expected one of mesh, unit, scale, height-mm, rotate-deg, position-mm, target",
+            "bad.toml:3:1: object[0].zz: found an unknown key; expected one of mesh, unit, scale, height-mm, rotate-deg, position-mm, depth-from, target",
         ),
     ]);
 }
@@ -92,7 +92,7 @@ fn missing_keys() {
         (
             "kind = \"texture\"\n",
             "",
-            "bad.toml:11:1: target.kind: found nothing, expected one of \"stacking\", \"profile\", \"texture\", \"clusters\"",
+            "bad.toml:11:1: target.kind: found nothing, expected one of \"stacking\", \"profile\", \"texture\", \"clusters\", \"bssrdf\"",
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",

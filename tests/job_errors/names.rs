@@ -102,8 +102,8 @@ fn names_and_stacks_and_what_is_not_built() {
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
-            "kind = \"bssrdf\"\nmap = \"factored\"",
-            "bad.toml:12:8: target.kind: found \"bssrdf\", which is not built yet; expected one of \"stacking\", \"profile\", \"texture\", \"clusters\"",
+            "kind = \"bssrdf\"\nmap = \"factored\"\nmax-albedo = 60",
+            "bad.toml:14:14: target.max-albedo: found 60, expected an albedo from 0.001 to 1",
         ),
         (
             "[\"png\"]",
