@@ -5,11 +5,14 @@
 
 mod compare;
 mod factor;
+mod gamut;
+mod match_plot;
 mod match_target;
 mod material;
 mod materials;
 mod measure;
 mod output_file;
+mod plots;
 mod predict;
 mod preview;
 mod printers;
@@ -46,6 +49,7 @@ enum Command {
     Slice(slice::SliceArgs),
     Predict(predict::PredictArgs),
     Match(match_target::MatchArgs),
+    Gamut(gamut::GamutArgs),
     Material(material::MaterialArgs),
     Factor(factor::FactorArgs),
     Compare(compare::CompareArgs),
@@ -84,6 +88,7 @@ pub fn run() -> ExitCode {
         Command::Slice(args) => slice::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Match(args) => match_target::run(args),
+        Command::Gamut(args) => gamut::run(args),
         Command::Material(args) => material::run(args),
         Command::Factor(args) => factor::run(args),
         Command::Compare(args) => compare::run(args),

@@ -19,6 +19,7 @@ mod branch_and_bound;
 mod endings;
 mod envelope;
 mod forward;
+mod gamut;
 mod kernels;
 mod objective;
 mod options;
@@ -32,6 +33,7 @@ pub use branch_and_bound::{match_candidates, match_sequences, match_target, matc
 pub use forward::reflection_of;
 pub(crate) use objective::BLACK_RMS;
 pub use objective::{Norm, Objective};
+pub use gamut::{Boundary, ChannelGamut, Gamut, GamutMap, GamutPoint, Move, place_of};
 pub use options::{Match, SearchError, SearchOptions, SearchTarget};
 pub use refine::{RefineOptions, Refined, Refiner};
 pub use table::BlockTable;

@@ -10,8 +10,9 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
-mod factor;
 mod compare;
+mod factor;
+mod gamut;
 mod interrupt;
 mod matching;
 mod material;
