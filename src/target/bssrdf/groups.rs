@@ -118,7 +118,7 @@ impl Metric {
         let weights = vec![1.0; texels];
         let with = |k: usize| {
             let options =
-                ClusterOptions { k, seed, coefficients: self.dims(), dc_weight: 1.0, ..ClusterOptions::default() };
+                ClusterOptions { k, seed, coefficients: self.dims(), ..ClusterOptions::default() };
             cluster(&points, &weights, &options).map_err(refuse)
         };
         count.check(texels)?;
