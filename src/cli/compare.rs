@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use lumislice::{
     job::{CompareError, CompareRequest, Comparison, compare_into},
-    slice::OutputFolder,
+    slice::{Existing, OutputFolder},
 };
 
 use super::{Answer, INTERRUPT, materials::Materials, print, print_json, progress::Bars, say, table::table};
@@ -41,7 +41,8 @@ pub struct CompareArgs {
 
 /// Runs the command.
 pub fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
-    OutputFolder::check(&args.output, args.overwrite).map_err(CompareError::from)?;
+    let existing = if args.overwrite { Existing::Overwrite } else { Existing::Refuse };
+    OutputFolder::check(&args.output, existing).map_err(CompareError::from)?;
     let materials = args.materials.as_deref().map(Materials::read).transpose()?.map(|materials| materials.file);
     if args.photons == 1 {
         anyhow::bail!("--photons: found 1, expected 0 or at least 2");
@@ -54,7 +55,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
         seed: args.seed,
     };
     let bars = Bars::new(args.json);
-    let comparison = compare_into(&request, &args.output, args.overwrite, &bars, &INTERRUPT);
+    let comparison = compare_into(&request, &args.output, existing, &bars, &INTERRUPT);
     bars.finish();
     let comparison = comparison?;
     if args.json {

@@ -191,6 +191,23 @@ impl OutputFolder {
         Ok((output, recorded.slices))
     }
 
+    /// Opens `root` for files that are made at once and never gone on with, creating it if need be.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn create(root: &Path, existing: Existing) -> Result<Self, OutputError> {
+        let recorded = Self::recorded(root, existing)?;
+        fs::create_dir_all(root).map_err(|source| io_error("creating the folder", root, source))?;
+        let mut replaceable = recorded.replaces;
+        replaceable.extend(recorded.files.into_keys());
+        if replaceable.remove(MANIFEST) {
+            let manifest = root.join(MANIFEST);
+            fs::remove_file(&manifest).map_err(|source| io_error("removing", &manifest, source))?;
+        }
+        let (kept, written) = (Mutex::default(), Mutex::default());
+        Ok(Self { root: root.to_path_buf(), replaceable: Mutex::new(replaceable), kept, written, journal: None })
+    }
+
     /// Opens the folder of a finished job to add to it or replace some of its `files`; the rest stays.
     ///
     /// # Errors
@@ -313,7 +330,9 @@ impl OutputFolder {
 
     /// Ends a run: removes the files of the replaced job that were not written again, writes the manifest, then drops the journal.
     pub fn finish(self, manifest: &[u8]) -> Result<(), OutputError> {
-        lock(&self.replaceable).remove(JOURNAL);
+        if self.journal.is_some() {
+            lock(&self.replaceable).remove(JOURNAL);
+        }
         self.remove_stale()?;
         self.write_unlisted(MANIFEST, manifest)?;
         let journal = self.root.join(JOURNAL);

@@ -33,7 +33,7 @@ use crate::{
         voxels::{Pattern, Photons, Sides, TexelGrid, VoxelScene},
     },
     plot::{Format, PlotError},
-    slice::{MANIFEST, OutputError, OutputFolder},
+    slice::{Existing, OutputError, OutputFolder},
     target::{LocalProfiles, TexelRings},
 };
 use lights::{Lamp, lamps};
@@ -409,7 +409,7 @@ impl Comparison {
 pub fn compare_into(
     request: &CompareRequest,
     folder: &Path,
-    overwrite: bool,
+    existing: Existing,
     progress: &dyn Progress,
     interrupt: &Interrupt,
 ) -> Result<Comparison, CompareError> {
@@ -425,14 +425,13 @@ pub fn compare_into(
         stage.edge = (0..width).map(column).collect();
     }
     progress.stage("sheet", 0);
-    let output = OutputFolder::create(folder, overwrite)?;
+    let output = OutputFolder::create(folder, existing)?;
     output.write("sheet.png", &comparison.pictures().encode(Format::Png)?)?;
     output.write("edge.png", &comparison.edge_figure().encode(Format::Png)?)?;
     output.write("sheet.html", comparison.page()?.as_bytes())?;
     output.write("comparison.json", &pretty(&comparison))?;
-    output.remove_stale()?;
     let generator = concat!("lumislice ", env!("CARGO_PKG_VERSION"));
     let list = serde_json::json!({ "generator": generator, "version": 1, "files": output.files() });
-    output.write_unlisted(MANIFEST, &pretty(&list))?;
+    output.finish(&pretty(&list))?;
     Ok(comparison)
 }

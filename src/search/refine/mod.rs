@@ -158,7 +158,7 @@ impl Refiner {
                 unrefined: unrefined_objective,
             });
         };
-        if let Some(better) = self.from_deeper(&best, starts, &goal) {
+        if let Some(better) = self.deeper(&best, starts, &goal) {
             best = better;
         }
         let weight: f64 = target.channels.iter().flat_map(|channel| self.options.objective.weights(channel)).sum();
@@ -261,13 +261,13 @@ impl Refiner {
     }
 
     /// Fits end in the nearest valley: a start that is better as it stands lies in a deeper one, which no finalist was in.
-    fn from_deeper(&self, found: &Fitted, starts: Vec<Start>, goal: &Goal) -> Option<Fitted> {
+    fn deeper(&self, found: &Fitted, starts: Vec<Start>, goal: &Goal) -> Option<Fitted> {
         let shifted = self.shifted(goal, found);
         let better = |(sequence, mm): &Start| {
             self.residuals(&self.coarse, &shifted, sequence, mm).objective() < found.1.objective
         };
-        let deeper = starts.into_iter().filter(better).collect();
-        self.fits(&self.fine, goal, FINAL_STEPS, deeper)
+        let starts = starts.into_iter().filter(better).collect();
+        self.fits(&self.fine, goal, FINAL_STEPS, starts)
             .into_iter()
             .next()
             .filter(|fitted| fitted.1.objective < found.1.objective)
