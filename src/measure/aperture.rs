@@ -17,6 +17,8 @@ use super::rings::Grid;
 
 /// Rings are deblurred to this many widths of the blur, where what is left to undo is below 0.3% for a profile like r⁻³.
 const ZONE_WIDTHS: f64 = 12.0;
+/// Only rings this many standard errors above zero are deblurred: the fit is one of logarithms.
+const CLEAR: f64 = 3.0;
 /// At most so many rings; the map has their square.
 const MAX_ZONE: usize = 160;
 /// Second difference of the logarithm between three rings that is thought likely. The synthetic resins have 0.02 at 44 µm.
@@ -123,11 +125,9 @@ pub(super) fn deblur(
     }
     let margin = (width / grid.bin_mm).ceil() as usize + 2;
     let zone = ((ZONE_WIDTHS * width / grid.bin_mm).ceil() as usize).clamp(8, MAX_ZONE);
-    let zone = zone.min(mean.len().checked_sub(margin + 1).filter(|zone| *zone >= 4)?);
+    let clear = mean.iter().zip(error).take_while(|(mean, error)| **mean > CLEAR * **error).count();
+    let zone = zone.min(clear.checked_sub(margin + 1).filter(|zone| *zone >= 4)?);
     let all = zone + margin;
-    if mean[..all].iter().any(|value| !(*value > 0.0)) {
-        return None;
-    }
     let shape = Shape { grid, centre };
     let points = spot.map_or_else(|| vec![[0.0; 2]], |spot| spot.points());
     let radii = polar_radii(grid, all);
