@@ -89,7 +89,8 @@ impl Scattering {
         let lost = (0..n).map(|j| match j {
             _ if j == beam => extinction - sigma_s + kept(beam),
             _ if hemisphere.travels(j % nodes) => extinction - sigma_s + kept(j % nodes),
-            _ => extinction,
+            // No light is there. Equal rates would leave the modes of several such unknowns undefined.
+            _ => extinction.max(1.0) * (1.0 + (j + 1) as f64 / n as f64),
         });
         Self {
             index: volume.refractive_index,
