@@ -84,9 +84,9 @@ pub struct LayerEntry {
 /// How a search ended.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SearchEntry {
-    /// Σ (R̂ − R̂_t)² over coefficients and channels, the first weighted.
+    /// Σ w (R̂ − R̂_t)² over coefficients and channels, with the weights of the job's objective.
     pub objective: f64,
-    /// Root mean square error of a coefficient.
+    /// Its root per coefficient: the error of a coefficient, or its share of the target's where the objective is relative.
     pub rms: f64,
     /// No stacking of the searched space is better than this.
     pub bound: f64,
