@@ -6,6 +6,8 @@
 //!                                              [--photons N] [--noise SHARE] [--floor PER_MM2] [--seed N]
 //! ```
 
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program")]
+
 mod exact;
 mod files;
 mod volume;

@@ -112,7 +112,7 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
         file.finish(light.to_csv().as_bytes())?;
     }
     if let Some(plot) = plot {
-        plot.finish(&args.figure(&layers, &prediction))?;
+        plot.finish(&args.figure(&layers, model, &prediction))?;
     }
     if args.json {
         let spectra = |of: fn(&lumislice::optics::ChannelPrediction) -> &Vec<f64>| -> Vec<&Vec<f64>> {

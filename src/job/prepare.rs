@@ -271,7 +271,11 @@ pub(super) fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
 }
 
 /// Simulates the resins that come without profiles, and fits coefficients (`fit`) to those that come with nothing else.
-pub(super) fn finish_materials(draft: MaterialDraft, fit: bool, interrupt: &Interrupt) -> Result<MaterialSet, RunError> {
+pub(super) fn finish_materials(
+    draft: MaterialDraft,
+    fit: bool,
+    interrupt: &Interrupt,
+) -> Result<MaterialSet, RunError> {
     let mut file = match draft {
         MaterialDraft::Ready(set) => return Ok(set),
         MaterialDraft::File(file) => file,

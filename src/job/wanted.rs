@@ -24,7 +24,8 @@ pub struct JobTarget {
 /// Any input that cannot be used; see [`RunError`].
 pub fn targets(job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Result<Vec<JobTarget>, RunError> {
     let mut warnings = Vec::new();
-    let materials = finish_materials(read_materials(&job)?, job.stacking.model != StackingModel::KubelkaMunk, interrupt)?;
+    let materials =
+        finish_materials(read_materials(&job)?, job.stacking.model != StackingModel::KubelkaMunk, interrupt)?;
     let mut targets = Vec::new();
     for (index, object) in job.objects.iter().enumerate() {
         let (mut solid, ..) = load_solid(&job, index, object, &mut warnings)?;

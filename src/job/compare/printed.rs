@@ -20,6 +20,9 @@ pub(super) struct Printed {
     pub grid: VoxelGrid,
 }
 
+/// Layers from the top down with their thicknesses in mm.
+type Layers = Vec<(VolumeCoefficients, f64)>;
+
 /// Most voxels that are held in memory.
 const MAX_VOXELS: u64 = 1 << 32;
 
@@ -96,7 +99,7 @@ impl Printed {
         &self,
         file: &MaterialFile,
         channel: usize,
-    ) -> Result<(Vec<Vec<(VolumeCoefficients, f64)>>, VolumeCoefficients), CompareError> {
+    ) -> Result<(Vec<Layers>, VolumeCoefficients), CompareError> {
         let Some(report) = self.manifest.stackings.first() else {
             let (folder, found) = (self.folder.clone(), "no stackings".to_owned());
             return Err(CompareError::Folder { folder, found, expected: "those of one object" });

@@ -117,8 +117,7 @@ impl Metric {
         let texels = energies.len() / (self.rings * channels);
         let weights = vec![1.0; texels];
         let with = |k: usize| {
-            let options =
-                ClusterOptions { k, seed, coefficients: self.dims(), ..ClusterOptions::default() };
+            let options = ClusterOptions { k, seed, coefficients: self.dims(), ..ClusterOptions::default() };
             cluster(&points, &weights, &options).map_err(refuse)
         };
         count.check(texels)?;
