@@ -143,8 +143,13 @@ static AT_ONCE: AtomicBool = AtomicBool::new(false);
 fn leave_at_once() {
     AT_ONCE.store(true, Ordering::Relaxed);
     if INTERRUPT.requested() {
-        std::process::exit(i32::from(INTERRUPTED));
+        leave();
     }
+}
+
+fn leave() -> ! {
+    say("error: interrupted");
+    std::process::exit(i32::from(INTERRUPTED))
 }
 
 /// The first Ctrl-C asks to stop, the third one insists.
@@ -154,8 +159,7 @@ fn install_interrupt() {
     let _ = ctrlc::set_handler(|| {
         INTERRUPT.request();
         if PRESSED.fetch_add(1, Ordering::Relaxed) >= 2 || AT_ONCE.load(Ordering::Relaxed) {
-            say("error: interrupted");
-            std::process::exit(i32::from(INTERRUPTED));
+            leave();
         }
     });
 }

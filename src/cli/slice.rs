@@ -4,8 +4,10 @@ use std::{ops::Range, path::PathBuf};
 
 use clap::Args;
 use lumislice::{
-    job::{self, Estimate, Job, Manifest, MaterialRecord, MaterialSource, Prepared, REPORT, RunError, RunOptions},
-    slice::OutputFolder,
+    job::{
+        self, Estimate, Finished, Job, Manifest, MaterialRecord, MaterialSource, Prepared, REPORT, RunError, RunOptions,
+    },
+    slice::{Existing, OutputFolder},
 };
 use serde_json::json;
 
@@ -22,11 +24,14 @@ pub struct SliceArgs {
     /// Replace the files of an earlier job in OUT; only those its manifest lists.
     #[arg(long, help_heading = "Output")]
     overwrite: bool,
+    /// Go on with this job in OUT where it was interrupted, keeping every file that is whole.
+    #[arg(long, conflicts_with = "overwrite", help_heading = "Output")]
+    resume: bool,
     /// Write slices A to B−1 only; the same bytes as in a whole run.
     #[arg(long, value_name = "A..B", value_parser = parse_range, help_heading = "Work")]
     slices: Option<Range<u32>>,
     /// Check the job and print what it would take, writing nothing.
-    #[arg(long, conflicts_with_all = ["overwrite", "slices"], help_heading = "Work")]
+    #[arg(long, conflicts_with_all = ["overwrite", "resume", "slices"], help_heading = "Work")]
     dry_run: bool,
     /// Print one JSON document instead of words.
     #[arg(long, help_heading = "Output")]
@@ -45,8 +50,13 @@ fn parse_range(text: &str) -> Result<Range<u32>, String> {
 pub fn run(args: &SliceArgs) -> anyhow::Result<Answer> {
     let job = Job::load(&args.job).map_err(RunError::from)?;
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-out", job.name)));
+    let existing = match args {
+        SliceArgs { overwrite: true, .. } => Existing::Overwrite,
+        SliceArgs { resume: true, .. } => Existing::Resume,
+        _ => Existing::Refuse,
+    };
     if !args.dry_run {
-        OutputFolder::check(&folder, args.overwrite).map_err(RunError::from)?;
+        OutputFolder::check(&folder, existing).map_err(RunError::from)?;
     }
     let bars = Bars::new(args.json);
     let built_in = matches!(job.materials, MaterialSource::Set(_));
@@ -61,10 +71,14 @@ pub fn run(args: &SliceArgs) -> anyhow::Result<Answer> {
         let (estimate, prepared) = result?;
         return report_estimate(&prepared, &estimate, args.json);
     }
-    let options = RunOptions { overwrite: args.overwrite, slices: args.slices.clone() };
+    let options = RunOptions { existing, slices: args.slices.clone() };
     let result = prepared.and_then(|prepared| job::run(&prepared, &folder, &options, &bars, &INTERRUPT));
     bars.finish();
-    let manifest = result?;
+    let Finished { manifest, kept } = result?;
+    if args.resume {
+        let slices = manifest.slices[1] - manifest.slices[0];
+        say(&format!("note: {kept} of {slices} slices were there and whole"));
+    }
     if args.json {
         print_json(&json!({
             "output": folder.to_string_lossy(),

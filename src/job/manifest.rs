@@ -9,6 +9,9 @@ use crate::slice::FileEntry;
 /// Version of the manifest's form; raised when readers must change.
 pub const MANIFEST_VERSION: u32 = 1;
 
+/// Program and version, as manifests and journals have it.
+pub(super) const GENERATOR: &str = concat!("lumislice ", env!("CARGO_PKG_VERSION"));
+
 /// A finished job.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
@@ -120,7 +123,7 @@ pub(super) struct Outcome {
 }
 
 /// `value` as JSON; what lumislice writes always has a form in it.
-fn json(value: &impl Serialize) -> Value {
+pub(super) fn json(value: &impl Serialize) -> Value {
     serde_json::to_value(value).unwrap_or(Value::Null)
 }
 
@@ -135,7 +138,7 @@ impl Manifest {
             health: json(&object.health),
         });
         Self {
-            generator: concat!("lumislice ", env!("CARGO_PKG_VERSION")).to_owned(),
+            generator: GENERATOR.to_owned(),
             version: MANIFEST_VERSION,
             name: prepared.job.name.clone(),
             job: json(&prepared.job.resolved()),

@@ -55,7 +55,7 @@ pub use progress::{Interrupt, Progress, Silent};
 pub use redraw::{RedrawError, redraw};
 pub use report::{REPORT, draw_again, report_data};
 pub use resolved::ResolvedJob;
-pub use run::{RunOptions, STACKINGS, run};
+pub use run::{Finished, RunOptions, STACKINGS, run};
 pub use run_error::{Blame, RunError};
 pub use stack::{StackError, format_stack, parse_stack};
 pub use stacking_report::{GamutMapEntry, LayerEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};

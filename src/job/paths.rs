@@ -32,6 +32,18 @@ impl InputPath {
             _ => self.written.clone(),
         }
     }
+
+    /// The path, as a manifest may show it, of a file that this one names: relative to where this one is shown, or only its name where it
+    /// lies elsewhere.
+    pub fn beside(&self, companion: &Path) -> String {
+        let shown = self.shown();
+        let folder = Path::new(&shown).parent().unwrap_or(Path::new(""));
+        let relative = self.path.parent().and_then(|parent| companion.strip_prefix(parent).ok());
+        match (relative, companion.file_name()) {
+            (Some(relative), _) if !relative.has_root() => folder.join(relative).to_string_lossy().into_owned(),
+            (_, name) => name.unwrap_or_default().to_string_lossy().into_owned(),
+        }
+    }
 }
 
 /// What an input path must lead to.
@@ -137,5 +149,10 @@ mod tests {
         let shown = |written: &str| InputPath { written: written.into(), path: written.into() }.shown();
         assert_eq!(shown("../meshes/a.glb"), "../meshes/a.glb");
         assert_eq!(shown("/home/anna/a.glb"), "a.glb");
+        let mesh = |written: &str, path: &str| InputPath { written: written.into(), path: path.into() };
+        let beside = |mesh: InputPath, companion: &str| mesh.beside(Path::new(companion));
+        assert_eq!(beside(mesh("../m/a.obj", "/job/../m/a.obj"), "/job/../m/t/a.png"), "../m/t/a.png");
+        assert_eq!(beside(mesh("/home/anna/a.obj", "/home/anna/a.obj"), "/home/anna/a.mtl"), "a.mtl");
+        assert_eq!(beside(mesh("a.obj", "a.obj"), "/home/anna/a.png"), "a.png");
     }
 }

@@ -1,6 +1,11 @@
 //! From a job to objects on a lattice: everything that is done before the first slice.
 
-use std::{collections::BTreeMap, fs, io::Read, path::Path};
+use std::{
+    collections::BTreeMap,
+    fs,
+    io::Read,
+    path::{Path, PathBuf},
+};
 
 use glam::{DMat4, DVec3};
 use serde::Serialize;
@@ -70,12 +75,16 @@ impl Prepared {
     /// Any input that cannot be used; see [`RunError`].
     pub fn new(job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Result<Self, RunError> {
         let mut warnings = Vec::new();
-        let inputs = read_inputs(&job)?;
+        let mut inputs = read_inputs(&job)?;
         let draft = read_materials(&job)?;
         progress.stage("meshes", job.objects.len() as u64);
         let mut solids = Vec::new();
         for (index, object) in job.objects.iter().enumerate() {
-            solids.push(load_solid(&job, index, object, &mut warnings)?);
+            let (solid, transform, companions) = load_solid(&job, index, object, &mut warnings)?;
+            for path in companions {
+                add_input(&mut inputs, object.mesh.beside(&path), &path)?;
+            }
+            solids.push((solid, transform));
             progress.advance(1);
             stop_if(interrupt)?;
         }
@@ -126,6 +135,7 @@ impl Prepared {
         }
         checks::tiny_objects(&job, &objects, &lattice, &mut warnings)?;
         warnings.extend(checks::thin_layers(&objects, &lattice));
+        let inputs = inputs.into_iter().map(|(path, sha256)| InputFile { path, sha256 }).collect();
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);
         let prepared = Self { job, materials, lattice, objects, palette, inputs, warnings, slicer };
@@ -185,15 +195,20 @@ fn stop_if(interrupt: &Interrupt) -> Result<(), RunError> {
     if interrupt.requested() { Err(RunError::Interrupted) } else { Ok(()) }
 }
 
-/// Digests of all files the job names.
-fn read_inputs(job: &Job) -> Result<Vec<InputFile>, RunError> {
-    let mut files = BTreeMap::new();
-    let mut add = |shown: String, path: &Path| -> Result<(), RunError> {
-        if let std::collections::btree_map::Entry::Vacant(entry) = files.entry(shown) {
-            entry.insert(digest(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?);
-        }
-        Ok(())
-    };
+/// Digests of files by their paths as shown.
+type Inputs = BTreeMap<String, String>;
+
+fn add_input(inputs: &mut Inputs, shown: String, path: &Path) -> Result<(), RunError> {
+    if let std::collections::btree_map::Entry::Vacant(entry) = inputs.entry(shown) {
+        entry.insert(digest(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?);
+    }
+    Ok(())
+}
+
+/// Digests of all files the job names; those that these name are added once they are read.
+fn read_inputs(job: &Job) -> Result<Inputs, RunError> {
+    let mut files = Inputs::new();
+    let mut add = |shown: String, path: &Path| add_input(&mut files, shown, path);
     for object in &job.objects {
         add(object.mesh.shown(), object.mesh.as_ref())?;
         for path in object.target.files() {
@@ -208,7 +223,7 @@ fn read_inputs(job: &Job) -> Result<Vec<InputFile>, RunError> {
     if let MaterialSource::File(path) = &job.materials {
         add(path.shown(), path.as_ref())?;
     }
-    Ok(files.into_iter().map(|(path, sha256)| InputFile { path, sha256 }).collect())
+    Ok(files)
 }
 
 fn digest(path: &Path) -> std::io::Result<String> {
@@ -267,7 +282,7 @@ pub(super) fn load_solid(
     index: usize,
     object: &ObjectJob,
     warnings: &mut Vec<String>,
-) -> Result<(Solid, DMat4), RunError> {
+) -> Result<(Solid, DMat4, Vec<PathBuf>), RunError> {
     let loaded = mesh::load(object.mesh.as_ref(), &LoadOptions { unit: object.unit })?;
     let own_color = matches!(&object.target, TargetSpec::Texture { albedo: AlbedoSource::MeshBaseColor, .. });
     if let Some(lost) = loaded.lost_color.filter(|_| own_color) {
@@ -297,7 +312,7 @@ pub(super) fn load_solid(
     }
     let solid = mesh::close(placed).map_err(in_file)?;
     solid.health.warnings().into_iter().for_each(&mut warn);
-    Ok((solid, to_lattice * loaded.file_to_mesh))
+    Ok((solid, to_lattice * loaded.file_to_mesh, loaded.companions))
 }
 
 /// Gives a mesh without texture coordinates some, for nothing varies within a page then and any will do; whether it had its own.

@@ -1,19 +1,21 @@
 //! The main job: slab after slab into files, then the manifest.
 
-use std::{ops::Range, path::Path, time::Instant};
+use std::{collections::BTreeMap, ops::Range, path::Path, time::Instant};
 
 use rayon::prelude::*;
 use serde_json::json;
 
 use super::{
-    Interrupt, OutputFormat, Progress, RunError,
-    manifest::{Manifest, MeshRecord, Outcome},
+    Interrupt, OutputFormat, Progress, RunError, StackingReport,
+    manifest::{GENERATOR, Manifest, MeshRecord, Outcome, json},
     prepare::Prepared,
     report::write_pictures,
+    verify::read_manifest,
 };
 use crate::{
     slice::{
-        MANIFEST, OutputFolder, RowBuffers, TIMINGS, encode_mask, encode_rgba,
+        Existing, MANIFEST, OutputError, OutputFolder, RowBuffers, SliceCounts, TIMINGS, Task, encode_mask,
+        encode_rgba,
         meshes::{MaterialMesher, MaterialPart, MeshingError, write_3mf, write_stl},
         preview::{PreviewBuilder, PreviewMaterial},
     },
@@ -26,13 +28,25 @@ pub const STACKINGS: &str = "stackings.json";
 /// How to run a job.
 #[derive(Debug, Clone, Default)]
 pub struct RunOptions {
-    /// Replace an earlier job's files.
-    pub overwrite: bool,
+    /// What to do with a folder that holds something.
+    pub existing: Existing,
     /// Slices to write, half-open; `None`: all.
     pub slices: Option<Range<u32>>,
 }
 
+/// A finished run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finished {
+    /// What is in the folder.
+    pub manifest: Manifest,
+    /// Slices that an interrupted run had written already.
+    pub kept: u32,
+}
+
 /// Slices a prepared job into `folder`.
+///
+/// With [`Existing::Resume`] the slices that an interrupted run of the same job left whole are kept; where pictures are asked for, their voxels
+/// are reckoned again. A finished folder of the same job is left as it is.
 ///
 /// # Errors
 /// [`RunError::Output`] when the folder may not or cannot be written, [`RunError::Interrupted`] when asked to stop; in both
@@ -43,24 +57,45 @@ pub fn run(
     options: &RunOptions,
     progress: &dyn Progress,
     interrupt: &Interrupt,
-) -> Result<Manifest, RunError> {
+) -> Result<Finished, RunError> {
     let started = Instant::now();
     prepared.refuse_misfits()?;
     let dims = prepared.lattice.dims;
     let slices = prepared.checked_slices(options.slices.clone())?;
-    let output = OutputFolder::create(folder, options.overwrite)?;
-    output.write(STACKINGS, &prepared.stackings_json())?;
+    if options.existing == Existing::Resume
+        && let Some(manifest) = prepared.finished(folder, &slices)?
+    {
+        return Ok(Finished { manifest, kept: slices.end - slices.start });
+    }
+    let stackings = prepared.stackings_json();
+    let task = Task { generator: GENERATOR.to_owned(), sha256: prepared.digest(), slices: [slices.start, slices.end] };
+    let (output, recorded) = OutputFolder::begin(folder, options.existing, &task)?;
+    if !output.keep(STACKINGS) {
+        output.write(STACKINGS, &stackings)?;
+    }
 
     progress.stage("slices", u64::from(slices.end - slices.start));
-    let sinks = Sinks { prepared, output: &output, progress, interrupt };
+    let kept: BTreeMap<u32, SliceCounts> =
+        recorded.into_iter().filter(|&(k, _)| slices.contains(&k) && prepared.keep_slice(&output, k)).collect();
+    progress.advance(kept.len() as u64);
     let mut counts = [0; 256];
+    for (&id, &voxels) in kept.values().flatten() {
+        counts[usize::from(id)] += voxels;
+    }
+    let sinks = Sinks { prepared, output: &output, kept: &kept, progress, interrupt };
     let mut pictures = prepared.job.wants(OutputFormat::Preview).then(|| prepared.preview_builder());
-    prepared.slicer().for_each_slab(slices.clone(), |slab| {
-        if let Some(builder) = &mut pictures {
-            builder.observe(slab);
-        }
-        sinks.take(slab, &slices, &mut counts)
-    })?;
+    let drawn = pictures.is_some();
+    let missing = |mut held: Range<u32>| held.any(|k| slices.contains(&k) && !kept.contains_key(&k));
+    prepared.slicer().for_each_wanted_slab(
+        slices.clone(),
+        |held| drawn || missing(held),
+        |slab| {
+            if let Some(builder) = &mut pictures {
+                builder.observe(slab);
+            }
+            sinks.take(slab, &slices, &mut counts)
+        },
+    )?;
     let sliced = started.elapsed();
     let meshes = prepared.write_meshes(&output, progress, interrupt)?;
     let meshed = started.elapsed() - sliced;
@@ -85,10 +120,9 @@ pub fn run(
         "total_s": started.elapsed().as_secs_f64(),
     });
     output.write_unlisted(TIMINGS, &pretty(&timings))?;
-    output.remove_stale()?;
     // Last: a folder with a manifest is a finished job.
-    output.write_unlisted(MANIFEST, &pretty(&manifest))?;
-    Ok(manifest)
+    output.finish(&pretty(&manifest))?;
+    Ok(Finished { manifest, kept: kept.len() as u32 })
 }
 
 /// JSON as written to files: indented, with a newline at the end.
@@ -98,10 +132,20 @@ pub(super) fn pretty(value: &impl serde::Serialize) -> Vec<u8> {
     text
 }
 
+fn slice_path(k: u32) -> String {
+    format!("slices/slice_{k}.png")
+}
+
+fn mask_path(resin: &str, k: u32) -> String {
+    format!("masks/{resin}/slice_{k}.png")
+}
+
 /// Where slabs go.
 struct Sinks<'a> {
     prepared: &'a Prepared,
     output: &'a OutputFolder,
+    /// Slices that need no writing.
+    kept: &'a BTreeMap<u32, SliceCounts>,
     progress: &'a dyn Progress,
     interrupt: &'a Interrupt,
 }
@@ -120,6 +164,7 @@ impl Sinks<'_> {
         let wanted = held.start.max(slices.start)..held.end.min(slices.end);
         let written: Vec<[u64; 256]> = wanted
             .into_par_iter()
+            .filter(|k| !self.kept.contains_key(k))
             .map_init(Buffers::default, |buffers, k| self.take_slice(slab, k, buffers))
             .collect::<Result<_, _>>()?;
         for slice in written {
@@ -132,7 +177,7 @@ impl Sinks<'_> {
         if self.interrupt.requested() {
             return Err(RunError::Interrupted);
         }
-        let encoding = |error: std::io::Error| crate::slice::OutputError::Io {
+        let encoding = |error: std::io::Error| OutputError::Io {
             action: "encoding",
             path: self.output.root().join(format!("slice {k}")),
             source: error,
@@ -143,22 +188,61 @@ impl Sinks<'_> {
         // Counting is part of encoding, so slices are encoded even where only masks are wanted.
         encode_rgba(slab, k, &self.prepared.palette, rows, &mut counts, file).map_err(encoding)?;
         if self.prepared.job.wants(OutputFormat::Png) {
-            self.output.write(&format!("slices/slice_{k}.png"), file)?;
+            self.output.write(&slice_path(k), file)?;
         }
         if self.prepared.job.wants(OutputFormat::Masks) {
             for (MaterialId(id), resin) in self.prepared.printed() {
                 file.clear();
                 encode_mask(slab, k, id, rows, file).map_err(encoding)?;
                 let name = &self.prepared.materials.resins[resin].name;
-                self.output.write(&format!("masks/{name}/slice_{k}.png"), file)?;
+                self.output.write(&mask_path(name, k), file)?;
             }
         }
+        let occurring = (0..=u8::MAX).map(|id| (id, counts[usize::from(id)])).filter(|&(_, voxels)| voxels > 0);
+        self.output.finish_slice(k, occurring.collect())?;
         self.progress.advance(1);
         Ok(counts)
     }
 }
 
 impl Prepared {
+    /// Lists the files of slice `k` as written if an interrupted run left all of them whole.
+    fn keep_slice(&self, output: &OutputFolder, k: u32) -> bool {
+        let slice = self.job.wants(OutputFormat::Png).then(|| slice_path(k));
+        let masks = self.printed().filter(|_| self.job.wants(OutputFormat::Masks));
+        let masks = masks.map(|(_, resin)| mask_path(&self.materials.resins[resin].name, k));
+        slice.into_iter().chain(masks).all(|path| output.keep(&path))
+    }
+
+    /// The manifest in `folder` if this very job is finished there.
+    fn finished(&self, folder: &Path, slices: &Range<u32>) -> Result<Option<Manifest>, RunError> {
+        let path = folder.join(MANIFEST);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let another = |found: &str, expected: String| OutputError::AnotherJob {
+            path: path.clone(),
+            found: found.to_owned(),
+            expected,
+        };
+        let unreadable = |reason: String| OutputError::BadManifest { path: path.clone(), reason };
+        let manifest = read_manifest(folder)
+            .map_err(|error| unreadable(error.to_string()))?
+            .map_err(|finding| unreadable(finding.problem))?;
+        if manifest.generator != GENERATOR {
+            return Err(another(&manifest.generator, GENERATOR.to_owned()).into());
+        }
+        if manifest.slices != [slices.start, slices.end] {
+            let [first, end] = manifest.slices;
+            return Err(another(&format!("slices {first}..{end}"), format!("{}..{}", slices.start, slices.end)).into());
+        }
+        let inputs: Vec<_> = self.inputs.iter().map(json).collect();
+        if (&manifest.job, &manifest.inputs) != (&json(&self.job.resolved()), &inputs) {
+            return Err(another("a finished job with other keys or inputs", "this one's".to_owned()).into());
+        }
+        Ok(Some(manifest))
+    }
+
     fn preview_builder(&self) -> PreviewBuilder {
         let material = |(index, resin): (usize, &crate::optics::Resin)| {
             let id = MaterialId::from_resin(index);
@@ -187,7 +271,7 @@ impl Prepared {
             Err(_) if interrupt.requested() => return Err(RunError::Interrupted),
             meshes => meshes?,
         };
-        let encoding = |error: std::io::Error| crate::slice::OutputError::Io {
+        let encoding = |error: std::io::Error| OutputError::Io {
             action: "encoding",
             path: output.root().join("meshes"),
             source: error,
@@ -253,12 +337,17 @@ impl Prepared {
 
     /// The content of `stackings.json`: the stackings of every object, and a digest of what they were made from.
     pub fn stackings_json(&self) -> Vec<u8> {
-        let objects: Vec<_> = self.objects.iter().map(|object| &object.stackings).collect();
-        let content = json!({ "job": self.job.resolved(), "inputs": self.inputs, "objects": objects });
-        let digest = {
-            use sha2::{Digest, Sha256};
-            crate::slice::hex(&Sha256::digest(content.to_string().as_bytes()))
-        };
-        pretty(&json!({ "sha256": digest, "objects": objects }))
+        pretty(&json!({ "sha256": self.digest(), "objects": self.stackings() }))
+    }
+
+    /// Digest of the job, its inputs and its stackings.
+    fn digest(&self) -> String {
+        use sha2::{Digest, Sha256};
+        let content = json!({ "job": self.job.resolved(), "inputs": self.inputs, "objects": self.stackings() });
+        crate::slice::hex(&Sha256::digest(content.to_string().as_bytes()))
+    }
+
+    fn stackings(&self) -> Vec<&StackingReport> {
+        self.objects.iter().map(|object| &object.stackings).collect()
     }
 }

@@ -72,7 +72,7 @@ pub enum RunError {
     #[error(transparent)]
     Output(#[from] OutputError),
     /// Somebody asked to stop.
-    #[error("interrupted; files written so far are whole, and manifest.json is missing")]
+    #[error("interrupted; files written so far are whole, and --resume goes on from there")]
     Interrupted,
 }
 

@@ -245,7 +245,8 @@ fn texture_wanted(
         .map_err(|error| context.refuse("clusters", error, "profiles that can be grouped"))?;
     context.stop_if_interrupted()?;
     let count = clusters.centroids.len();
-    if count < clusters.requested {
+    // One appearance everywhere is what a constant target is, not a lack of clusters.
+    if count < clusters.requested && appearances.distinct.len() > 1 {
         warnings.push(format!(
             "object {}: its {} distinct appearances make {count} clusters, not the {} asked for",
             context.object + 1,

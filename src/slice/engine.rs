@@ -39,7 +39,17 @@ impl Slicer {
     }
 
     /// Hands every slab that holds one of `slices` to `sink`, bottom up. The first error of the sink ends the walk.
-    pub fn for_each_slab<E>(&self, slices: Range<u32>, mut sink: impl FnMut(&Slab) -> Result<(), E>) -> Result<(), E> {
+    pub fn for_each_slab<E>(&self, slices: Range<u32>, sink: impl FnMut(&Slab) -> Result<(), E>) -> Result<(), E> {
+        self.for_each_wanted_slab(slices, |_| true, sink)
+    }
+
+    /// Like [`Self::for_each_slab`], leaving out the slabs whose range of slices is not `wanted`.
+    pub fn for_each_wanted_slab<E>(
+        &self,
+        slices: Range<u32>,
+        wanted: impl Fn(Range<u32>) -> bool,
+        mut sink: impl FnMut(&Slab) -> Result<(), E>,
+    ) -> Result<(), E> {
         let height = BlockShape::for_lattice(&self.lattice).voxels()[2];
         let slices = slices.start..slices.end.min(self.lattice.dims[2]);
         if slices.is_empty() {
@@ -50,6 +60,9 @@ impl Slicer {
         for index in slices.start / height..slices.end.div_ceil(height) {
             slab.reset(index);
             let range = slab.slices();
+            if !wanted(range.clone()) {
+                continue;
+            }
             for object in &self.objects {
                 field.prepare(object, range.clone());
                 slab.blocks_mut().for_each_init(FillScratch::default, |scratch, (first, block)| {

@@ -20,6 +20,7 @@ mod slice_bssrdf;
 mod slice_bytes;
 mod slice_folder;
 mod slice_refined;
+mod slice_resume;
 mod slice_says;
 mod support;
 mod usage;

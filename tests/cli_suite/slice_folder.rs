@@ -9,7 +9,8 @@ fn a_folder_with_something_in_it_is_refused() {
     let bench = Bench::new();
     bench.write("out/thesis.tex", b"mine");
     bench.run(["slice", "job.toml", "-o", "out"]).refuses(2, &["out", "not empty", "--overwrite"]);
-    bench.run(["slice", "job.toml", "-o", "out", "--overwrite"]).refuses(2, &["no manifest.json"]);
+    bench.run(["slice", "job.toml", "-o", "out", "--overwrite"]).refuses(2, &["neither a manifest.json"]);
+    bench.run(["slice", "job.toml", "-o", "out", "--resume"]).refuses(2, &["neither a manifest.json"]);
     bench.write("out/manifest.json", br#"{"files": [{"path": "../job.toml", "bytes": 1, "sha256": ""}]}"#);
     bench.run(["slice", "job.toml", "-o", "out", "--overwrite"]).refuses(2, &["../job.toml", "not inside the folder"]);
     assert_eq!(bench.files("out").len(), 2);

@@ -99,3 +99,17 @@ fn paths_need_not_be_utf_8() {
     bench.run([name(b"slice"), name(b"f\xfflder/job.toml")]).exits(0);
     assert!(bench.path("job-out/manifest.json").is_file());
 }
+
+#[test]
+fn every_file_that_was_read_is_an_input() {
+    let bench = Bench::new();
+    let square = "v 0 0 0\nv 4 0 0\nv 0 4 0\nv 0 0 4\n";
+    let obj = format!("mtllib look.mtl\nusemtl skin\n{square}f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
+    bench.write("models/corner.obj", obj.as_bytes());
+    bench.write("models/look.mtl", b"newmtl skin\nKd 0.5 0.5 0.5\n");
+    bench.job_with("cube.stl", "models/corner.obj");
+    bench.slice("out");
+    let inputs = bench.manifest("out")["inputs"].clone();
+    let paths: Vec<_> = inputs.as_array().unwrap().iter().map(|input| input["path"].as_str().unwrap()).collect();
+    assert_eq!(paths, ["models/corner.obj", "models/look.mtl"]);
+}

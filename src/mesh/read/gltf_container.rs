@@ -1,7 +1,7 @@
 //! What holds glTF's bytes together: the GLB container and URIs.
 
 use super::Source;
-use crate::mesh::error::{Fault, Parsed, one_line};
+use crate::mesh::error::{Fault, Parsed};
 
 /// JSON and binary chunk of a .glb; a .gltf is all JSON.
 pub(super) fn split(bytes: &[u8]) -> Parsed<(&[u8], Option<&[u8]>)> {
@@ -44,11 +44,7 @@ pub(super) fn resolve(source: &Source, uri: &str) -> Result<Vec<u8>, String> {
     if uri.contains("://") {
         return Err("only files beside the mesh are read".to_owned());
     }
-    let path = source.companion(&String::from_utf8_lossy(&percent_decode(uri)));
-    if !path.is_file() {
-        return Err("there is no such file".to_owned());
-    }
-    std::fs::read(path).map_err(one_line)
+    source.read(&source.companion(&String::from_utf8_lossy(&percent_decode(uri))))
 }
 
 fn percent_decode(text: &str) -> Vec<u8> {

@@ -24,13 +24,17 @@ mod weld;
 
 pub(super) use weld::weld;
 
-use std::path::{Path, PathBuf};
+use std::{
+    cell::RefCell,
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
 
 use glam::{DMat4, DVec3};
 
 use self::raw::RawMesh;
 use super::TriangleMesh;
-use super::error::{Fault, MeshError, Parsed, quote};
+use super::error::{Fault, MeshError, Parsed, one_line, quote};
 
 /// Longest side of a mesh that is believed, in mm. No printer's tray is a thousandth of it.
 pub const MAX_EXTENT_MM: f64 = 1e6;
@@ -101,6 +105,8 @@ pub struct Loaded {
     /// The first of the warnings that is about a base colour that could not be had: what the surface shows then is not what its maker
     /// meant. `None` if there is no such warning.
     pub lost_color: Option<String>,
+    /// Other files that were read: material libraries, buffers, textures; those that could not be are warnings.
+    pub companions: Vec<PathBuf>,
 }
 
 /// Reads a mesh file, with its materials and textures.
@@ -113,22 +119,38 @@ pub struct Loaded {
 /// finite, or is longer than [`MAX_EXTENT_MM`] or shorter than [`MIN_EXTENT_MM`].
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, MeshError> {
     let bytes = read_file(path)?;
-    let source = Source { path, bytes: &bytes };
+    let companions = RefCell::default();
+    let source = Source { path, bytes: &bytes, companions: &companions };
     let format = Format::of(&source)?;
     if bytes.is_empty() {
         return Err(Fault::new("byte 0", "an empty file", "a mesh").in_file(path));
     }
     let raw = format.parse(&source).map_err(|fault| fault.in_file(path))?;
-    finish(raw, path, options)
+    let companions = companions.take().into_iter().collect();
+    finish(raw, path, options).map(|loaded| Loaded { companions, ..loaded })
 }
 
 /// A mesh file's bytes, and its path to find companions by.
 pub(super) struct Source<'a> {
     path: &'a Path,
     bytes: &'a [u8],
+    /// Other files that were read.
+    companions: &'a RefCell<BTreeSet<PathBuf>>,
 }
 
 impl Source<'_> {
+    /// The bytes of a companion, or a phrase that says why there are none.
+    fn read(&self, companion: &Path) -> Result<Vec<u8>, String> {
+        let bytes = match std::fs::metadata(companion) {
+            Ok(data) if data.is_file() => std::fs::read(companion).map_err(one_line),
+            Ok(_) => Err("it is not a regular file".to_owned()),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err("there is no such file".to_owned()),
+            Err(error) => Err(one_line(error)),
+        }?;
+        self.companions.borrow_mut().insert(companion.to_owned());
+        Ok(bytes)
+    }
+
     /// Path of a file that this one mentions, relative to it; backslashes of Windows exporters separate folders too.
     fn companion(&self, name: &str) -> PathBuf {
         let folder = self.path.parent().unwrap_or(Path::new(""));
@@ -217,6 +239,7 @@ fn finish(mut raw: RawMesh, path: &Path, options: &LoadOptions) -> Result<Loaded
         file_to_mesh: DMat4::from_scale(DVec3::splat(mm)) * turn,
         warnings: raw.warnings,
         lost_color: raw.lost_color,
+        companions: Vec::new(),
     })
 }
 

@@ -1,11 +1,10 @@
 //! Wavefront MTL: names, diffuse colours and their textures.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use super::{raw::RawMesh, texture};
-use crate::mesh::error::{one_line, quote};
-use crate::mesh::{SurfaceMaterial, Texture};
+use super::{Source, raw::RawMesh, texture};
+use crate::mesh::SurfaceMaterial;
+use crate::mesh::error::quote;
 
 /// Words that `map_Kd` options are followed by.
 const MAP_OPTIONS: [(&str, usize); 11] = [
@@ -23,14 +22,10 @@ const MAP_OPTIONS: [(&str, usize); 11] = [
 ];
 
 /// Appends the library's materials. Whatever is wrong with it becomes a warning; what can be read is kept.
-pub(super) fn read(path: &Path, materials: &mut Vec<SurfaceMaterial>, raw: &mut RawMesh) {
+pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<SurfaceMaterial>, raw: &mut RawMesh) {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let bytes = match std::fs::metadata(path) {
-        Ok(data) if data.is_file() => std::fs::read(path).map_err(one_line),
-        Ok(_) => Err("it is not a regular file".to_owned()),
-        Err(error) => Err(one_line(error)),
-    };
-    let bytes = match bytes {
+    let library = Source { path, bytes: &[], ..*obj };
+    let bytes = match library.read(path) {
         Ok(bytes) => bytes,
         Err(reason) => {
             raw.lose_color(format!("material library `{name}` cannot be read ({reason}): its materials are white"));
@@ -59,7 +54,7 @@ pub(super) fn read(path: &Path, materials: &mut Vec<SurfaceMaterial>, raw: &mut 
             }
             ("map_Kd", Some(material)) if known => {
                 let file = map_file(rest);
-                match load_map(path, &file) {
+                match library.read(&library.companion(&file)).and_then(|bytes| texture::decode(&bytes)) {
                     Ok(texture) => material.base_color_texture = Some(texture),
                     Err(reason) => raw.lose_color(format!(
                         "{name}, line {number}: texture {} of material `{}` cannot be read ({reason}): it stays plain",
@@ -100,11 +95,6 @@ fn map_file(text: &str) -> String {
         }
     }
     if skipped { words.collect::<Vec<_>>().join(" ") } else { text.to_owned() }
-}
-
-fn load_map(mtl: &Path, file: &str) -> Result<Arc<Texture>, String> {
-    let source = super::Source { path: mtl, bytes: &[] };
-    texture::read(&source.companion(file))
 }
 
 #[cfg(test)]

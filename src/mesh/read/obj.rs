@@ -185,7 +185,7 @@ impl<'a> Reader<'a> {
         };
         let several = paths.iter().any(|path: &PathBuf| path.exists());
         for path in if several { paths } else { vec![whole] } {
-            mtl::read(&path, &mut self.library, &mut self.raw);
+            mtl::read(self.source, &path, &mut self.library, &mut self.raw);
         }
     }
 

@@ -27,7 +27,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     check_indices(&raw)?;
     if let Some(name) = header.texture_file {
         let mut material = plain("texture", [1.0; 4]);
-        match texture::read(&source.companion(&name)) {
+        match source.read(&source.companion(&name)).and_then(|bytes| texture::decode(&bytes)) {
             Ok(texture) => material.base_color_texture = Some(texture),
             Err(reason) => {
                 raw.lose_color(format!("texture `{name}` cannot be read ({reason}): the surface stays plain"))

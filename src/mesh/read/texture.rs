@@ -1,7 +1,6 @@
 //! Images of textures: PNG and JPEG to 8-bit RGBA.
 
 use std::io::Cursor;
-use std::path::Path;
 use std::sync::Arc;
 
 use image::ImageReader;
@@ -24,12 +23,4 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Arc<Texture>, String> {
     let (width, height) = image.dimensions();
     let texels = image.pixels().map(|p| p.0).collect();
     Ok(Arc::new(Texture { width, height, texels }))
-}
-
-/// Decodes an image file, or says in a phrase why it cannot.
-pub(super) fn read(path: &Path) -> Result<Arc<Texture>, String> {
-    if !path.is_file() {
-        return Err("there is no such file".to_owned());
-    }
-    decode(&std::fs::read(path).map_err(one_line)?)
 }
