@@ -9,6 +9,8 @@
 //!
 //! Options: `-o FOLDER` (default `./figures-out`), `--photons N` per simulation (default 4000000).
 
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program")]
+
 mod gamut_map;
 mod models;
 mod slabs;

@@ -58,7 +58,7 @@ const RECORD: &str = r#"{"version": 1, "pitch_mm": 1.0, "width": 4, "height": 2,
 
 /// RGBA of the pixel at column x of row y in a slice.
 fn pixel(bench: &Bench, slice: u32, x: u32, y: u32) -> [u8; 4] {
-    image::open(bench.path(&format!("out/slices/slice_{slice}.png"))).unwrap().to_rgba8().get_pixel(x, y).0
+    image::open(bench.path(format!("out/slices/slice_{slice}.png"))).unwrap().to_rgba8().get_pixel(x, y).0
 }
 
 #[test]
