@@ -27,7 +27,7 @@ pub fn targets(job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Resu
     let materials = finish_materials(read_materials(&job)?, interrupt)?;
     let mut targets = Vec::new();
     for (index, object) in job.objects.iter().enumerate() {
-        let (mut solid, _) = load_solid(&job, index, object, &mut warnings)?;
+        let (mut solid, ..) = load_solid(&job, index, object, &mut warnings)?;
         if object.depth_from == DepthFrom::Top {
             solid.measure_from_top();
         }
