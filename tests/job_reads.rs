@@ -55,7 +55,10 @@ fn defaults() {
     assert_eq!(object.target, texture);
     assert_eq!((job.clusters.k, job.clusters.seed), (100, 1));
     let stacking = &job.stacking;
-    assert_eq!((stacking.max_thickness_mm, stacking.units, stacking.depth, stacking.dc_weight), (5.0, 64, 6, 1.0));
+    assert_eq!(
+        (stacking.max_thickness_mm, stacking.units, stacking.depth, stacking.objective.dc_weight),
+        (5.0, 64, 6, 1.0)
+    );
     assert_eq!(stacking.core.as_deref(), Some("black"));
     assert_eq!(job.field.distance, Distance::Exact);
     assert_eq!(job.output.formats, [OutputFormat::Png, OutputFormat::Preview]);
@@ -119,6 +122,9 @@ fn shapes() -> Vec<String> {
          [clusters]\nk = 1\nseed = 9223372036854775807\n[stacking]\nunits = 2\ndepth = 12\ndc-weight = 0\n\
          [[stacking.limit]]\nresin = \"white\"\nmin-mm = 0.1\nmax-mm = 2\n[output]\nbackground-as = \"white\""
             .to_owned(),
+        // A profile for each channel.
+        format!("{base}[target]\nkind = \"profile\"\nprofile = [\"a.csv\", \"b.csv\", \"p.csv\"]\n[stacking]\nobjective = \"spatial\""),
+        format!("{base}[target]\nkind = \"clusters\"\nlabels = \"labels.png\"\nprofiles = [\"a.csv\", [\"a.csv\", \"b.csv\"]]"),
         // Windows line ends, a byte order mark.
         format!("\u{feff}{}", MINIMAL.replace('\n', "\r\n")),
     ]

@@ -5,15 +5,18 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 use lumislice::{
-    job::{NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
+    job::{
+        NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions, srgb_to_linear,
+        to_channels,
+    },
     optics::{
         DEFAULT_SEED, FrequencyGrid, Light, MaterialFile, MaterialSet, PhotonOptions, Prediction, ProfileFile,
         TransportOptions, VolumeCoefficients,
     },
     plot::Figure,
     search::{
-        BlockTable, Match, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget, Stacking, match_target,
-        objective, reflection_of,
+        BlockTable, Match, Norm, Objective, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget, Stacking,
+        match_target, reflection_of,
     },
     target::NormalizedDiffusion,
 };
@@ -35,7 +38,8 @@ pub(super) const MEAN_FREE_PATH_MM: std::ops::RangeInclusive<f64> = 1e-4..=1000.
 
 /// Find the stack of layers that reflects most like a target.
 #[derive(Debug, Args)]
-#[command(group = clap::ArgGroup::new("wanted").required(true).multiple(false).args(["target", "albedo"]))]
+#[command(group = clap::ArgGroup::new("wanted").required(true).multiple(false).args(["target", "albedo", "srgb"]))]
+#[command(group = clap::ArgGroup::new("colour").multiple(false).args(["albedo", "srgb"]))]
 pub struct MatchArgs {
     /// Resins: a material file (TOML), or the name of a built-in set.
     #[arg(long, value_name = "FILE|SET", help_heading = "Target")]
@@ -46,8 +50,11 @@ pub struct MatchArgs {
     /// Albedo to match, 0 to 1; one number for all channels, or one for each: 0.6,0.5,0.4.
     #[arg(long, value_name = "A", value_delimiter = ',', requires = "mean_free_path_mm", help_heading = "Target")]
     albedo: Vec<f64>,
+    /// Albedo to match as an sRGB colour; its luminance where there is one channel.
+    #[arg(long, value_name = "#RRGGBB", value_parser = parse_srgb, requires = "mean_free_path_mm", help_heading = "Target")]
+    srgb: Option<[u8; 3]>,
     /// Mean free path 1/σt of the material to match, mm; one number, or one for each channel.
-    #[arg(long, value_name = "L", value_delimiter = ',', requires = "albedo", help_heading = "Target")]
+    #[arg(long, value_name = "L", value_delimiter = ',', requires = "colour", help_heading = "Target")]
     mean_free_path_mm: Vec<f64>,
     /// Resin of the half-space below the stack; default: nothing lies there and no light returns.
     #[arg(long, value_name = "RESIN", help_heading = "Stack")]
@@ -64,6 +71,11 @@ pub struct MatchArgs {
     /// Blocks a stack may be made of, 1 to 12; each further one multiplies the time.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = parse_depth, help_heading = "Search")]
     depth: usize,
+    /// What is minimised: l2 (the paper's sum of squares over frequencies, which favours the broad shape), spatial (the square of the
+    /// profile's error over the surface, which favours its centre) or relative (errors as shares of the target, which favours
+    /// dark channels).
+    #[arg(long, value_enum, default_value_t = NormArg::L2, help_heading = "Search")]
+    objective: NormArg,
     /// Weight of the albedo against the other coefficients, 0 or more.
     #[arg(long, value_name = "W", default_value_t = 1.0, help_heading = "Search")]
     dc_weight: f64,
@@ -92,6 +104,19 @@ pub struct MatchArgs {
 enum Judge {
     Km,
     Transport,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum NormArg {
+    L2,
+    Spatial,
+    Relative,
+}
+
+fn parse_srgb(text: &str) -> Result<[u8; 3], String> {
+    let digits = text.strip_prefix('#').unwrap_or(text);
+    let number = u32::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 6 && !digits.starts_with('+'));
+    number.map(|n| [(n >> 16) as u8, (n >> 8) as u8, n as u8]).ok_or_else(|| "expected #RRGGBB, such as #C08040".into())
 }
 
 pub(super) fn parse_layer(text: &str) -> Result<f64, String> {
@@ -137,7 +162,7 @@ pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
         max_thickness_mm: args.max_thickness_mm,
         units: args.units,
         depth: args.depth,
-        dc_weight: args.dc_weight,
+        objective: args.objective(),
         limits,
         core,
         max_nodes: None,
@@ -212,9 +237,20 @@ impl MatchArgs {
             let channels = (0..channels).map(|channel| spectra[channel.min(spectra.len() - 1)].clone());
             return Ok(SearchTarget { channels: channels.collect() });
         }
-        per_channel("--albedo", self.albedo.len())?;
+        let albedo: Vec<f64> = match self.srgb {
+            None => self.albedo.clone(),
+            Some(srgb) => {
+                if !matches!(channels, 1 | 3) {
+                    bail!("--srgb: found a set of {channels} channels, expected one of 1 or 3");
+                }
+                let mut linear = Vec::new();
+                to_channels(srgb.map(|value| srgb_to_linear(f32::from(value) / 255.0)), channels, &mut linear);
+                linear.into_iter().map(f64::from).collect()
+            }
+        };
+        per_channel("--albedo", albedo.len())?;
         per_channel("--mean-free-path-mm", self.mean_free_path_mm.len())?;
-        if let Some(found) = self.albedo.iter().find(|albedo| !(0.0..=1.0).contains(*albedo)) {
+        if let Some(found) = albedo.iter().find(|albedo| !(0.0..=1.0).contains(*albedo)) {
             bail!("--albedo: found {found}, expected 0 to 1");
         }
         if let Some(found) = self.mean_free_path_mm.iter().find(|mm| !MEAN_FREE_PATH_MM.contains(*mm)) {
@@ -222,7 +258,7 @@ impl MatchArgs {
             bail!("--mean-free-path-mm: found {found}, expected {least} to {most} mm");
         }
         let spectra = (0..channels).map(|channel| {
-            let material = NormalizedDiffusion::new(of(&self.albedo, channel), of(&self.mean_free_path_mm, channel));
+            let material = NormalizedDiffusion::new(of(&albedo, channel), of(&self.mean_free_path_mm, channel));
             Ok(material?.spectrum(&grid))
         });
         Ok(SearchTarget { channels: spectra.collect::<anyhow::Result<_>>()? })
@@ -251,12 +287,21 @@ impl MatchArgs {
             max_thickness_mm: self.max_thickness_mm,
             units: self.units,
             depth: self.depth,
-            dc_weight: self.dc_weight,
+            objective: self.objective(),
             model: StackingModel::KubelkaMunk,
             core: self.core.clone(),
             limits,
         };
         Ok(options.resin_limits(&names))
+    }
+
+    fn objective(&self) -> Objective {
+        let norm = match self.objective {
+            NormArg::L2 => Norm::L2,
+            NormArg::Spatial => Norm::Spatial,
+            NormArg::Relative => Norm::Relative,
+        };
+        Objective { norm, dc_weight: self.dc_weight }
     }
 
     fn check(&self) -> anyhow::Result<()> {
@@ -301,7 +346,7 @@ struct Scorer<'a> {
 
 impl Scorer<'_> {
     fn objective(&self, reflection: &[Vec<f64>]) -> f64 {
-        objective(reflection, self.target, self.options.dc_weight)
+        self.options.objective.of(reflection, self.target)
     }
 
     fn judge(&self, stacking: Stacking, reflection: Vec<Vec<f64>>) -> Judged {

@@ -41,6 +41,7 @@ use toml::de::DeTable;
 
 pub use error::{JobError, Place};
 pub use estimate::Estimate;
+pub use images::{srgb_to_linear, to_channels};
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
 };

@@ -6,7 +6,7 @@ use super::error::JobError;
 use super::paths::InputPath;
 use super::ranges as range;
 use super::read::{Result, Table, Value};
-use crate::search::ResinLimit;
+use crate::search::{Norm, Objective, ResinLimit};
 use crate::voxel::Printer;
 
 /// Where the resins come from.
@@ -36,8 +36,8 @@ pub struct StackingOptions {
     pub units: usize,
     /// Depth of the search tree (blocks, not layers), 1 to 12; default 6.
     pub depth: usize,
-    /// Weight of the albedo (k = 0) in the objective, 0 to 1000000; default 1.
-    pub dc_weight: f64,
+    /// What the search minimises; default the paper's, its weight of the albedo (k = 0) from 0 to 1000000.
+    pub objective: Objective,
     /// The model stackings are judged by; default scalar Kubelka–Munk.
     pub model: StackingModel,
     /// Resin that fills the inside below the stacking; `None`: nothing does. A job always has one, by default `black`.
@@ -242,8 +242,18 @@ pub(super) fn read_clusters(table: &Table<'_>) -> Result<ClusterOptions> {
     })
 }
 
-pub(super) const STACKING_KEYS: &[&str] =
-    &["max-thickness-mm", "units", "depth", "dc-weight", "model", "min-layer-mm", "layer-step-mm", "core", "limit"];
+pub(super) const STACKING_KEYS: &[&str] = &[
+    "max-thickness-mm",
+    "units",
+    "depth",
+    "objective",
+    "dc-weight",
+    "model",
+    "min-layer-mm",
+    "layer-step-mm",
+    "core",
+    "limit",
+];
 
 pub(super) fn read_stacking(table: &Table<'_>) -> Result<StackingOptions> {
     table.allow_only(STACKING_KEYS)?;
@@ -251,7 +261,10 @@ pub(super) fn read_stacking(table: &Table<'_>) -> Result<StackingOptions> {
         max_thickness_mm: table.number_or("max-thickness-mm", 5.0, range::MAX_THICKNESS)?,
         units: table.get("units").map_or(Ok(64), |units| read_units(&units))?,
         depth: table.integer_or("depth", 6, range::DEPTH)? as usize,
-        dc_weight: table.number_or("dc-weight", 1.0, range::DC_WEIGHT)?,
+        objective: Objective {
+            norm: table.get("objective").map_or(Ok(Norm::default()), |value| value.choice(&Norm::ALL))?,
+            dc_weight: table.number_or("dc-weight", 1.0, range::DC_WEIGHT)?,
+        },
         model: read_model(table)?,
         core: table.name("core", "a resin")?.or_else(|| Some(DEFAULT_CORE.to_owned())),
         limits: read_limits(table)?,

@@ -341,12 +341,12 @@ impl TargetSpec {
     fn files(&self) -> Vec<&super::InputPath> {
         match self {
             Self::Stacking { .. } => Vec::new(),
-            Self::Profile { path } => vec![path],
+            Self::Profile { paths } => paths.iter().collect(),
             Self::Texture { albedo, mean_free_path, .. } => {
                 let albedo = if let super::AlbedoSource::Texture(path) = albedo { Some(path) } else { None };
                 albedo.into_iter().chain(mean_free_path).collect()
             }
-            Self::Clusters { labels, profiles } => std::iter::once(labels).chain(profiles).collect(),
+            Self::Clusters { labels, profiles } => std::iter::once(labels).chain(profiles.iter().flatten()).collect(),
             Self::Bssrdf { .. } => Vec::new(), // a folder; see [`read_inputs`]
         }
     }

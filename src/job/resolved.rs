@@ -54,7 +54,7 @@ enum Target {
         stack: String,
     },
     Profile {
-        profile: String,
+        profile: OneOrMany,
     },
     Texture {
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -69,13 +69,30 @@ enum Target {
     },
     Clusters {
         labels: String,
-        profiles: Vec<String>,
+        profiles: Vec<OneOrMany>,
     },
     Bssrdf {
         map: String,
         #[serde(skip_serializing_if = "Option::is_none")]
         max_albedo: Option<f64>,
     },
+}
+
+/// A path for all channels, or one for each.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+enum OneOrMany {
+    One(String),
+    Many(Vec<String>),
+}
+
+impl OneOrMany {
+    fn new(paths: &[super::InputPath]) -> Self {
+        match paths {
+            [path] => Self::One(path.shown()),
+            _ => Self::Many(paths.iter().map(super::InputPath::shown).collect()),
+        }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -110,6 +127,7 @@ struct Stacking {
     max_thickness_mm: f64,
     units: usize,
     depth: usize,
+    objective: &'static str,
     dc_weight: f64,
     model: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -177,7 +195,8 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
             max_thickness_mm: stacking.max_thickness_mm,
             units: stacking.units,
             depth: stacking.depth,
-            dc_weight: stacking.dc_weight,
+            objective: stacking.objective.norm.name(),
+            dc_weight: stacking.objective.dc_weight,
             model,
             min_layer_mm,
             layer_step_mm,
@@ -229,7 +248,7 @@ fn object(object: &super::ObjectJob) -> Object {
 fn target(spec: &TargetSpec) -> Target {
     match spec {
         TargetSpec::Stacking { layers } => Target::Stacking { stack: format_stack(layers) },
-        TargetSpec::Profile { path } => Target::Profile { profile: path.shown() },
+        TargetSpec::Profile { paths } => Target::Profile { profile: OneOrMany::new(paths) },
         TargetSpec::Texture { albedo, mean_free_path, mean_free_path_mm, max_albedo } => {
             let (albedo, albedo_value) = match albedo {
                 AlbedoSource::MeshBaseColor => (None, None),
@@ -246,7 +265,7 @@ fn target(spec: &TargetSpec) -> Target {
         }
         TargetSpec::Clusters { labels, profiles } => Target::Clusters {
             labels: labels.shown(),
-            profiles: profiles.iter().map(super::InputPath::shown).collect(),
+            profiles: profiles.iter().map(|paths| OneOrMany::new(paths)).collect(),
         },
         TargetSpec::Bssrdf { map, max_albedo } => Target::Bssrdf { map: map.shown(), max_albedo: *max_albedo },
     }

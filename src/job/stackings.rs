@@ -1,7 +1,7 @@
 //! From what an object should look like to the layers that do it.
 
 use super::{
-    AlbedoSource, GamutMapEntry, Interrupt, Job, LayerEntry, Progress, RunError, SearchEntry, StackingEntry,
+    AlbedoSource, GamutMapEntry, InputPath, Interrupt, Job, LayerEntry, Progress, RunError, SearchEntry, StackingEntry,
     StackingModel, StackingReport, TargetSpec, TransportEntry,
     factored::FactoredMap,
     images::{read_labels, read_picture, srgb_to_linear, to_channels},
@@ -11,7 +11,7 @@ use crate::{
     optics::{Light, MaterialSet, ProfileFile, Transport, TransportOptions, VolumeCoefficients},
     search::{
         BlockTable, Gamut, GamutMap, Match, Move, RefineOptions, Refined, Refiner, ResinLimit, SearchError,
-        SearchOptions, SearchTarget, Stacking, match_targets, objective, reflection_of,
+        SearchOptions, SearchTarget, Stacking, match_targets, reflection_of,
     },
     target::{
         self, AppearancePage, Atlas, LabelMap, LayerField, LayerStack, NormalizedDiffusion, SlotTable, TexturedLayers,
@@ -88,7 +88,7 @@ pub(super) fn object_layers(
         let mut entry = context.matched_entry(found, &targets[index], wanted.shares[index], wanted.rms[index]);
         if let Some(map) = &map {
             entry.target_albedo = Some(wanted.targets[index].channels.iter().map(|channel| channel[0]).collect());
-            let asked = objective(found.reflection(), &wanted.targets[index], context.job.stacking.dc_weight);
+            let asked = context.job.stacking.objective.of(found.reflection(), &wanted.targets[index]);
             entry.gamut_map = Some(GamutMapEntry::new(&map.moves[index], asked));
         }
         entries.push(entry);
@@ -116,9 +116,9 @@ pub(super) fn wanted(
             rms: Vec::new(),
             surface: Surface::Uniform,
         }),
-        TargetSpec::Profile { path } => Ok(Wanted {
+        TargetSpec::Profile { paths } => Ok(Wanted {
             kind: "profile",
-            targets: vec![context.profile_target(path.as_ref())?],
+            targets: vec![context.profile_target("target.profile", paths)?],
             shares: vec![1.0],
             rms: vec![None],
             surface: Surface::Uniform,
@@ -133,7 +133,7 @@ pub(super) fn wanted(
                 });
             }
             context.require_uvs("target.labels")?;
-            let targets = profiles.iter().map(|path| context.profile_target(path.as_ref()));
+            let targets = profiles.iter().map(|paths| context.profile_target("target.profiles", paths));
             let targets = targets.collect::<Result<Vec<_>, _>>()?;
             Ok(labelled(context, "clusters", (width, height), labels_of, targets, None))
         }
@@ -238,7 +238,7 @@ fn texture_wanted(
         k: context.job.clusters.k,
         seed: context.job.clusters.seed,
         coefficients,
-        dc_weight: context.job.stacking.dc_weight,
+        objective: context.job.stacking.objective,
         ..Default::default()
     };
     let clusters = cluster(&spectra, &weights, &options)
@@ -345,7 +345,7 @@ impl TargetContext<'_> {
             max_thickness_mm: stacking.max_thickness_mm,
             units: stacking.units,
             depth: stacking.depth,
-            dc_weight: stacking.dc_weight,
+            objective: stacking.objective,
             limits: self.limits(),
             core: Some(core),
             max_nodes: None,
@@ -418,21 +418,25 @@ impl TargetContext<'_> {
         Ok(found)
     }
 
-    fn profile_target(&self, path: &std::path::Path) -> Result<SearchTarget, RunError> {
-        let Some(reflection) = ProfileFile::read(path)?.reflection else {
-            let found = format!("{} without reflection_per_mm2", path.display());
-            return Err(self.refuse("target", found, "a profile with a column of reflection"));
+    fn profile_target(&self, key: &str, paths: &[InputPath]) -> Result<SearchTarget, RunError> {
+        let channels = self.materials.channels.len();
+        if paths.len() != 1 && paths.len() != channels {
+            let expected = format!("one path, or one for each of {channels} channels");
+            return Err(self.refuse(key, format!("{} paths", paths.len()), &expected));
+        }
+        let spectrum = |path: &InputPath| -> Result<Vec<f64>, RunError> {
+            let Some(reflection) = ProfileFile::read(path.as_ref())?.reflection else {
+                let found = format!("{} without reflection_per_mm2", path.path.display());
+                return Err(self.refuse(key, found, "a profile with a column of reflection"));
+            };
+            Ok(reflection.hankel(&self.materials.grid).values)
         };
-        let spectrum = reflection.hankel(&self.materials.grid);
-        Ok(SearchTarget { channels: vec![spectrum.values; self.materials.channels.len()] })
+        let spectra = paths.iter().map(spectrum).collect::<Result<Vec<_>, _>>()?;
+        Ok(SearchTarget { channels: (0..channels).map(|c| spectra[c.min(spectra.len() - 1)].clone()).collect() })
     }
 
     /// Reads the textures of a texture target.
-    fn appearance(
-        &self,
-        albedo: &AlbedoSource,
-        mean_free_path: Option<&super::InputPath>,
-    ) -> Result<Appearance, RunError> {
+    fn appearance(&self, albedo: &AlbedoSource, mean_free_path: Option<&InputPath>) -> Result<Appearance, RunError> {
         let channels = self.materials.channels.len();
         let mean_free_path = mean_free_path.map(|path| read_picture(path.as_ref())).transpose()?;
         if mean_free_path.is_some() {

@@ -3,7 +3,7 @@
 use super::error::JobError;
 use super::paths::InputPath;
 use super::ranges::{ALBEDO, CLUSTERS, MAX_ALBEDO, MEAN_FREE_PATH};
-use super::read::{Result, Table};
+use super::read::{Result, Table, Value};
 use super::stack::parse_stack;
 
 /// What an object should look like.
@@ -17,8 +17,8 @@ pub enum TargetSpec {
     },
     /// The same profile everywhere.
     Profile {
-        /// Profile CSV.
-        path: InputPath,
+        /// Profile CSVs: one for all channels, or one for each.
+        paths: Vec<InputPath>,
     },
     /// A profile per texel, modelled from albedo and mean free path.
     Texture {
@@ -35,8 +35,8 @@ pub enum TargetSpec {
     Clusters {
         /// Image of indices into `profiles`.
         labels: InputPath,
-        /// Profile CSVs, 1 to 65535.
-        profiles: Vec<InputPath>,
+        /// 1 to 65535 profiles, each of one CSV for all channels or of one for each.
+        profiles: Vec<Vec<InputPath>>,
     },
     /// Profiles factored from a measured 4D BSSRDF.
     Bssrdf {
@@ -92,7 +92,7 @@ fn read(table: &Table<'_>) -> Result<TargetSpec> {
             })?;
             Ok(TargetSpec::Stacking { layers })
         }
-        "profile" => Ok(TargetSpec::Profile { path: table.require("profile", PROFILE_PATH)?.file(PROFILE)? }),
+        "profile" => Ok(TargetSpec::Profile { paths: read_profile(&table.require("profile", PROFILE_PATH)?)? }),
         "texture" => read_texture(table),
         "clusters" => {
             let labels = table.require("labels", "the path of an image of labels")?.file("an image of labels")?;
@@ -101,7 +101,7 @@ fn read(table: &Table<'_>) -> Result<TargetSpec> {
             if list.is_empty() || list.len() as u64 > CLUSTERS.max {
                 return Err(value.refuse(format!("1 to {} paths of profile CSVs", CLUSTERS.max)));
             }
-            let profiles = list.iter().map(|path| path.file(PROFILE)).collect::<Result<_>>()?;
+            let profiles = list.iter().map(read_profile).collect::<Result<_>>()?;
             Ok(TargetSpec::Clusters { labels, profiles })
         }
         _ => {
@@ -115,7 +115,16 @@ fn read(table: &Table<'_>) -> Result<TargetSpec> {
 }
 
 const PROFILE: &str = "a profile CSV";
-const PROFILE_PATH: &str = "the path of a profile CSV";
+const PROFILE_PATH: &str = "the path of a profile CSV, or an array of one for each channel";
+
+/// One path for all channels, or an array of one for each.
+fn read_profile(value: &Value<'_>) -> Result<Vec<InputPath>> {
+    match value.list("") {
+        Ok(list) if list.is_empty() => Err(value.refuse(PROFILE_PATH)),
+        Ok(list) => list.iter().map(|path| path.file(PROFILE)).collect(),
+        Err(_) => Ok(vec![value.file(PROFILE)?]),
+    }
+}
 
 fn read_texture(table: &Table<'_>) -> Result<TargetSpec> {
     table.exclusive("albedo", "albedo-value")?;

@@ -141,7 +141,7 @@ impl<'a> InverseHankel<'a> {
         let value = |j: usize| self.values.get(j).copied();
         let (f0, f1) = (self.values[i], self.values[i + 1]);
         let before = if i == 0 { f1 } else { self.values[i - 1] }; // f̂ is even in k
-        let after = value(i + 2).unwrap_or(f1 * f1 / f0);
+        let after = value(i + 2).unwrap_or(if f0 == 0.0 { f1 } else { f1 * f1 / f0 });
         let t = (k - self.k[i]) / (self.k[i + 1] - self.k[i]);
         let four = [before, f0, f1, after];
         let whole = if four.iter().all(|f| *f > 0.0) && f0 < STEEP * f1 {

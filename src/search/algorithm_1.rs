@@ -4,7 +4,7 @@
 //! 6.3's text misprints 1 − R̂∪. And the objective counts the core under the stacking and keeps the resins' limits, neither
 //! of which the paper's bounds mind: the core is one more layer, and a limit only removes stackings.
 
-use super::{BlockTable, Match, SearchError, SearchTarget, objective};
+use super::{BlockTable, Match, SearchError, SearchTarget};
 use crate::optics::Composite;
 
 /// A partial stacking.
@@ -22,6 +22,8 @@ struct Node {
 struct Search<'a> {
     table: &'a BlockTable,
     target: &'a SearchTarget,
+    /// Weights of the coefficients, per channel.
+    weights: Vec<Vec<f64>>,
     /// Half-space below, per channel.
     base: Vec<Vec<f64>>,
     /// (resin, units, spectra per channel), thickest first.
@@ -58,8 +60,9 @@ pub fn algorithm_1(table: &BlockTable, target: &SearchTarget) -> Result<Match, S
         run: 0,
         stack: vec![Composite::identity(table.coefficients()); table.channels()],
     };
+    let weights = target.channels.iter().map(|channel| options.objective.weights(channel)).collect();
     let mut search =
-        Search { table, target, base, blocks, optimal_objective: f64::INFINITY, optimal_node: None, nodes: 0 };
+        Search { table, target, weights, base, blocks, optimal_objective: f64::INFINITY, optimal_node: None, nodes: 0 };
     for depth in 1..=options.depth {
         search.search(&root, depth);
     }
@@ -127,15 +130,14 @@ impl Search<'_> {
         }
         let reflection: Vec<Vec<f64>> =
             node.stack.iter().zip(&self.base).map(|(stack, base)| stack.reflection_over(base)).collect();
-        objective(&reflection, self.target, self.table.options().dc_weight)
+        self.table.options().objective.of(&reflection, self.target)
     }
 
     fn bound(&self, node: &Node) -> f64 {
         let (mut too_bright, mut too_dark) = (0.0, 0.0);
-        for (stack, target) in node.stack.iter().zip(&self.target.channels) {
+        for ((stack, target), weights) in node.stack.iter().zip(&self.target.channels).zip(&self.weights) {
             let brightest = stack.reflection_over(&vec![1.0; target.len()]);
-            for (i, target) in target.iter().enumerate() {
-                let weight = if i == 0 { self.table.options().dc_weight } else { 1.0 };
+            for (i, (target, weight)) in target.iter().zip(weights).enumerate() {
                 too_bright += weight * (stack.reflection_top[i] - target).max(0.0).powi(2);
                 too_dark += weight * (target - brightest[i]).max(0.0).powi(2);
             }

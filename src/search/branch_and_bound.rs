@@ -1,17 +1,19 @@
 //! The default search: the optimum of Algorithm 1 (Hašan et al. 2010, section 6) from far fewer nodes.
 //!
-//! Same space, same blocks, same ordering constraint; four changes, none of which can lose the optimum:
+//! Same space, same blocks, same ordering constraint; five changes, none of which can lose the optimum:
 //! 1. The too-bright and too-dark bounds touch disjoint coefficients, so they are summed.
 //! 2. In place of R′ = 0 and R′ = 1 stand the darkest and the brightest thing the remaining thickness can be
 //!    ([`super::envelope`]).
 //! 3. A child is bounded before it is composed, and children are visited in the order of their bounds.
-//! 4. No iterative deepening: in that order the search meets good stackings early enough. Evidence: searching short stackings
+//! 4. The last two blocks are sought together, in a tree of boxes ([`super::endings`]).
+//! 5. No iterative deepening: in that order the search meets good stackings early enough. Evidence: searching short stackings
 //!    first saves no time, see docs/performance.md.
 //!
 //! Depth-first, on one stack of preallocated spectra; a whole search allocates nothing per node.
 
 use rayon::prelude::*;
 
+use super::endings::{Content, EndingBox};
 use super::kernels::{self, Goal, Stack};
 use super::{BlockTable, Match, SearchError, SearchTarget};
 
@@ -137,9 +139,9 @@ impl<'a> Search<'a> {
         let root = Node { level: 0, total: 0, bottom: None };
         if self.table.core_may_start(0) {
             let nothing = kernels::objective(&self.stacks[0], &self.table.base, &self.goal, f64::INFINITY);
-            self.offer(nothing, None);
+            self.offer(nothing, &[]);
         }
-        self.expand(root);
+        self.expand(root, 0.0);
     }
 
     fn exhausted(&self) -> bool {
@@ -151,12 +153,12 @@ impl<'a> Search<'a> {
         if self.best.len() < self.keep { f64::INFINITY } else { self.best[self.keep - 1].0 }
     }
 
-    /// Enters the current path, with `last` below it, among the best.
-    fn offer(&mut self, objective: f64, last: Option<(usize, usize)>) {
+    /// Enters the current path, with the blocks `last` below it, among the best.
+    fn offer(&mut self, objective: f64, last: &[(usize, usize)]) {
         if objective >= self.to_beat() {
             return;
         }
-        let path: Vec<_> = self.path.iter().copied().chain(last).collect();
+        let path: Vec<_> = self.path.iter().chain(last).copied().collect();
         if self.one_per_sequence
             && let Some(known) = self.best.iter().position(|(_, other)| sequence(other).eq(sequence(&path)))
         {
@@ -189,10 +191,15 @@ impl<'a> Search<'a> {
         (node.total + units <= self.table.options().units && run <= limits[resin].most).then_some(run)
     }
 
-    /// Looks at everything below `node`, whose spectra are `stacks[node.level]`.
-    fn expand(&mut self, node: Node) {
+    /// Looks at everything below `node`, whose spectra are `stacks[node.level]` and whose objective is at least `bound`.
+    fn expand(&mut self, node: Node, bound: f64) {
         let remaining = self.table.options().depth - node.level;
         let table = self.table;
+        if remaining == 2
+            && let Some(all) = table.endings.boxes.len().checked_sub(1)
+        {
+            return self.end(&node, all, bound);
+        }
         self.children[node.level].clear();
         for size in (0..table.sizes.len()).rev() {
             for resin in 0..table.resins.len() {
@@ -222,7 +229,7 @@ impl<'a> Search<'a> {
                 if may_end {
                     let below = &table.block_over_base[resin][size];
                     let objective = kernels::objective(&self.stacks[node.level], below, &self.goal, to_beat);
-                    self.offer(objective, Some((resin, size)));
+                    self.offer(objective, &[(resin, size)]);
                 }
             }
         }
@@ -243,14 +250,66 @@ impl<'a> Search<'a> {
             let (above, below) = self.stacks.split_at_mut(node.level + 1);
             kernels::extend(&above[node.level], &table.blocks[child.resin][child.size], &mut below[0]);
             self.path.push((child.resin, child.size));
-            self.expand(Node {
-                level: node.level + 1,
-                total: node.total + table.sizes[child.size],
-                bottom: Some((child.resin, run, child.size)),
-            });
+            let total = node.total + table.sizes[child.size];
+            let bottom = Some((child.resin, run, child.size));
+            self.expand(Node { level: node.level + 1, total, bottom }, child.bound);
             self.path.pop();
         }
         self.children[node.level] = children;
+    }
+}
+
+impl Search<'_> {
+    /// Looks at all endings of a box under `node`, whose spectra are `stacks[node.level]`; `bound` is the box's.
+    fn end(&mut self, node: &Node, index: usize, bound: f64) {
+        if bound >= self.to_beat() {
+            return;
+        }
+        if self.exhausted() {
+            self.unexplored = self.unexplored.min(bound);
+            return;
+        }
+        let table = self.table;
+        match &table.endings.boxes[index].content {
+            Content::Endings(range) => {
+                for ending in &table.endings.endings[range.clone()] {
+                    self.nodes += 1;
+                    let to_beat = self.to_beat();
+                    let objective = kernels::objective(&self.stacks[node.level], &ending.r, &self.goal, to_beat);
+                    if objective < to_beat && self.may_follow(node, &ending.blocks) {
+                        self.offer(objective, &ending.blocks);
+                    }
+                }
+            }
+            &Content::Boxes(a, b) => {
+                let mut bounds = [a, b].map(|inner| {
+                    let EndingBox { darkest, brightest, thinnest, .. } = &table.endings.boxes[inner];
+                    if node.total + thinnest > table.options().units {
+                        return (f64::INFINITY, inner);
+                    }
+                    self.nodes += 1;
+                    let stack = &self.stacks[node.level];
+                    (kernels::range_bound(stack, darkest, brightest, &self.goal, self.to_beat()), inner)
+                });
+                if bounds[1].0 < bounds[0].0 {
+                    bounds.swap(0, 1);
+                }
+                for (bound, inner) in bounds {
+                    self.end(node, inner, bound);
+                }
+            }
+        }
+    }
+
+    /// Whether `blocks` may lie below `node` and end the stacking.
+    fn may_follow(&self, node: &Node, blocks: &[(usize, usize)]) -> bool {
+        let mut below = *node;
+        for &(resin, size) in blocks {
+            let Some(run) = self.run_with(&below, resin, size) else { return false };
+            below.total += self.table.sizes[size];
+            below.bottom = Some((resin, run, size));
+        }
+        below.bottom.is_some_and(|(resin, run, _)| self.table.may_end(resin, run, below.total))
     }
 }
 

@@ -1,4 +1,4 @@
-//! The forward problem by scalar Kubelka–Munk (Hašan et al. 2010, section 5.2), and the objective (equation 5).
+//! The forward problem by scalar Kubelka–Munk (Hašan et al. 2010, section 5.2).
 
 use super::Stacking;
 use crate::optics::{Composite, KubelkaMunk};
@@ -19,14 +19,4 @@ pub fn reflection_of(resins: &[Vec<KubelkaMunk>], stacking: &Stacking, core: Opt
             })
         })
         .collect()
-}
-
-/// Σ over channels and coefficients of (R̂ − R̂_t)², the first coefficient's term times `dc_weight` (equation 5).
-pub fn objective(reflection: &[Vec<f64>], target: &super::SearchTarget, dc_weight: f64) -> f64 {
-    let channel = |(r, t): (&Vec<f64>, &Vec<f64>)| -> f64 {
-        let square = |(r, t): (&f64, &f64)| (r - t) * (r - t);
-        let all: f64 = r.iter().zip(t).map(square).skip(1).sum();
-        all + r.iter().zip(t).map(square).next().map_or(0.0, |dc| dc_weight * dc)
-    };
-    reflection.iter().zip(&target.channels).map(channel).sum()
 }

@@ -100,6 +100,33 @@ pub(super) fn bound(stack: &Stack, block: &Block, darkest: &[f64], brightest: &[
     total
 }
 
+/// Lower bound on the objective of `stack` over anything that reflects between `darkest` and `brightest`.
+#[multiversion(targets("x86_64+avx2", "x86_64+avx", "aarch64+neon"))]
+pub(super) fn range_bound(stack: &Stack, darkest: &[f64], brightest: &[f64], goal: &Goal, limit: f64) -> f64 {
+    let lanes = goal.target.len();
+    let (r_top, r_bottom, t) = (&stack.r_top[..lanes], &stack.r_bottom[..lanes], &stack.t[..lanes]);
+    let (darkest, brightest) = (&darkest[..lanes], &brightest[..lanes]);
+    let (target, weight) = (&goal.target[..lanes], &goal.weight[..lanes]);
+    let mut total = 0.0;
+    let mut start = 0;
+    while start + CHUNK <= lanes {
+        let mut terms = [0.0; CHUNK];
+        for (j, term) in terms.iter_mut().enumerate() {
+            let i = start + j;
+            let through = t[i] * t[i];
+            let over = |r: f64| r_top[i] + through * r / (1.0 - r_bottom[i] * r).max(f64::MIN_POSITIVE);
+            let error = (over(darkest[i]) - target[i]).max(target[i] - over(brightest[i])).max(0.0);
+            *term = weight[i] * error * error;
+        }
+        total += sum(&terms);
+        if total > limit {
+            return total;
+        }
+        start += CHUNK;
+    }
+    total
+}
+
 /// `stack` over `block`, into `whole` (equations 3 and 4).
 #[multiversion(targets("x86_64+avx2", "x86_64+avx", "aarch64+neon"))]
 pub(super) fn extend(stack: &Stack, block: &Block, whole: &mut Stack) {

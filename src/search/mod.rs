@@ -16,10 +16,12 @@
 
 mod algorithm_1;
 mod branch_and_bound;
+mod endings;
 mod envelope;
 mod forward;
 mod gamut;
 mod kernels;
+mod objective;
 mod options;
 mod refine;
 mod table;
@@ -28,8 +30,10 @@ mod tests;
 
 pub use algorithm_1::algorithm_1;
 pub use branch_and_bound::{match_candidates, match_sequences, match_target, match_targets};
-pub use forward::{objective, reflection_of};
+pub use forward::reflection_of;
 pub use gamut::{Boundary, ChannelGamut, Gamut, GamutMap, GamutPoint, Move, place_of};
+pub(crate) use objective::BLACK_RMS;
+pub use objective::{Norm, Objective};
 pub use options::{Match, SearchError, SearchOptions, SearchTarget};
 pub use refine::{RefineOptions, Refined, Refiner};
 pub use table::BlockTable;

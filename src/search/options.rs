@@ -1,6 +1,6 @@
 //! What a search is asked, what it answers, and how it may fail.
 
-use super::{ResinLimit, Stacking};
+use super::{Objective, ResinLimit, Stacking};
 
 /// The space of stackings that is searched, shared by all targets.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,8 +11,8 @@ pub struct SearchOptions {
     pub units: usize,
     /// Most blocks in a stacking; 6 in the paper. A layer of u·h₀ takes as many blocks as u has binary ones: 63 h₀ takes six.
     pub depth: usize,
-    /// Weight of the squared error of the albedo, the first coefficient; the others weigh 1.
-    pub dc_weight: f64,
+    /// What is minimised.
+    pub objective: Objective,
     /// One per resin; empty for no limits at all.
     pub limits: Vec<ResinLimit>,
     /// The resin that fills the half-space below the stacking; `None`: nothing lies there and no light returns.
@@ -28,7 +28,7 @@ impl Default for SearchOptions {
             max_thickness_mm: 5.0,
             units: 64,
             depth: 6,
-            dc_weight: 1.0,
+            objective: Objective::default(),
             limits: Vec::new(),
             core: None,
             max_nodes: None,
@@ -48,7 +48,7 @@ pub struct SearchTarget {
 pub struct Match {
     /// The layers. A last layer of the core's own resin belongs to the core and is not listed.
     pub stacking: Stacking,
-    /// Σ over channels and coefficients of (R̂ − R̂_t)², the first coefficient weighted.
+    /// The search's [`Objective`] by Kubelka–Munk.
     pub objective: f64,
     /// R̂ of the stacking, core included, per channel.
     pub reflection: Vec<Vec<f64>>,
@@ -177,7 +177,7 @@ impl SearchOptions {
         check("max-thickness-mm", h_max, "a finite number above 0", h_max > 0.0 && h_max.is_finite())?;
         check("units", self.units as f64, "1 to 4096", (1..=MAX_UNITS).contains(&self.units))?;
         check("depth", self.depth as f64, "1 to 24", (1..=MAX_DEPTH).contains(&self.depth))?;
-        let dc = self.dc_weight;
+        let dc = self.objective.dc_weight;
         check("dc-weight", dc, "a finite number, at least 0", dc >= 0.0 && dc.is_finite())?;
         if let Some(core) = self.core {
             check("core", core as f64, "the index of a resin", core < resins)?;

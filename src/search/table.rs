@@ -1,5 +1,6 @@
 //! The blocks of Hašan et al. 2010, section 6.2, precomputed: every resin at every power-of-two thickness.
 
+use super::endings::Endings;
 use super::envelope::envelope;
 use super::kernels::{Block, CHUNK, Goal};
 use super::options::UnitLimit;
@@ -24,6 +25,8 @@ pub struct BlockTable {
     pub(super) darkest: Vec<Vec<f64>>,
     /// Greatest R̂ of anything u units thick on the half-space, index `[u]`, by lane.
     pub(super) brightest: Vec<Vec<f64>>,
+    /// Ways to end in one or two blocks.
+    pub(super) endings: Endings,
     coefficients: usize,
     lanes: usize,
 }
@@ -83,16 +86,9 @@ impl BlockTable {
             }
         }
         let base = interleave(&base, 0.0);
-        let over_base = |block: &Block| -> Vec<f64> {
-            (0..lanes)
-                .map(|i| {
-                    let trapped = (1.0 - block.r[i] * base[i]).max(f64::MIN_POSITIVE);
-                    block.r[i] + block.t[i] * block.t[i] * base[i] / trapped
-                })
-                .collect()
-        };
+        let over_base = |block| over(block, &base);
         let block_over_base = blocks.iter().map(|sizes| sizes.iter().map(over_base).collect()).collect();
-        Ok(Self {
+        let mut table = Self {
             options: options.clone(),
             limits,
             resins: resins.to_vec(),
@@ -102,9 +98,12 @@ impl BlockTable {
             block_over_base,
             darkest,
             brightest,
+            endings: Endings { endings: Vec::new(), boxes: Vec::new() },
             coefficients,
             lanes,
-        })
+        };
+        table.endings = Endings::new(&table);
+        Ok(table)
     }
 
     /// The options the table was made with.
@@ -120,6 +119,11 @@ impl BlockTable {
     /// Number of coefficients per channel.
     pub fn coefficients(&self) -> usize {
         self.coefficients
+    }
+
+    /// R̂ of a block on something that reflects `below`, by lane.
+    pub(super) fn over(&self, resin: usize, size: usize, below: &[f64]) -> Vec<f64> {
+        over(&self.blocks[resin][size], below)
     }
 
     pub(super) fn lanes(&self) -> usize {
@@ -156,7 +160,7 @@ impl BlockTable {
                 return Err(SearchError::TargetValue { channel, index, found: values[index] });
             }
         }
-        let weight: Vec<Vec<f64>> = vec![weights(self.coefficients, self.options.dc_weight); channels];
+        let weight: Vec<_> = target.channels.iter().map(|channel| self.options.objective.weights(channel)).collect();
         Ok(Goal { target: interleave(&target.channels, self.lanes, 0.0), weight: interleave(&weight, self.lanes, 0.0) })
     }
 
@@ -179,16 +183,15 @@ impl BlockTable {
     /// The finished answer: objective and reflection recomputed from whole layers in closed form.
     pub(super) fn answer(&self, stacking: Stacking, target: &SearchTarget, nodes: u64) -> Match {
         let reflection = reflection_of(&self.resins, &stacking, self.options.core);
-        let objective = super::objective(&reflection, target, self.options.dc_weight);
+        let objective = self.options.objective.of(&reflection, target);
         Match { stacking, objective, reflection, bound: objective, proven: true, nodes }
     }
 }
 
-/// The objective's weights of one channel.
-fn weights(coefficients: usize, dc_weight: f64) -> Vec<f64> {
-    let mut weights = vec![1.0; coefficients];
-    weights[0] = dc_weight;
-    weights
+/// R̂ of a block on something that reflects `below`, by lane.
+fn over(block: &Block, below: &[f64]) -> Vec<f64> {
+    let lane = |((r, t), below): ((&f64, &f64), &f64)| r + t * t * below / (1.0 - r * below).max(f64::MIN_POSITIVE);
+    block.r.iter().zip(&block.t).zip(below).map(lane).collect()
 }
 
 /// `[channel][coefficient]` to lanes.

@@ -1,7 +1,6 @@
 //! Groups of like profiles: weighted k-means (Hašan et al. 2010, section 7.1: 100 clusters in place of every surface point).
 //!
-//! The distance is the search's own objective, Σ (R̂ᵢ − R̂ⱼ)² with the first coefficient of every channel weighted, so the error
-//! of a cluster adds to its match's. Seeding is k-means++ (Arthur and Vassilvitskii 2007); the iteration is Lloyd's with
+//! The distance is the search's own objective ([`super::metric`]), so the error of a cluster adds to its match's. Seeding is k-means++ (Arthur and Vassilvitskii 2007); the iteration is Lloyd's with
 //! the bounds of Hamerly, *Making k-means even faster* (SDM 2010), which skip a point while its centroid is certainly still
 //! the nearest: the upper bound is kept exact, the lower one falls by how far the centroids have moved.
 //!
@@ -13,6 +12,9 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 
+use super::metric::Metric;
+use crate::search::Objective;
+
 /// What to look for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClusterOptions {
@@ -22,15 +24,15 @@ pub struct ClusterOptions {
     pub seed: u64,
     /// Coefficients per channel: every `coefficients`-th value of a point, from the first on, is an albedo.
     pub coefficients: usize,
-    /// Weight of the squared error of an albedo; the others weigh 1.
-    pub dc_weight: f64,
+    /// What the search will minimise.
+    pub objective: Objective,
     /// Most rounds of Lloyd's iteration.
     pub max_iterations: usize,
 }
 
 impl Default for ClusterOptions {
     fn default() -> Self {
-        Self { k: 100, seed: 1, coefficients: 128, dc_weight: 1.0, max_iterations: 100 }
+        Self { k: 100, seed: 1, coefficients: 128, objective: Objective::default(), max_iterations: 100 }
     }
 }
 
@@ -121,36 +123,23 @@ const CHUNK: usize = 16;
 /// Options out of range, rows that do not fit, values that are not finite, weights not above 0.
 pub fn cluster(points: &[f64], weights: &[f64], options: &ClusterOptions) -> Result<Clusters, ClusterError> {
     let dims = check(points, weights, options)?;
-    // In scaled coordinates, padded to whole chunks, the objective is the plain square.
-    let stride = dims.next_multiple_of(CHUNK);
-    let dc_scale = options.dc_weight.sqrt();
-    let scale = |i: usize| if i.is_multiple_of(options.coefficients) { dc_scale } else { 1.0 };
-    let mut scaled = vec![0.0; weights.len() * stride];
-    scaled.par_chunks_mut(stride).zip(points.par_chunks(dims)).for_each(|(row, point)| {
-        row.iter_mut().zip(point).enumerate().for_each(|(i, (value, x))| *value = scale(i) * x);
-    });
-    let mut lloyd = Lloyd::new(&scaled, weights, stride);
+    let metric = Metric::new(&options.objective, options.coefficients, dims / options.coefficients);
+    // Padded to whole chunks.
+    let stride = metric.dimensions().next_multiple_of(CHUNK);
+    let mut placed = vec![0.0; weights.len() * stride];
+    placed.par_chunks_mut(stride).zip(points.par_chunks(dims)).for_each(|(row, point)| metric.place(point, row));
+    let mut lloyd = Lloyd::new(&placed, weights, stride);
     lloyd.seed(options.k, options.seed);
     lloyd.run(options.max_iterations);
 
-    // The answer in the points' own coordinates: means again, since an albedo of weight 0 has lost its value by scaling.
-    let k = lloyd.centroids.len() / stride;
     let members = lloyd.members();
-    let centroids: Vec<Vec<f64>> = (0..k)
-        .into_par_iter()
-        .map(|c| {
-            let mut mean = lloyd.centroids[c * stride..c * stride + dims].to_vec();
-            if options.dc_weight > 0.0 {
-                mean.iter_mut().enumerate().for_each(|(i, value)| *value /= scale(i));
-            } else {
-                let weight: f64 = members[c].iter().map(|&p| weights[p as usize]).sum();
-                for i in (0..dims).step_by(options.coefficients) {
-                    let sum: f64 =
-                        members[c].iter().map(|&p| weights[p as usize] * points[p as usize * dims + i]).sum();
-                    mean[i] = sum / weight;
-                }
-            }
-            mean
+    let centroids: Vec<Vec<f64>> = lloyd
+        .centroids
+        .par_chunks(stride)
+        .zip(&members)
+        .map(|(centroid, members)| {
+            let points = members.iter().map(|&p| (&points[p as usize * dims..][..dims], weights[p as usize]));
+            metric.centroid(centroid, points)
         })
         .collect();
     let fits: Vec<ClusterFit> = members
@@ -175,7 +164,7 @@ pub fn cluster(points: &[f64], weights: &[f64], options: &ClusterOptions) -> Res
 
 /// Values per point.
 fn check(points: &[f64], weights: &[f64], options: &ClusterOptions) -> Result<usize, ClusterError> {
-    let ClusterOptions { k, coefficients, dc_weight, max_iterations, .. } = *options;
+    let ClusterOptions { k, coefficients, objective: Objective { dc_weight, .. }, max_iterations, .. } = *options;
     let option = |name, found, expected, valid| match valid {
         true => Ok(()),
         false => Err(ClusterError::Option { name, found, expected }),

@@ -9,6 +9,7 @@ mod clusters;
 mod diffusion;
 mod layers;
 mod limits;
+mod metric;
 mod slots;
 mod texture;
 mod textured;

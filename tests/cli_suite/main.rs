@@ -18,6 +18,7 @@ mod predict;
 mod slice_bad;
 mod slice_bssrdf;
 mod slice_bytes;
+mod slice_colour;
 mod slice_folder;
 mod slice_refined;
 mod slice_resume;

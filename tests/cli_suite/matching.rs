@@ -92,6 +92,48 @@ fn an_albedo_and_a_mean_free_path_are_a_target() {
 }
 
 #[test]
+fn a_colour_is_a_target() {
+    let shared = ["--mean-free-path-mm", "0.5", "--depth", "3", "--core", "black", "--json"];
+    let albedo = |set: &str, more: &[&str]| {
+        let json = run(["match", "--materials", set].iter().chain(more).chain(&shared)).exits(0).json();
+        (stack(&json), json["objective"]["km"].as_f64().unwrap())
+    };
+    // 0x80 is 0.21586 in linear light.
+    let srgb = albedo("inks-rgb-7", &["--srgb", "#ff8000"]);
+    assert_eq!(srgb, albedo("inks-rgb-7", &["--srgb", "FF8000"]));
+    let linear = albedo("inks-rgb-7", &["--albedo", "1,0.21586,0"]);
+    assert!(srgb.0 == linear.0 && (srgb.1 / linear.1 - 1.0).abs() < 1e-3, "{srgb:?} {linear:?}");
+    assert!(srgb.0.iter().any(|layer| layer.0 == "yellow"), "{srgb:?}");
+    // One channel sees the luminance.
+    let grey = 0.2126 + 0.7152 * 0.21586;
+    let (srgb, linear) =
+        (albedo("synthetic", &["--srgb", "#ff8000"]), albedo("synthetic", &["--albedo", &grey.to_string()]));
+    assert!(srgb.0 == linear.0 && (srgb.1 / linear.1 - 1.0).abs() < 1e-3, "{srgb:?} {linear:?}");
+    for colour in ["#ff80", "orange", "+12345"] {
+        assert_eq!(find(&["--srgb", colour, "--mean-free-path-mm", "1"]).exits(2).stdout, "");
+    }
+    find(&["--srgb", "#ff8000"]).exits(2);
+    find(&["--srgb", "#ff8000", "--albedo", "0.5", "--mean-free-path-mm", "1"]).exits(2);
+}
+
+/// Out of gamut objectives part ways; each proves its own optimum.
+#[test]
+fn objectives_choose_different_layers() {
+    let target =
+        ["--materials", "inks-rgb-7", "--albedo", "0.5,0.1,0.02", "--mean-free-path-mm", "0.4", "--core", "black"];
+    let [l2, spatial, relative] = ["l2", "spatial", "relative"].map(|objective| {
+        let search = ["--depth", "4", "--json", "--objective", objective];
+        let json = run(["match"].iter().chain(&target).chain(&search)).exits(0).json();
+        assert_eq!(json["proven"], true);
+        stack(&json)
+    });
+    assert!(l2 != spatial && l2 != relative && spatial != relative, "{l2:?} {spatial:?} {relative:?}");
+    let unset = run(["match"].iter().chain(&target).chain(&["--depth", "4", "--json"])).exits(0).json();
+    assert_eq!(stack(&unset), l2);
+    find(&["--albedo", "0.5", "--mean-free-path-mm", "1", "--objective", "l1"]).exits(2);
+}
+
+#[test]
 fn support_keeps_its_depth_unless_told_otherwise() {
     // A target as bright and as wide as support alone: it would lie bare.
     let bench = Bench::new();

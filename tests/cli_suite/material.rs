@@ -7,7 +7,7 @@ use crate::support::{Bench, run};
 #[test]
 fn built_in_sets_are_listed_with_their_provenance() {
     let text = run(["material", "list"]).exits(0).stdout;
-    assert_eq!(text.matches("not a measurement").count(), 2, "{text}");
+    assert_eq!(text.matches("not a measurement").count(), 3, "{text}");
     let sets = run(["material", "list", "--json"]).exits(0).json();
     let resins: Vec<_> = sets[0]["resins"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
     assert_eq!((sets[0]["name"].as_str(), resins.as_slice()), (Some("synthetic"), &["white", "black", "support"][..]));

@@ -102,7 +102,7 @@ fn missing_keys() {
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
             "kind = \"profile\"",
-            "bad.toml:11:1: target.profile: found nothing, expected the path of a profile CSV",
+            "bad.toml:11:1: target.profile: found nothing, expected the path of a profile CSV, or an array of one for each channel",
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",

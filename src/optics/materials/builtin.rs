@@ -16,15 +16,18 @@ use crate::optics::error::nearest;
 pub const BUILTIN_PHOTONS: u64 = 20_000_000;
 
 /// A set's TOML text.
-const SETS: [(&str, &str); 2] =
-    [("synthetic", include_str!("../data/synthetic.toml")), ("inks-rgb", include_str!("../data/inks-rgb.toml"))];
+const SETS: [(&str, &str); 3] = [
+    ("synthetic", include_str!("../data/synthetic.toml")),
+    ("inks-rgb", include_str!("../data/inks-rgb.toml")),
+    ("inks-rgb-7", include_str!("../data/inks-rgb-7.toml")),
+];
 
 macro_rules! profiles {
     ($($name:literal),* $(,)?) => { [$(($name, include_str!(concat!("../data/", $name)))),*] };
 }
 
-/// The profiles the sets name, by file name.
-const PROFILES: [(&str, &str); 18] = profiles![
+/// The profiles the sets name, by file name; one named after another set is that set's, for a resin both have.
+const PROFILES: [(&str, &str); 24] = profiles![
     "synthetic-white-y.csv",
     "synthetic-black-y.csv",
     "synthetic-support-y.csv",
@@ -43,6 +46,12 @@ const PROFILES: [(&str, &str); 18] = profiles![
     "inks-rgb-white-r.csv",
     "inks-rgb-white-g.csv",
     "inks-rgb-white-b.csv",
+    "inks-rgb-7-clear-r.csv",
+    "inks-rgb-7-clear-g.csv",
+    "inks-rgb-7-clear-b.csv",
+    "inks-rgb-7-support-r.csv",
+    "inks-rgb-7-support-g.csv",
+    "inks-rgb-7-support-b.csv",
 ];
 
 impl MaterialSet {
@@ -57,6 +66,11 @@ impl MaterialSet {
     /// [`OpticsError::UnknownSet`] with the nearest name.
     pub fn builtin(name: &str) -> Result<Self, OpticsError> {
         MaterialFile::builtin(name)?.into_set(|_, _| ControlFlow::Continue(()))
+    }
+
+    /// Whether a profile of this file name is built in.
+    pub(super) fn stores(profile: &str) -> bool {
+        PROFILES.iter().any(|(name, _)| *name == profile)
     }
 
     /// The TOML text of a built-in set, to start one's own from.
@@ -97,7 +111,8 @@ pub fn regenerate_builtin(
         let bare: String =
             text.lines().filter(|line| !line.starts_with("reflection")).fold(String::new(), |t, l| t + l + "\n");
         let file = MaterialFile::parse(&bare, Path::new(set), &Folder::Embedded(&[]))?;
-        for plan in file.slab_plans(Some(DEFAULT_SEED + done as u64)) {
+        let plans = file.slab_plans(Some(DEFAULT_SEED + done as u64)).into_iter();
+        for plan in plans.filter(|plan| MaterialSet::stores(&plan.file)) {
             let profile = plan.simulate(photons, |_| ControlFlow::Continue(()))?;
             done += 1;
             if each(&plan.file, &profile, done as f64 / PROFILES.len() as f64)?.is_break() {

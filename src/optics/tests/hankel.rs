@@ -153,6 +153,14 @@ fn there_and_back_is_the_same_spectrum() {
 }
 
 #[test]
+fn no_light_comes_back_as_no_light() {
+    let (grid, nothing) = (FrequencyGrid::default(), vec![0.0; FrequencyGrid::DEFAULT_LEN]);
+    let inverse = InverseHankel::new(&nothing, &grid);
+    assert_eq!([0.01, 1.0, 20.0].map(|r_mm| inverse.energy_within(r_mm)), [0.0; 3]);
+    assert_eq!(inverse.radius_of_energy(0.5), None);
+}
+
+#[test]
 fn transmission_in_noise_is_continued_in_the_logarithm() {
     let grid = FrequencyGrid::default();
     let clean: Vec<f64> = grid.as_slice().iter().map(|k| 0.1 * (-1.5 * k).exp()).collect();

@@ -157,7 +157,7 @@ fn an_unknown_set_is_answered_with_the_nearest() {
     let message = MaterialSet::builtin("sintetic").unwrap_err().to_string();
     assert_eq!(
         message,
-        "unknown material set `sintetic`, did you mean `synthetic`?; built in are: synthetic, inks-rgb"
+        "unknown material set `sintetic`, did you mean `synthetic`?; built in are: synthetic, inks-rgb, inks-rgb-7"
     );
 }
 
@@ -177,18 +177,23 @@ fn built_in_sets_are_complete_and_honest() {
     let names: Vec<_> = synthetic.resins.iter().map(|resin| resin.name.as_str()).collect();
     assert_eq!(names, ["white", "black", "support"]);
     assert!(synthetic.resins[2].print_as_background);
+    let [five, seven] = ["inks-rgb", "inks-rgb-7"].map(|name| MaterialSet::builtin(name).unwrap());
+    assert_eq!(seven.resins[..5], five.resins);
+    assert!(seven.provenance.contains("invented") && seven.resins[5..].iter().all(|r| r.notes.contains("invented")));
 }
 
 #[test]
 fn stored_profiles_are_what_a_fresh_simulation_gives() {
-    let mut stored = Vec::new();
+    let mut stored = std::collections::BTreeMap::new();
     for name in MaterialSet::builtin_names() {
-        let set = MaterialSet::builtin(name).unwrap();
-        stored.extend(set.resins.into_iter().flat_map(|resin| resin.profiles));
+        let plans = MaterialFile::builtin(name).unwrap().slab_plans(None);
+        let profiles = MaterialSet::builtin(name).unwrap().resins.into_iter().flat_map(|resin| resin.profiles);
+        stored.extend(plans.into_iter().map(|plan| plan.file).zip(profiles));
     }
-    let mut stored = stored.iter();
+    let mut seen = 0;
     regenerate_builtin(20_000, |name, fresh, _| {
-        let (r, t) = stored.next().unwrap();
+        seen += 1;
+        let (r, t) = &stored[name];
         // The fresh error is some 30 times the stored one.
         for (stored, fresh) in [(r.energy(), fresh.result.reflection), (t.energy(), fresh.result.transmission)] {
             let z = (fresh.mean - stored) / fresh.standard_error;
@@ -197,5 +202,5 @@ fn stored_profiles_are_what_a_fresh_simulation_gives() {
         Ok(ControlFlow::Continue(()))
     })
     .unwrap();
-    assert!(stored.next().is_none());
+    assert_eq!(seen, 24, "18 in two sets, and two resins of a third that shares the rest");
 }

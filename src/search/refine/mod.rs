@@ -9,19 +9,21 @@
 //!                        few directions                           all directions
 //! ```
 //!
-//! Layers more or less are tried in few directions, whose error is that of the layers so far. Fits see a third of the frequencies, close together where R̂ bends; the objective that is reported sees all of them. Nothing is random, and
-//! nothing depends on the number of threads.
+//! Layers more or less are tried in few directions, whose error is that of the layers so far. The model is asked at a third of the
+//! frequencies ([`nodes`]). Nothing is random, and nothing depends on the number of threads.
 
 mod fit;
+mod nodes;
 mod polytope;
 
 use rayon::prelude::*;
 
 use self::{
     fit::{Fit, Residuals, fit},
+    nodes::Nodes,
     polytope::Polytope,
 };
-use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, Stacking, match_sequences, objective};
+use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, Stacking, match_sequences};
 use crate::optics::{FrequencyGrid, ModalReflection, TransportOptions, VolumeCoefficients};
 
 /// What refining may do.
@@ -60,12 +62,11 @@ pub struct Refined {
 pub struct Refiner {
     options: SearchOptions,
     refine: RefineOptions,
-    /// Indices of the frequencies that fits see, and what each weighs.
-    nodes: Vec<(usize, f64)>,
-    /// One per channel: few directions at the nodes, all directions at the nodes, and at every frequency.
+    /// The frequencies that the model is asked at.
+    nodes: Nodes,
+    /// One per channel, at the nodes: few directions, and all.
     coarse: Vec<ModalReflection>,
     fine: Vec<ModalReflection>,
-    full: Vec<ModalReflection>,
     resins: usize,
 }
 
@@ -90,9 +91,12 @@ type Fitted = (Vec<usize>, Fit);
 /// Layers to start from.
 type Start = (Vec<usize>, Vec<f64>);
 
-/// What a model should give at the nodes, per channel.
+/// What a model should give at every frequency, per channel, and the roots of what each frequency weighs.
 #[derive(Debug, Clone)]
-struct Goal(Vec<Vec<f64>>);
+struct Goal {
+    wanted: Vec<Vec<f64>>,
+    roots: Vec<Vec<f64>>,
+}
 
 impl Refiner {
     /// Sequences of resins worth asking [`match_sequences`] for. Evidence: docs/accuracy.md, "Refined stackings".
@@ -105,20 +109,19 @@ impl Refiner {
         options: &SearchOptions,
         refine: RefineOptions,
     ) -> Self {
-        let nodes = nodes(grid.len());
-        let chosen: Vec<f64> = nodes.iter().map(|&(i, _)| grid.as_slice()[i]).collect();
+        let nodes = Nodes::new(grid.len());
+        let chosen: Vec<f64> = nodes.indices.iter().map(|&i| grid.as_slice()[i]).collect();
         let channels = resins.first().map_or(0, Vec::len);
-        let tables = |k: &[f64], directions: TransportOptions| -> Vec<ModalReflection> {
+        let tables = |directions: TransportOptions| -> Vec<ModalReflection> {
             let channel = |channel: usize| {
                 let resins: Vec<_> = resins.iter().map(|resin| resin[channel]).collect();
-                ModalReflection::new(&resins, options.core, k, directions)
+                ModalReflection::new(&resins, options.core, &chosen, directions)
             };
             (0..channels).map(channel).collect()
         };
         Self {
-            coarse: tables(&chosen, COARSE),
-            fine: tables(&chosen, TransportOptions::REFLECTION),
-            full: tables(grid.as_slice(), TransportOptions::REFLECTION),
+            coarse: tables(COARSE),
+            fine: tables(TransportOptions::REFLECTION),
             options: options.clone(),
             refine,
             nodes,
@@ -129,7 +132,7 @@ impl Refiner {
     /// R̂ of a stacking per channel in the transport model.
     pub fn reflection(&self, stacking: &Stacking) -> Vec<Vec<f64>> {
         let layers: Vec<_> = stacking.layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).collect();
-        self.full.iter().map(|channel| channel.reflection(&layers)).collect()
+        self.fine.iter().map(|channel| self.nodes.spread(&channel.reflection(&layers))).collect()
     }
 
     /// The best stacking for `target` that can be reached from `candidates`, best first as
@@ -139,10 +142,10 @@ impl Refiner {
     /// No multiples of the step within reach that keep the limits.
     pub fn refine(&self, candidates: &[Match], target: &SearchTarget) -> Result<Refined, SearchError> {
         let unrefined = candidates.first().map_or(Vec::new(), |best| self.reflection(&best.stacking));
-        let unrefined_objective = objective(&unrefined, target, self.options.dc_weight);
-        let goal =
-            Goal(target.channels.iter().map(|channel| self.nodes.iter().map(|&(i, _)| channel[i]).collect()).collect());
-        let mut ranked = self.fits(&self.coarse, &goal, RANKING_STEPS, distinct(candidates));
+        let unrefined_objective = self.options.objective.of(&unrefined, target);
+        let goal = self.goal(target);
+        let starts = distinct(candidates);
+        let mut ranked = self.fits(&self.coarse, &goal, RANKING_STEPS, starts.clone());
         ranked.truncate(self.refine.finalists);
         let finished = self.fits(&self.fine, &goal, FINAL_STEPS, ranked.into_iter().map(start).collect());
         let Some(mut best) = finished.into_iter().next() else {
@@ -155,9 +158,12 @@ impl Refiner {
                 unrefined: unrefined_objective,
             });
         };
-        let coefficients: usize = target.channels.iter().map(Vec::len).sum();
+        if let Some(better) = self.deeper(&best, starts, &goal) {
+            best = better;
+        }
+        let weight: f64 = target.channels.iter().flat_map(|channel| self.options.objective.weights(channel)).sum();
         for _ in 0..EDITS {
-            if best.1.objective <= coefficients as f64 * ENOUGH * ENOUGH {
+            if best.1.objective <= weight * ENOUGH * ENOUGH {
                 break;
             }
             let Some(better) = self.edit(&best, &goal) else { break };
@@ -169,8 +175,8 @@ impl Refiner {
         let (sequence, Fit { mm, .. }) = best;
         let stacking = Stacking::from_layers(sequence.into_iter().zip(mm));
         let reflection = self.reflection(&stacking);
-        let found = objective(&reflection, target, self.options.dc_weight);
-        // A fit ends in the nearest valley; the start may lie in a deeper one that no finalist was in.
+        let found = self.options.objective.of(&reflection, target);
+        // Steps may cost more than they are worth.
         let kept = candidates.first().filter(|first| unrefined_objective < found && self.allows(&first.stacking));
         Ok(match kept {
             Some(first) => Refined {
@@ -222,17 +228,21 @@ impl Refiner {
         fitted
     }
 
+    fn goal(&self, target: &SearchTarget) -> Goal {
+        let roots = |channel: &Vec<f64>| self.options.objective.weights(channel).into_iter().map(f64::sqrt).collect();
+        Goal { wanted: target.channels.clone(), roots: target.channels.iter().map(roots).collect() }
+    }
+
     fn residuals(&self, model: &[ModalReflection], goal: &Goal, sequence: &[usize], mm: &[f64]) -> Residuals {
         let layers: Vec<_> = sequence.iter().copied().zip(mm.iter().copied()).collect();
         let mut residuals = Residuals { values: Vec::new(), per_mm: vec![Vec::new(); layers.len()] };
-        let roots: Vec<f64> =
-            self.nodes.iter().map(|&(i, weight)| if i == 0 { self.options.dc_weight } else { weight }.sqrt()).collect();
-        for (model, wanted) in model.iter().zip(&goal.0) {
+        for ((model, wanted), roots) in model.iter().zip(&goal.wanted).zip(&goal.roots) {
             let slope = model.slope(&layers);
-            let off = slope.reflection.iter().zip(wanted).zip(&roots);
+            let reflection = self.nodes.spread(&slope.reflection);
+            let off = reflection.iter().zip(wanted).zip(roots);
             residuals.values.extend(off.map(|((found, wanted), root)| root * (found - wanted)));
             for (all, per_mm) in residuals.per_mm.iter_mut().zip(&slope.per_mm) {
-                all.extend(per_mm.iter().zip(&roots).map(|(slope, root)| root * slope));
+                all.extend(self.nodes.spread(per_mm).iter().zip(roots).map(|(slope, root)| root * slope));
             }
         }
         residuals
@@ -243,9 +253,24 @@ impl Refiner {
         let layers: Vec<_> = sequence.iter().copied().zip(found.mm.iter().copied()).collect();
         let channel = |((wanted, coarse), fine): ((&Vec<f64>, &ModalReflection), &ModalReflection)| {
             let (coarse, fine) = (coarse.reflection(&layers), fine.reflection(&layers));
-            wanted.iter().zip(coarse.iter().zip(&fine)).map(|(wanted, (coarse, fine))| wanted + coarse - fine).collect()
+            let shift: Vec<f64> = coarse.iter().zip(&fine).map(|(coarse, fine)| coarse - fine).collect();
+            wanted.iter().zip(self.nodes.spread(&shift)).map(|(wanted, shift)| wanted + shift).collect()
         };
-        Goal(goal.0.iter().zip(&self.coarse).zip(&self.fine).map(channel).collect())
+        let wanted = goal.wanted.iter().zip(&self.coarse).zip(&self.fine).map(channel).collect();
+        Goal { wanted, roots: goal.roots.clone() }
+    }
+
+    /// Fits end in the nearest valley: a start that is better as it stands lies in a deeper one, which no finalist was in.
+    fn deeper(&self, found: &Fitted, starts: Vec<Start>, goal: &Goal) -> Option<Fitted> {
+        let shifted = self.shifted(goal, found);
+        let better = |(sequence, mm): &Start| {
+            self.residuals(&self.coarse, &shifted, sequence, mm).objective() < found.1.objective
+        };
+        let starts = starts.into_iter().filter(better).collect();
+        self.fits(&self.fine, goal, FINAL_STEPS, starts)
+            .into_iter()
+            .next()
+            .filter(|fitted| fitted.1.objective < found.1.objective)
     }
 
     /// The best of all stackings with one layer less or more, if it is worth it.
@@ -401,34 +426,6 @@ fn start((sequence, fit): Fitted) -> Start {
 
 fn joined(layers: impl IntoIterator<Item = (usize, f64)>) -> Start {
     Stacking::from_layers(layers).layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).unzip()
-}
-
-/// Indices of a third of `len` frequencies, dense at the low ones, and the number of frequencies that each speaks for: those between two nodes
-/// count for both, the more the nearer. The first speaks for itself.
-fn nodes(len: usize) -> Vec<(usize, f64)> {
-    let mut indices = vec![0];
-    let mut at = 1;
-    while at < len {
-        indices.push(at);
-        at += match at {
-            ..8 => 1,
-            8..24 => 2,
-            24..56 => 4,
-            _ => 8,
-        };
-    }
-    if indices[indices.len() - 1] + 1 < len {
-        indices.push(len - 1);
-    }
-    let mut nodes: Vec<(usize, f64)> = indices.into_iter().map(|i| (i, 1.0)).collect();
-    for i in 2..nodes.len() {
-        let (low, high) = (nodes[i - 1].0, nodes[i].0);
-        // Half of the frequencies strictly between.
-        let share = (high - low - 1) as f64 / 2.0;
-        nodes[i - 1].1 += share;
-        nodes[i].1 += share;
-    }
-    nodes
 }
 
 #[cfg(test)]

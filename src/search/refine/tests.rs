@@ -83,21 +83,9 @@ fn limits_and_steps_are_kept() {
     }
     assert!(depth < 5.0 + 1e-9);
     let rounded = Stacking::from_layers(layers.map(|(resin, mm)| (resin, (mm / step_mm).round() * step_mm)));
-    let rounded = objective(&bench.refiner.reflection(&rounded), &target, 1.0);
+    let rounded = SearchOptions::default().objective.of(&bench.refiner.reflection(&rounded), &target);
     println!("{:.1e}, rounded one by one {rounded:.1e}", refined.objective);
     assert!(refined.objective <= rounded, "{refined:?}");
-}
-
-#[test]
-fn nodes_speak_for_every_frequency_once() {
-    for len in [1, 2, 3, 9, 100, 128, 129] {
-        let nodes = nodes(len);
-        assert!((nodes.iter().map(|node| node.1).sum::<f64>() - len as f64).abs() < 1e-9, "{len}: {nodes:?}");
-        assert!(nodes.windows(2).all(|pair| pair[0].0 < pair[1].0) && nodes[nodes.len() - 1].0 + 1 == len);
-    }
-    // Shares are those of a straight line between nodes.
-    let line: f64 = nodes(128).iter().map(|&(i, weight)| weight * i as f64).sum();
-    assert!((line - (0..128).sum::<usize>() as f64).abs() < 1e-9);
 }
 
 #[test]

@@ -16,7 +16,7 @@ fn brute_force(resins: &[Vec<KubelkaMunk>], options: &SearchOptions, target: &Se
         let blocks: u32 = runs.iter().map(|run| run.1.count_ones()).sum();
         let stacking = Stacking::from_layers(runs.iter().map(|&(resin, units)| (resin, units as f64 * unit)));
         if keeps_limits(&stacking, options) {
-            let value = objective(&reflection_of(resins, &stacking, options.core), target, options.dc_weight);
+            let value = options.objective.of(&reflection_of(resins, &stacking, options.core), target);
             best = Some(best.map_or(value, |b| b.min(value)));
         }
         for resin in (0..resins.len()).filter(|resin| runs.last().is_none_or(|run| run.0 != *resin)) {
@@ -76,9 +76,10 @@ fn equals_brute_force_at_depth_3() {
         (Some(BLACK), limits(3, &[(BLACK, 0.3, 0.9, 1.0), (WHITE, 0.0, 0.7, none), (SUPPORT, 0.2, 0.0, 0.7)])),
     ];
     for (core, limits) in spaces {
-        for dc_weight in [1.0, 10.0] {
+        let of = |norm, dc_weight| Objective { norm, dc_weight };
+        for objective in [of(Norm::L2, 1.0), of(Norm::L2, 10.0), of(Norm::Spatial, 1.0), of(Norm::Relative, 1.0)] {
             let options =
-                SearchOptions { units: 12, depth: 3, dc_weight, core, limits: limits.clone(), ..Default::default() };
+                SearchOptions { units: 12, depth: 3, objective, core, limits: limits.clone(), ..Default::default() };
             let table = BlockTable::new(&resins, &options).unwrap();
             for (i, target) in random_targets(4, 1, 7).iter().enumerate() {
                 let truth = brute_force(&resins, &options, target).unwrap();

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::optics::FrequencyGrid;
+use crate::search::{Norm, SearchTarget};
 use crate::target::NormalizedDiffusion;
 
 fn options(k: usize) -> ClusterOptions {
@@ -25,22 +26,23 @@ fn materials(n: usize, seed: u64) -> (Vec<f64>, Vec<f64>) {
     (points, weights)
 }
 
-fn square(a: &[f64], b: &[f64], dc_weight: f64) -> f64 {
-    let dc = |i: usize| if i.is_multiple_of(128) { dc_weight } else { 1.0 };
-    a.iter().zip(b).enumerate().map(|(i, (a, b))| dc(i) * (a - b) * (a - b)).sum()
+fn square(a: &[f64], b: &[f64], objective: Objective) -> f64 {
+    let of = |(a, b): (&[f64], &[f64])| objective.of(&[a.to_vec()], &SearchTarget { channels: vec![b.to_vec()] });
+    a.chunks(128).zip(b.chunks(128)).map(of).sum()
 }
 
 #[test]
 fn every_point_has_the_nearest_centroid_and_fits_add_up() {
     let (points, weights) = materials(800, 4);
-    for dc_weight in [0.0, 1.0, 10.0] {
-        let found = cluster(&points, &weights, &ClusterOptions { dc_weight, ..options(20) }).unwrap();
+    let objectives = [(Norm::L2, 0.0), (Norm::L2, 1.0), (Norm::L2, 10.0), (Norm::Spatial, 1.0)];
+    for objective in objectives.map(|(norm, dc_weight)| Objective { norm, dc_weight }) {
+        let found = cluster(&points, &weights, &ClusterOptions { objective, ..options(20) }).unwrap();
         assert_eq!(found.centroids.len(), 20);
         let (mut total, mut worst) = (0.0, vec![0.0f64; 20]);
         for ((point, weight), label) in points.chunks(128).zip(&weights).zip(&found.labels) {
-            let squares: Vec<f64> = found.centroids.iter().map(|c| square(point, c, dc_weight)).collect();
+            let squares: Vec<f64> = found.centroids.iter().map(|c| square(point, c, objective)).collect();
             let nearest = squares.iter().copied().fold(f64::INFINITY, f64::min);
-            assert!(squares[*label as usize] <= nearest + 1e-12, "dc {dc_weight}");
+            assert!(squares[*label as usize] <= nearest + 1e-12, "{objective:?}");
             total += weight * nearest;
             worst[*label as usize] = worst[*label as usize].max(nearest.sqrt());
         }
@@ -49,6 +51,24 @@ fn every_point_has_the_nearest_centroid_and_fits_add_up() {
         assert!((total - from_fits).abs() < 1e-9 * total);
         assert!(found.fits.iter().zip(worst).all(|(fit, worst)| (fit.worst - worst).abs() < 1e-9));
     }
+}
+
+/// Relative errors of single points against their clusters, point by point as the search sees them.
+#[test]
+fn relative_clusters_lower_relative_errors() {
+    // Dark and bright ones, in two channels.
+    let (mut points, _) = materials(1200, 6);
+    points.chunks_mut(128).step_by(3).flatten().for_each(|r| *r *= 0.05);
+    let weights = vec![1.0; 600];
+    let relative = Objective { norm: Norm::Relative, dc_weight: 1.0 };
+    let total = |objective: Objective| {
+        let found = cluster(&points, &weights, &ClusterOptions { objective, ..options(30) }).unwrap();
+        let of = |(point, label): (&[f64], &u32)| square(&found.centroids[*label as usize], point, relative);
+        (points.chunks(256).zip(&found.labels).map(of).sum::<f64>(), found.total)
+    };
+    let ((own, reported), (plain, _)) = (total(relative), total(Objective::default()));
+    assert!(own < 0.5 * plain, "{own} against {plain}");
+    assert!((own / reported - 1.0).abs() < 0.1, "{own}, but {reported} was reported");
 }
 
 /// Lloyd's iteration without bounds, from the same seeds.
@@ -62,7 +82,7 @@ fn bounds_change_nothing() {
     let mut labels = vec![0; 600];
     for round in 0..found.iterations {
         for (point, label) in points.chunks(128).zip(&mut labels) {
-            let distance = |c: usize| square(point, &centroids[c * 128..(c + 1) * 128], 1.0);
+            let distance = |c: usize| square(point, &centroids[c * 128..(c + 1) * 128], Objective::default());
             *label = (0..15).min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap();
         }
         if round + 1 < found.iterations {
@@ -102,7 +122,7 @@ fn a_weight_is_that_many_points() {
     let repeated: Vec<f64> = points.chunks(128).zip(&weights).flat_map(|(row, w)| row.repeat(*w as usize)).collect();
     let plain = cluster(&repeated, &vec![1.0; repeated.len() / 128], &options(1)).unwrap();
     assert!((one.total - plain.total).abs() < 1e-10);
-    assert!(square(&one.centroids[0], &plain.centroids[0], 1.0) < 1e-24);
+    assert!(square(&one.centroids[0], &plain.centroids[0], Objective::default()) < 1e-24);
 }
 
 #[test]

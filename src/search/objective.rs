@@ -1,0 +1,147 @@
+//! What counts as alike: the objective of Hašan et al. 2010, equation 5, and two others. All are weighted sums of squares over the
+//! coefficients, so that bounds, fits and clusters hold for each of them.
+//!
+//! With coefficients R̂_i, i < n, at evenly spaced frequencies from 0, per channel:
+//!
+//! | norm | weight of (R̂_i − R̂_t,i)² | |
+//! | --- | --- | --- |
+//! | L2 | 1 | the paper's |
+//! | spatial | ∝ k_i Δk | by Parseval ∫ (R − R_t)² dA = (1/2π) ∫ (R̂ − R̂_t)² k dk |
+//! | relative | 1 / mean_j R̂_t,j² | a channel's error as a share of its target |
+//!
+//! The first, the albedo's, counts `dc_weight` times. A coefficient speaks for the ring of the frequency plane within half a step of it. At
+//! k = 0 that is a disc, an eighth of the first ring's area: small, but not the nothing that k dk would have. Spatial weights are
+//! scaled to 1 on average.
+
+use super::SearchTarget;
+
+/// Which errors count how much.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Norm {
+    /// Every coefficient alike.
+    #[default]
+    L2,
+    /// The square of the error of R(r), integrated over the surface.
+    Spatial,
+    /// The square of the error in each channel, over the mean square of the channel's target.
+    Relative,
+}
+
+/// What a search minimises.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Objective {
+    /// Which errors count how much.
+    pub norm: Norm,
+    /// Factor on the weight of the albedo, the first coefficient; finite, ≥ 0.
+    pub dc_weight: f64,
+}
+
+/// Root mean square of the coefficients below which a channel's target counts as black: relative errors there are taken as shares of this.
+/// It is the order of what the models are off by (docs/accuracy.md).
+pub(crate) const BLACK_RMS: f64 = 1e-3;
+
+impl Default for Objective {
+    /// The paper's.
+    fn default() -> Self {
+        Self { norm: Norm::L2, dc_weight: 1.0 }
+    }
+}
+
+impl Norm {
+    /// Every norm and its name in jobs and at the command line.
+    pub const ALL: [(&'static str, Self); 3] =
+        [("l2", Self::L2), ("spatial", Self::Spatial), ("relative", Self::Relative)];
+
+    /// Its name in jobs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::L2 => "l2",
+            Self::Spatial => "spatial",
+            Self::Relative => "relative",
+        }
+    }
+}
+
+impl Objective {
+    /// Weights of one channel of `coefficients` coefficients, whatever the target.
+    pub(crate) fn fixed_weights(&self, coefficients: usize) -> Vec<f64> {
+        let ring = |i: usize| if i == 0 { 0.125 } else { i as f64 };
+        let mut weights: Vec<f64> = match self.norm {
+            Norm::L2 | Norm::Relative => vec![1.0; coefficients],
+            Norm::Spatial => {
+                let scale = coefficients as f64 / (0..coefficients).map(ring).sum::<f64>();
+                (0..coefficients).map(|i| scale * ring(i)).collect()
+            }
+        };
+        if let Some(dc) = weights.first_mut() {
+            *dc *= self.dc_weight;
+        }
+        weights
+    }
+
+    /// Weights of one channel whose coefficients should be `target`.
+    pub fn weights(&self, target: &[f64]) -> Vec<f64> {
+        let mut weights = self.fixed_weights(target.len());
+        if self.norm == Norm::Relative {
+            let square: f64 = weights.iter().zip(target).map(|(weight, t)| weight * t * t).sum();
+            let mean = (square / target.len() as f64).max(BLACK_RMS * BLACK_RMS);
+            weights.iter_mut().for_each(|weight| *weight /= mean);
+        }
+        weights
+    }
+
+    /// Σ over channels and coefficients of weight · (R̂ − R̂_t)².
+    pub fn of(&self, reflection: &[Vec<f64>], target: &SearchTarget) -> f64 {
+        let channel = |(r, t): (&Vec<f64>, &Vec<f64>)| -> f64 {
+            let weights = self.weights(t);
+            r.iter().zip(t).zip(&weights).map(|((r, t), weight)| weight * (r - t) * (r - t)).sum()
+        };
+        reflection.iter().zip(&target.channels).map(channel).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::FrequencyGrid;
+
+    /// R = e^{−r²/2s²}/(2πs²) has R̂ = e^{−k²s²/2}: two of them differ by an integral that is known.
+    #[test]
+    fn spatial_weights_are_parsevals() {
+        let grid = FrequencyGrid::default();
+        let gaussian = |s: f64| -> Vec<f64> { grid.as_slice().iter().map(|k| (-k * k * s * s / 2.0).exp()).collect() };
+        let spatial = Objective { norm: Norm::Spatial, dc_weight: 1.0 };
+        // ∫ (R_a − R_b)² dA = 1/4πa² + 1/4πb² − 1/π(a² + b²)
+        let (pi, exact) =
+            (std::f64::consts::PI, |a: f64, b: f64| 1.0 / (a * a) + 1.0 / (b * b) - 4.0 / (a * a + b * b));
+        let step = grid.as_slice()[1];
+        let scale = spatial.weights(&gaussian(1.0))[1] / (step * step / (2.0 * pi));
+        for (a, b) in [(0.3, 0.5), (0.25, 1.0), (0.6, 0.7)] {
+            let found = spatial.of(&[gaussian(a)], &SearchTarget { channels: vec![gaussian(b)] }) / scale;
+            let exact = exact(a, b) / (4.0 * pi);
+            assert!((found / exact - 1.0).abs() < 1e-3, "{found} against {exact}");
+        }
+    }
+
+    #[test]
+    fn relative_errors_are_shares_of_the_target() {
+        let relative = Objective { norm: Norm::Relative, dc_weight: 1.0 };
+        let target = SearchTarget { channels: vec![vec![0.5, 0.3, 0.1], vec![0.05, 0.03, 0.01]] };
+        let scaled: Vec<Vec<f64>> =
+            target.channels.iter().map(|channel| channel.iter().map(|r| 1.1 * r).collect()).collect();
+        // A tenth off everywhere, in the bright channel and the dark one: 0.01 for each of six coefficients.
+        assert!((relative.of(&scaled, &target) - 0.06).abs() < 1e-12);
+        let black = SearchTarget { channels: vec![vec![0.0; 3]] };
+        assert!(relative.of(&[vec![1e-3; 3]], &black) <= 3.0 * (1.0 + 1e-12));
+    }
+
+    #[test]
+    fn weights_are_one_on_average() {
+        for (_, norm) in Norm::ALL {
+            let mean = Objective { norm, dc_weight: 1.0 }.fixed_weights(128).iter().sum::<f64>() / 128.0;
+            assert!((mean - 1.0).abs() < 1e-12, "{norm:?}: {mean}");
+        }
+        let dc = |dc_weight| Objective { norm: Norm::Spatial, dc_weight }.fixed_weights(128)[0];
+        assert!((dc(10.0) - 10.0 * dc(1.0)).abs() < 1e-12 && dc(1.0) > 0.0);
+    }
+}

@@ -1,0 +1,104 @@
+//! Jobs in colour: seven resins in three channels under a texture of four colours.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::support::{Bench, JOB};
+
+/// A box with texture coordinates: its top sees the four texels, its other sides the first.
+const BOX: &str = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 0 0 4\nv 4 0 4\nv 4 4 4\nv 0 4 4\n\
+    vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 0.1 0.9\n\
+    f 5/1 6/2 7/3\nf 5/1 7/3 8/4\nf 1/5 3/5 2/5\nf 1/5 4/5 3/5\nf 1/5 2/5 6/5\nf 1/5 6/5 5/5\n\
+    f 2/5 3/5 7/5\nf 2/5 7/5 6/5\nf 3/5 4/5 8/5\nf 3/5 8/5 7/5\nf 4/5 1/5 5/5\nf 4/5 5/5 8/5\n";
+
+const COLOURS: [[u8; 3]; 4] = [[200, 60, 60], [60, 160, 80], [70, 80, 180], [200, 190, 180]];
+
+fn job(bench: &Bench, stacking: &str) {
+    bench.write("box.obj", BOX.as_bytes());
+    let mut texture = Vec::new();
+    let mut encoder = png::Encoder::new(&mut texture, 2, 2);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().unwrap().write_image_data(COLOURS.as_flattened()).unwrap();
+    bench.write("colours.png", &texture);
+    let target = "kind = \"texture\"\nalbedo = \"colours.png\"\nmean-free-path-mm = 0.3";
+    let job = JOB
+        .replace("cube.stl", "box.obj")
+        .replace("synthetic", "inks-rgb-7")
+        .replace("kind = \"stacking\"\nstack = \"white:0.5,support:0.6\"", target)
+        .replace(
+            "core = \"black\"",
+            &format!("core = \"black\"\nmax-thickness-mm = 1.5\nunits = 32\ndepth = 4\n{stacking}"),
+        );
+    bench.write("job.toml", job.as_bytes());
+}
+
+fn linear(encoded: u8) -> f64 {
+    let value = f64::from(encoded) / 255.0;
+    if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}
+
+#[test]
+fn every_colour_of_a_texture_gets_its_layers() {
+    let bench = Bench::new();
+    job(&bench, "");
+    let ran = bench.slice("out");
+    assert!(ran.stderr.contains("invented"), "{}", ran.stderr);
+    let text = fs::read(bench.path("out/stackings.json")).unwrap();
+    let json: Value = serde_json::from_slice(&text).unwrap();
+    let object = if json.is_array() { &json[0] } else { &json["objects"][0] };
+    let stackings = object["stackings"].as_array().unwrap();
+    assert_eq!(stackings.len(), 4);
+    for stacking in stackings {
+        let channels = |key: &str| -> Vec<f64> {
+            stacking[key].as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()
+        };
+        let (asked, predicted) = (channels("target_albedo"), channels("predicted_albedo"));
+        let known = COLOURS.iter().any(|colour| colour.iter().zip(&asked).all(|(c, a)| (linear(*c) - a).abs() < 1e-3));
+        assert!(known, "{asked:?}");
+        assert_eq!(stacking["search"]["proven"], true);
+        // Reddish stays reddish: the largest channel is the largest. The fourth is nearly grey.
+        let largest = |values: &[f64]| (0..3).max_by(|&a, &b| values[a].total_cmp(&values[b]));
+        let grey = asked.iter().all(|albedo| *albedo > 0.4);
+        assert!(grey || largest(&asked) == largest(&predicted), "{stacking}");
+    }
+    bench.run(["verify", "out"]).exits(0);
+}
+
+/// Where all points are clusters of their own, objectives differ in the layers they choose, and both are proven.
+#[test]
+fn a_job_may_choose_its_objective() {
+    let bench = Bench::new();
+    let objectives = ["l2", "spatial", "relative"].map(|objective| {
+        job(&bench, &format!("objective = \"{objective}\""));
+        bench.slice(objective);
+        assert_eq!(bench.manifest(objective)["job"]["stacking"]["objective"], objective);
+        fs::read(bench.path(objective).join("stackings.json")).unwrap()
+    });
+    assert!(objectives[0] != objectives[1] && objectives[0] != objectives[2]);
+    job(&bench, "objective = \"spatail\"");
+    bench.run(["slice", "job.toml"]).refuses(2, &["stacking.objective", "did you mean `spatial`?"]);
+}
+
+#[test]
+fn profiles_are_given_once_or_for_each_channel() {
+    let bench = Bench::new();
+    let stack = ["--stack", "cyan:0.3,white:1", "--core", "black", "--csv", "p.csv"];
+    bench.run(["predict", "--materials", "inks-rgb-7"].iter().chain(&stack)).exits(0);
+    let job = |profile: &str| {
+        let target = format!("kind = \"profile\"\nprofile = {profile}");
+        let job = JOB
+            .replace("synthetic", "inks-rgb-7")
+            .replace("kind = \"stacking\"\nstack = \"white:0.5,support:0.6\"", &target);
+        bench.write("job.toml", job.replace("core = \"black\"", "core = \"black\"\ndepth = 4").as_bytes());
+    };
+    job("[\"p-R.csv\", \"p-G.csv\", \"p-B.csv\"]");
+    bench.slice("three");
+    let json: Value = serde_json::from_slice(&fs::read(bench.path("three/stackings.json")).unwrap()).unwrap();
+    let object = if json.is_array() { &json[0] } else { &json["objects"][0] };
+    assert_eq!(object["stackings"][0]["layers"][0]["resin"], "cyan", "{object}");
+    job("[\"p-R.csv\", \"p-G.csv\"]");
+    bench.run(["slice", "job.toml"]).refuses(2, &["target.profile", "2 paths", "one for each of 3 channels"]);
+    job("[]");
+    bench.run(["slice", "job.toml"]).refuses(2, &["target.profile", "an empty array", "one for each channel"]);
+}
