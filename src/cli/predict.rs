@@ -44,6 +44,9 @@ pub struct PredictArgs {
     /// Light from all directions, or a pencil beam straight down (not with km).
     #[arg(long, value_enum, default_value_t = Source::Diffuse, help_heading = "Light")]
     light: Source,
+    /// Root mean square error of the reflection over spatial frequencies that transport may have: 1e-3 to 3e-5; chooses the number of directions.
+    #[arg(long, value_name = "RMS", default_value_t = 1e-4, value_parser = parse_accuracy, help_heading = "Light")]
+    accuracy: f64,
     /// Photons per channel, at least 2 (monte-carlo only); default 2000000.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Light")]
     photons: Option<u64>,
@@ -66,6 +69,11 @@ enum Model {
     Km,
     Transport,
     MonteCarlo,
+}
+
+fn parse_accuracy(text: &str) -> Result<f64, String> {
+    let valid = |accuracy: &f64| (3e-5..=1e-3).contains(accuracy);
+    text.parse().ok().filter(valid).ok_or_else(|| "expected 3e-5 to 1e-3".to_owned())
 }
 
 fn parse_model(text: &str) -> Result<Model, String> {
@@ -96,8 +104,11 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
     if model != Model::Km {
         let names: Vec<&str> = layers.iter().map(|(name, _)| name.as_str()).chain(args.core.as_deref()).collect();
         let refused = materials.fit(Some(&names), &bars)?;
-        refused.iter().for_each(|reason| say(&format!("warning: {reason}")));
-        if !refused.is_empty() && model == Model::Transport && args.light == Source::Diffuse {
+        if let Some(reason) = refused.first() {
+            if model == Model::MonteCarlo || args.light == Source::Normal {
+                bail!("{}: {reason}", args.materials.display());
+            }
+            // Loading says what was refused, and why.
             say("warning: predicting by Kubelka-Munk instead");
             model = Model::Km;
         }
@@ -187,7 +198,7 @@ impl PredictArgs {
 
     fn transport(&self, file: &MaterialFile, layers: &[(String, f64)]) -> anyhow::Result<Prediction> {
         let (layers, core) = self.volumes(file, layers)?;
-        let options = TransportOptions::default();
+        let options = TransportOptions::for_accuracy(self.accuracy, self.light());
         Ok(Prediction::transport(file.channels(), &layers, core, self.light(), options))
     }
 

@@ -58,18 +58,30 @@ fn refined_layers_do_what_was_promised() {
     }
 }
 
+/// A profile that falls as e^{−r}: no slab has it.
+pub fn no_resins_profile() -> String {
+    let row = |i: i32| {
+        let (r, fall) = (0.05 * f64::from(i), (-0.05 * f64::from(i)).exp());
+        format!("{r},{},{}\n", 0.05 * fall, 0.03 * fall)
+    };
+    "r_mm,reflection_per_mm2,transmission_per_mm2\n".to_owned() + &(1..300).map(row).collect::<String>()
+}
+
 #[test]
 fn what_cannot_be_refined_is_refused() {
     let target = ["--albedo", "0.4", "--mean-free-path-mm", "0.5"];
     find(&[&target[..], &["--min-layer-mm", "0.1"]].concat()).refuses(2, &["--min-layer-mm", "--model transport"]);
     let bench = Bench::new();
-    bench.run(["predict", "--materials", "synthetic", "--stack", "white:1", "--csv", "p.csv"]).exits(0);
+    bench.write("p.csv", no_resins_profile().as_bytes());
     bench.write(
         "m.toml",
         b"[[resin]]\nname = \"glass\"\nrgba = [1, 2, 3]\ndensity-g-per-cm3 = 1\nreflection = \"p.csv\"\nthickness-mm = 1",
     );
     let by_profile = ["match", "--materials", "m.toml", "--model", "transport"];
-    bench.run(by_profile.iter().chain(&target)).refuses(2, &["m.toml", "glass", "no coefficients"]);
+    let ran = bench.run(by_profile.iter().chain(&target)).exits(0);
+    assert!(ran.stderr.contains("glass") && ran.stderr.contains("by Kubelka-Munk instead"), "{}", ran.stderr);
+    let judged = by_profile.iter().chain(&target).chain(&["--photons", "1000"]);
+    bench.run(judged).refuses(2, &["m.toml", "glass", "no coefficients"]);
     // Neither one step nor none keeps 0.2 mm.
     let steps = ["--model", "transport", "--layer-step-mm", "3", "--max-thickness-mm", "2"];
     let ran = find(&[&target[..], &steps].concat()).exits(1);

@@ -18,6 +18,7 @@ fn json_has_the_agreed_form() {
         "k_rad_per_mm",
         "reflection_hankel",
         "transmission_hankel",
+        "glint",
         "half_energy_radius_mm",
     ];
     assert_eq!(keys(&json), expected);
@@ -121,8 +122,11 @@ fn a_resin_without_coefficients_has_no_photons_to_trace() {
     let ran = bench.run(["predict", "--materials", "m.toml", "--stack", "glass:1", "--json"]).exits(0);
     assert!((ran.json()["reflection"][0].as_f64().unwrap() - 0.55).abs() < 0.1);
     assert!(!ran.stderr.contains("note:"), "only built-in sets are no measurement: {}", ran.stderr);
+    bench.write("p.csv", crate::matching::no_resins_profile().as_bytes());
     let ran = bench.run(["predict", "--materials", "m.toml", "--stack", "glass:1", "--model", "monte-carlo"]);
-    ran.refuses(2, &["glass", "found no coefficients"]);
+    ran.refuses(2, &["glass", "no coefficients fit"]);
+    let ran = bench.run(["predict", "--materials", "m.toml", "--stack", "glass:1", "--model", "transport"]).exits(0);
+    assert!(ran.stderr.contains("by Kubelka-Munk instead") && ran.stdout.contains("Kubelka-Munk"), "{}", ran.stderr);
 }
 
 #[test]
