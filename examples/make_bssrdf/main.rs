@@ -6,7 +6,7 @@
 //!                                              [--photons N] [--noise SHARE] [--floor PER_MM2] [--seed N]
 //! ```
 
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program")]
+#![allow(clippy::print_stderr)] // a program, if a small one
 
 mod exact;
 mod files;

@@ -102,12 +102,8 @@ pub fn make(request: &Request) -> Result<(), String> {
             total += response.share.iter().map(|v| f64::from(*v)).sum::<f64>();
             signal += response.share.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
         }
-        eprint!("\r{} of {rows} rows", rows - row);
     }
-    eprintln!(
-        "\nnoise of the photons: {:.2}% of the data, root of the sums of squares",
-        100.0 * (noise / signal).sqrt()
-    );
+    eprintln!("noise of the photons: {:.2}% of the data, root of the sums of squares", 100.0 * (noise / signal).sqrt());
     // A photon that leaves carries about this weight: variance per value, per mm².
     let gain = noise / (total * f64::from(area));
     files::finish(request, out, &albedo, &format!("noise-gain-per-mm2 = {gain:.3e}\n"))

@@ -14,6 +14,14 @@ pub(super) struct Texels {
     rings: usize,
 }
 
+/// Scales energies down so that they hold no more than `most`.
+fn limit(energies: &mut [f64], most: f64) {
+    let sum: f64 = energies.iter().sum();
+    if sum > most {
+        energies.iter_mut().for_each(|energy| *energy *= most.max(0.0) / sum);
+    }
+}
+
 /// Windows with at least this share of every ring are taken as measured.
 const WHOLE: f32 = 0.999;
 
@@ -57,9 +65,15 @@ impl Texels {
                 let whole = (0..rings.len()).all(|ring| factors.availability.at(ring, texel) > WHOLE);
                 let within = if whole { factors.energy[texel] } else { window.iter().sum() };
                 let albedo = albedo(texel);
-                let (tail, kind) = tail_rings.tail(&profile, albedo.map(|albedo| albedo - within));
+                let (mut tail, kind) = tail_rings.tail(&profile, albedo.map(|albedo| albedo - within));
+                let mut continued = tail_rings.tail(&profile, None).0;
+                // A slope taken from noise may promise more light than there is.
+                limit(&mut continued, 1.0 - within);
+                if kind == TailKind::Continued {
+                    tail.copy_from_slice(&continued);
+                }
                 beyond.copy_from_slice(&tail);
-                let continued = tail_rings.tail(&profile, None).0.iter().sum();
+                let continued = continued.iter().sum();
                 Told { kind, within, beyond: tail.iter().sum(), continued, albedo }
             })
             .collect();
