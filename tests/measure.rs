@@ -259,7 +259,7 @@ fn predictions_from_the_measurement_hold() {
         );
         // Kubelka–Munk itself is 1% high for 2 mm of white; what measuring adds is far less.
         assert!(albedo.abs() < 0.0125 && half.abs() < 0.03, "{stack:?}: {albedo}, {half}");
-        assert!(own_albedo.abs() < 0.003 && own_half.abs() < 0.01, "{stack:?}: {own_albedo}, {own_half}");
+        assert!(own_albedo.abs() < 0.005 && own_half.abs() < 0.01, "{stack:?}: {own_albedo}, {own_half}");
     }
 }
 

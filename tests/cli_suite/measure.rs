@@ -61,7 +61,7 @@ fn refused(bench: &Bench, from: &str, to: &str, parts: &[&str]) {
 #[test]
 fn keys_and_values_are_checked() {
     let bench = bench();
-    refused(&bench, "card-albedo", "card-albdeo", &["capture.toml:20", "did you mean `card-albedo`?"]);
+    refused(&bench, "card-albedo", "card-albdeo", &["capture.toml:19", "did you mean `card-albedo`?"]);
     refused(&bench, "thickness-mm = 3.0", "thickness-mm = -3", &["capture.toml:6", "thickness-mm", "-3"]);
     refused(&bench, "date = \"2010-05-01\"\n", "", &["date", "found nothing"]);
     refused(&bench, "[\"1/15\", 1.0]", "[\"1/15\"]", &["exposures-s", "found 1 times, expected 2: one per picture"]);
@@ -94,6 +94,9 @@ fn pictures_are_checked() {
 #[test]
 fn pictures_without_a_measurement_are_refused() {
     let bench = bench();
+    for name in ["r-0.png", "r-1.png"] {
+        fs::write(bench.path(name), png(64, 64, 512)).unwrap();
+    }
     refused(&bench, "[resin]", "[resin]", &["reflection: light", "none in any exposure"]);
     for name in ["r-0.png", "r-1.png"] {
         fs::write(bench.path(name), png(64, 64, 16_383)).unwrap();
