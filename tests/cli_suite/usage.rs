@@ -3,7 +3,7 @@
 use crate::support::{keys, run};
 
 /// Every command with the flags that scripts may use.
-const COMMANDS: [(&str, &[&str]); 14] = [
+const COMMANDS: [(&str, &[&str]); 15] = [
     ("slice", &["--output", "--overwrite", "--slices <A..B>", "--dry-run", "--json"]),
     (
         "predict",
