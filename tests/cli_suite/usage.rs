@@ -48,7 +48,10 @@ const COMMANDS: [(&str, &[&str]); 15] = [
             "--json",
         ],
     ),
-    ("compare", &["OUT", "--map", "--dataset", "--materials", "--photons", "--seed", "--output", "--overwrite", "--json"]),
+    (
+        "compare",
+        &["OUT", "--map", "--dataset", "--materials", "--photons", "--seed", "--output", "--overwrite", "--json"],
+    ),
     ("preview", &["OUT"]),
     ("verify", &["OUT", "--json"]),
     ("printers", &["--json"]),
