@@ -11,6 +11,7 @@ use lumislice::{
     optics::{ChannelPrediction, EdgeResponse},
     plot::{Axis, Figure, Panel, Raster, Rgb, Series, Shape, viridis},
     search::{BlockTable, Match, RefineOptions, Refined, Refiner, SearchTarget, place_of},
+    slice::Existing,
 };
 
 use super::{
@@ -189,8 +190,8 @@ fn slice(options: &Options, resins: &Resins, found: &[(Match, Refined)]) -> Outc
     let path = folder.join("slabs.toml");
     fs::write(&path, &text)?;
     let prepared = Prepared::new(Job::load(&path)?, &Silent, &Interrupt::new())?;
-    let run = RunOptions { overwrite: true, slices: None };
-    let manifest = job::run(&prepared, &folder.join("out"), &run, &Silent, &Interrupt::new())?;
+    let run = RunOptions { existing: Existing::Overwrite, slices: None };
+    let manifest = job::run(&prepared, &folder.join("out"), &run, &Silent, &Interrupt::new())?.manifest;
     println!(
         "\nsliced: {} × {} × {} voxels",
         prepared.lattice.dims[0], prepared.lattice.dims[1], prepared.lattice.dims[2]
