@@ -44,6 +44,7 @@
 //! ```
 
 pub mod job;
+pub mod measure;
 pub mod mesh;
 pub mod optics;
 pub mod plot;

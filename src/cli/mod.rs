@@ -5,10 +5,14 @@
 
 mod compare;
 mod factor;
+mod gamut;
+mod match_plot;
 mod match_target;
 mod material;
 mod materials;
+mod measure;
 mod output_file;
+mod plots;
 mod predict;
 mod preview;
 mod printers;
@@ -28,6 +32,7 @@ use std::{
 use clap::{Parser, Subcommand};
 use lumislice::{
     job::{Blame, CompareError, FactorError, Interrupt, RedrawError, RunError, verify::VerifyError},
+    measure::MeasureError,
     optics::OpticsError,
 };
 
@@ -44,9 +49,10 @@ enum Command {
     Slice(slice::SliceArgs),
     Predict(predict::PredictArgs),
     Match(match_target::MatchArgs),
+    Gamut(gamut::GamutArgs),
     Material(material::MaterialArgs),
-    Compare(compare::CompareArgs),
     Factor(factor::FactorArgs),
+    Compare(compare::CompareArgs),
     Preview(preview::PreviewArgs),
     Verify(verify::VerifyArgs),
     Printers(printers::PrintersArgs),
@@ -82,9 +88,10 @@ pub fn run() -> ExitCode {
         Command::Slice(args) => slice::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Match(args) => match_target::run(args),
+        Command::Gamut(args) => gamut::run(args),
         Command::Material(args) => material::run(args),
-        Command::Compare(args) => compare::run(args),
         Command::Factor(args) => factor::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Preview(args) => preview::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Printers(args) => printers::run(args),
@@ -126,6 +133,8 @@ fn exit_code(error: &anyhow::Error) -> u8 {
         error.blame()
     } else if let Some(OpticsError::Cancelled) = error.downcast_ref() {
         Blame::Interrupt
+    } else if let Some(error) = error.downcast_ref::<MeasureError>() {
+        if matches!(error, MeasureError::Cancelled) { Blame::Interrupt } else { Blame::Input }
     } else if error.downcast_ref::<io::Error>().is_some() {
         // What is left of plain I/O errors comes from writing to stdout or a file the user named.
         Blame::Disk

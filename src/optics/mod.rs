@@ -14,6 +14,7 @@
 
 mod coefficient_fit;
 mod composite;
+mod edge;
 mod error;
 mod frequency;
 mod fresnel;
@@ -33,6 +34,7 @@ mod volume;
 
 pub use coefficient_fit::{CoefficientFit, FitRefusal, MAX_FIT_RESIDUAL, MeasuredSlab, fit_coefficients};
 pub use composite::Composite;
+pub use edge::EdgeResponse;
 pub use error::OpticsError;
 pub use frequency::FrequencyGrid;
 pub use hankel::ProfileSpectrum;
@@ -42,6 +44,7 @@ pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinSpectrum,
     SimulatedProfile, SlabPlan, SpectrumError, regenerate_builtin, simulate_profile,
 };
+pub(crate) use materials::{resin_table, toml_source};
 pub use monte_carlo::voxels;
 pub use monte_carlo::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges};
 pub use prediction::{ChannelPrediction, PhotonOptions, PredictedRing, Prediction};

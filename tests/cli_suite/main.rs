@@ -12,9 +12,11 @@
 
 mod compare;
 mod factor;
+mod gamut;
 mod interrupt;
 mod matching;
 mod material;
+mod measure;
 mod predict;
 mod slice_bad;
 mod slice_bssrdf;

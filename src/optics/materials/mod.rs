@@ -6,11 +6,11 @@
 
 mod builtin;
 mod file;
-mod resin_table;
+pub(crate) mod resin_table;
 mod simulate;
 mod slabs;
 mod spectra;
-mod toml_source;
+pub(crate) mod toml_source;
 
 use super::{CoefficientFit, FrequencyGrid, KubelkaMunk, RadialProfile, SlabSpectrum, VolumeCoefficients};
 pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};

@@ -25,9 +25,9 @@ const RESIN_KEYS: [&str; 13] = [
 ];
 const SLAB_KEYS: [&str; 3] = ["reflection", "transmission", "thickness-mm"];
 /// Thickest slab accepted, mm.
-const MAX_THICKNESS_MM: f64 = 100.0;
+pub(crate) const MAX_THICKNESS_MM: f64 = 100.0;
 /// Densities from foam to tungsten-filled; a value outside is in other units.
-const DENSITY: std::ops::RangeInclusive<f64> = 0.1..=25.0;
+pub(crate) const DENSITY: std::ops::RangeInclusive<f64> = 0.1..=25.0;
 
 /// A resin as the file has it.
 #[derive(Debug, Clone)]
@@ -190,13 +190,13 @@ impl Draft {
 }
 
 /// Names go into stackings (`white:2.0,…`) and file names.
-pub(super) fn is_name(name: &str) -> bool {
+pub(crate) fn is_name(name: &str) -> bool {
     name.starts_with(char::is_alphanumeric)
         && name.ends_with(|c: char| c.is_alphanumeric() || "-_+".contains(c))
         && name.chars().all(|c| c.is_alphanumeric() || " -_+.".contains(c))
 }
 
-fn rgba(keys: &Keys<'_, '_>) -> Result<At<[u8; 4]>, OpticsError> {
+pub(crate) fn rgba(keys: &Keys<'_, '_>) -> Result<At<[u8; 4]>, OpticsError> {
     let expected = "[red, green, blue] or [red, green, blue, alpha], integers of 0 to 255";
     let numbers = keys.numbers("rgba")?.ok_or_else(|| keys.missing("rgba", expected))?;
     let byte = |number: &At<f64>| {

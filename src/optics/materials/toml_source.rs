@@ -10,21 +10,21 @@ use crate::optics::error::nearest;
 
 /// A text and what to call it in errors.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Source<'a> {
-    pub(super) text: &'a str,
-    pub(super) path: &'a Path,
+pub(crate) struct Source<'a> {
+    pub(crate) text: &'a str,
+    pub(crate) path: &'a Path,
 }
 
 impl<'a> Source<'a> {
     /// The document's top table.
-    pub(super) fn parse(&self) -> Result<Spanned<DeTable<'a>>, OpticsError> {
+    pub(crate) fn parse(&self) -> Result<Spanned<DeTable<'a>>, OpticsError> {
         DeTable::parse(self.text).map_err(|error| {
             let start = error.span().map(|span| span.start);
             self.error(start, "syntax", error.message().lines().next().unwrap_or("an error").into(), "TOML".into())
         })
     }
 
-    pub(super) fn error(&self, at: Option<usize>, element: &str, found: String, expected: String) -> OpticsError {
+    pub(crate) fn error(&self, at: Option<usize>, element: &str, found: String, expected: String) -> OpticsError {
         let line =
             at.map(|at| 1 + self.text.as_bytes()[..at.min(self.text.len())].iter().filter(|b| **b == b'\n').count());
         OpticsError::Entry { file: self.path.to_path_buf(), line, element: element.into(), found, expected }
@@ -32,30 +32,30 @@ impl<'a> Source<'a> {
 }
 
 /// One table, with what to call it in errors.
-pub(super) struct Keys<'a, 't> {
-    pub(super) source: Source<'a>,
-    pub(super) table: &'t DeTable<'a>,
+pub(crate) struct Keys<'a, 't> {
+    pub(crate) source: Source<'a>,
+    pub(crate) table: &'t DeTable<'a>,
     /// Byte at which the table starts.
-    pub(super) start: usize,
+    pub(crate) start: usize,
     /// Said before each key in errors, such as `resin 2 (white): `.
-    pub(super) prefix: String,
+    pub(crate) prefix: String,
 }
 
 /// A value that has been read, and the byte it stands at.
-pub(super) struct At<T> {
-    pub(super) value: T,
-    pub(super) at: usize,
+pub(crate) struct At<T> {
+    pub(crate) value: T,
+    pub(crate) at: usize,
 }
 
 /// Strings, and whether they stood in an array.
-pub(super) struct Strings {
-    pub(super) items: Vec<At<String>>,
-    pub(super) is_array: bool,
+pub(crate) struct Strings {
+    pub(crate) items: Vec<At<String>>,
+    pub(crate) is_array: bool,
 }
 
 impl<'a, 't> Keys<'a, 't> {
     /// Complains about keys that are not known, naming the nearest that is.
-    pub(super) fn reject_unknown(&self, known: &[&str]) -> Result<(), OpticsError> {
+    pub(crate) fn reject_unknown(&self, known: &[&str]) -> Result<(), OpticsError> {
         for key in self.table.keys() {
             let name: &str = key.get_ref();
             if !known.contains(&name) {
@@ -69,12 +69,12 @@ impl<'a, 't> Keys<'a, 't> {
         Ok(())
     }
 
-    pub(super) fn error(&self, at: usize, key: &str, found: String, expected: String) -> OpticsError {
+    pub(crate) fn error(&self, at: usize, key: &str, found: String, expected: String) -> OpticsError {
         self.source.error(Some(at), &format!("{}{key}", self.prefix), found, expected)
     }
 
     /// A complaint about a value out of range.
-    pub(super) fn wrong<T: std::fmt::Display>(&self, key: &str, found: &At<T>, expected: &str) -> OpticsError {
+    pub(crate) fn wrong<T: std::fmt::Display>(&self, key: &str, found: &At<T>, expected: &str) -> OpticsError {
         self.error(found.at, key, found.value.to_string(), expected.into())
     }
 
@@ -82,15 +82,15 @@ impl<'a, 't> Keys<'a, 't> {
         self.error(value.span().start, key, kind(value.get_ref()), expected.into())
     }
 
-    pub(super) fn get(&self, key: &str) -> Option<&'t Spanned<DeValue<'a>>> {
+    pub(crate) fn get(&self, key: &str) -> Option<&'t Spanned<DeValue<'a>>> {
         self.table.iter().find(|(name, _)| name.get_ref() == key).map(|(_, value)| value)
     }
 
-    pub(super) fn missing(&self, key: &str, expected: &str) -> OpticsError {
+    pub(crate) fn missing(&self, key: &str, expected: &str) -> OpticsError {
         self.error(self.start, key, "nothing".into(), expected.into())
     }
 
-    pub(super) fn string(&self, key: &str) -> Result<Option<At<String>>, OpticsError> {
+    pub(crate) fn string(&self, key: &str) -> Result<Option<At<String>>, OpticsError> {
         let Some(value) = self.get(key) else { return Ok(None) };
         self.as_string(key, value, "a string").map(Some)
     }
@@ -103,7 +103,7 @@ impl<'a, 't> Keys<'a, 't> {
     }
 
     /// One string or an array of them.
-    pub(super) fn strings(&self, key: &str) -> Result<Option<Strings>, OpticsError> {
+    pub(crate) fn strings(&self, key: &str) -> Result<Option<Strings>, OpticsError> {
         let Some(value) = self.get(key) else { return Ok(None) };
         let expected = "a string or an array of strings";
         match value.get_ref().as_array() {
@@ -115,7 +115,7 @@ impl<'a, 't> Keys<'a, 't> {
         }
     }
 
-    pub(super) fn number(&self, key: &str) -> Result<Option<At<f64>>, OpticsError> {
+    pub(crate) fn number(&self, key: &str) -> Result<Option<At<f64>>, OpticsError> {
         let Some(value) = self.get(key) else { return Ok(None) };
         self.as_number(key, value, "a number").map(Some)
     }
@@ -135,7 +135,7 @@ impl<'a, 't> Keys<'a, 't> {
     }
 
     /// An array of numbers.
-    pub(super) fn numbers(&self, key: &str) -> Result<Option<At<Vec<At<f64>>>>, OpticsError> {
+    pub(crate) fn numbers(&self, key: &str) -> Result<Option<At<Vec<At<f64>>>>, OpticsError> {
         let Some(value) = self.get(key) else { return Ok(None) };
         let Some(array) = value.get_ref().as_array() else {
             return Err(self.wrong_type(key, value, "an array of numbers"));
@@ -145,7 +145,7 @@ impl<'a, 't> Keys<'a, 't> {
     }
 
     /// One number for all channels, or an array of one per channel.
-    pub(super) fn per_channel(&self, key: &str, channels: usize) -> Result<Option<Vec<At<f64>>>, OpticsError> {
+    pub(crate) fn per_channel(&self, key: &str, channels: usize) -> Result<Option<Vec<At<f64>>>, OpticsError> {
         let Some(value) = self.get(key) else { return Ok(None) };
         if !value.get_ref().is_array() {
             let one = self.as_number(key, value, "a number, or an array of one per channel")?;
@@ -162,7 +162,7 @@ impl<'a, 't> Keys<'a, 't> {
 }
 
 /// The type of a value with its article.
-pub(super) fn kind(value: &DeValue<'_>) -> String {
+pub(crate) fn kind(value: &DeValue<'_>) -> String {
     match value.type_str() {
         kind @ ("integer" | "array") => format!("an {kind}"),
         kind => format!("a {kind}"),
@@ -170,7 +170,7 @@ pub(super) fn kind(value: &DeValue<'_>) -> String {
 }
 
 /// Where the files a material file names come from.
-pub(super) enum Folder<'a> {
+pub(crate) enum Folder<'a> {
     /// The folder of the material file.
     Disk(PathBuf),
     /// Texts compiled in, by name.
@@ -179,7 +179,7 @@ pub(super) enum Folder<'a> {
 
 impl Folder<'_> {
     /// Path for messages, and the text.
-    pub(super) fn read(&self, name: &str) -> Result<(PathBuf, String), OpticsError> {
+    pub(crate) fn read(&self, name: &str) -> Result<(PathBuf, String), OpticsError> {
         match self {
             Self::Disk(folder) => {
                 let file = folder.join(name);

@@ -1,0 +1,470 @@
+//! Reading and checking a capture file. `docs/measure.md` lists every key.
+
+use std::path::{Path, PathBuf};
+
+use toml::Spanned;
+use toml::de::DeValue;
+
+use super::files::matching;
+use super::{Albedo, Aperture, Camera, Capture, Exposure, Rect, ResinFacts, Series};
+use crate::measure::MeasureError;
+use crate::measure::frame::{self, ColourPlane, Header};
+use crate::optics::OpticsError;
+use crate::optics::resin_table::{DENSITY, MAX_THICKNESS_MM, is_name, rgba};
+use crate::optics::toml_source::{At, Keys, Source, kind};
+
+type Result<T> = std::result::Result<T, MeasureError>;
+
+const TOP_KEYS: [&str; 5] = ["resin", "camera", "profile", "reflection", "transmission"];
+const RESIN_KEYS: [&str; 7] = ["name", "rgba", "density-g-per-cm3", "thickness-mm", "print-as", "notes", "date"];
+const CAMERA_KEYS: [&str; 9] = [
+    "model",
+    "channels",
+    "black-level",
+    "saturation-level",
+    "gain-e-per-dn",
+    "read-noise-e",
+    "linear",
+    "mm-per-pixel",
+    "distance-mm",
+];
+const PROFILE_KEYS: [&str; 1] = ["bin-mm"];
+const SERIES_KEYS: [&str; 11] = [
+    "frames",
+    "exposures-s",
+    "dark",
+    "dark-exposures-s",
+    "aperture-mm",
+    "aperture",
+    "mm-per-pixel",
+    "ruler-px",
+    "ruler-mm",
+    "distance-mm",
+    "albedo",
+];
+const ALBEDO_KEYS: [&str; 13] = [
+    "value",
+    "error",
+    "picture",
+    "dark",
+    "card",
+    "sample",
+    "card-albedo",
+    "card-error",
+    "with",
+    "without",
+    "region",
+    "with-exposure-s",
+    "without-exposure-s",
+];
+/// Spacing of the profile in the paper, mm.
+const DEFAULT_BIN_MM: f64 = 0.044;
+/// Largest capture file accepted, bytes.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// Bounds that catch slips of unit.
+mod bounds {
+    use std::ops::RangeInclusive;
+    pub(super) const LEVEL: RangeInclusive<f64> = -1e6..=1e9;
+    pub(super) const GAIN: RangeInclusive<f64> = 1e-4..=1e7;
+    pub(super) const READ_NOISE: RangeInclusive<f64> = 0.0..=1e4;
+    pub(super) const MM_PER_PIXEL: RangeInclusive<f64> = 1e-4..=5.0;
+    pub(super) const DISTANCE: RangeInclusive<f64> = 5.0..=1e4;
+    pub(super) const BIN: RangeInclusive<f64> = 1e-3..=5.0;
+    pub(super) const APERTURE: RangeInclusive<f64> = 1e-4..=10.0;
+    pub(super) const SECONDS: RangeInclusive<f64> = 1e-6..=1e5;
+    pub(super) const SHARE: RangeInclusive<f64> = 0.0..=1.0;
+    pub(super) const RULER: RangeInclusive<f64> = 0.1..=1e4;
+    pub(super) const PIXEL: RangeInclusive<f64> = 0.0..=1e6;
+}
+
+/// A table of the file and where its pictures are.
+struct Reader<'a, 't> {
+    keys: Keys<'a, 't>,
+    folder: &'t Path,
+}
+
+/// Reads a capture file and the headers of its pictures.
+pub(super) fn capture(path: &Path) -> Result<Capture> {
+    let disk = |source| OpticsError::File { file: path.to_path_buf(), source };
+    let size = std::fs::metadata(path).map_err(disk)?.len();
+    if size > MAX_BYTES {
+        let expected = format!("a capture file of at most {MAX_BYTES}");
+        return Err(MeasureError::frame(path, format!("{size} bytes"), expected));
+    }
+    let text = std::fs::read_to_string(path).map_err(disk)?;
+    let source = Source { text: &text, path };
+    let document = source.parse()?;
+    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+    let keys = Keys { source, table: document.get_ref(), start: 0, prefix: String::new() };
+    keys.reject_unknown(&TOP_KEYS)?;
+    let top = Reader { keys, folder: &folder };
+
+    let resin_table = top.require("resin", &RESIN_KEYS)?;
+    let resin = resin_table.resin()?;
+    let date = resin_table.keys.string("date")?.map(|date| date.value);
+    let date = date.ok_or_else(|| resin_table.keys.missing("date", "when the pictures were taken"))?;
+    let camera_table = top.require("camera", &CAMERA_KEYS)?;
+    let mut camera = camera_table.camera()?;
+    let planes = camera_table.planes()?;
+    let bin_mm = match top.table("profile", &PROFILE_KEYS)? {
+        Some(table) => table.number("bin-mm", bounds::BIN)?.unwrap_or(DEFAULT_BIN_MM),
+        None => DEFAULT_BIN_MM,
+    };
+    let series = |name| top.require(name, &SERIES_KEYS)?.series(&camera_table, &planes, name, &camera);
+    let ((reflection, header), (transmission, _)) = (series("reflection")?, series("transmission")?);
+    // What the file knows of its sensor, the user need not say.
+    camera.black_level = camera.black_level.or(header.black_level);
+    camera.saturation_level = camera.saturation_level.or(header.saturation_level);
+    Ok(Capture { path: path.to_path_buf(), resin, date, planes, camera, bin_mm, reflection, transmission })
+}
+
+impl<'a, 't> Reader<'a, 't> {
+    /// The table under `name`, none of whose keys is unknown.
+    fn table(&self, name: &str, known: &[&str]) -> Result<Option<Reader<'a, 't>>> {
+        let Some(value) = self.keys.get(name) else { return Ok(None) };
+        let at = value.span().start;
+        let Some(table) = value.get_ref().as_table() else {
+            return Err(self.keys.error(at, name, kind(value.get_ref()), format!("a table [{name}]")).into());
+        };
+        let prefix = format!("{}{name}.", self.keys.prefix);
+        let keys = Keys { source: self.keys.source, table, start: at, prefix };
+        keys.reject_unknown(known)?;
+        Ok(Some(Reader { keys, folder: self.folder }))
+    }
+
+    fn require(&self, name: &str, known: &[&str]) -> Result<Reader<'a, 't>> {
+        let missing = || self.keys.missing(name, &format!("a table [{name}]")).into();
+        self.table(name, known)?.ok_or_else(missing)
+    }
+
+    fn number(&self, key: &str, range: std::ops::RangeInclusive<f64>) -> Result<Option<f64>> {
+        match self.keys.number(key)? {
+            Some(number) if !range.contains(&number.value) => {
+                let expected = format!("a number of {} to {}", range.start(), range.end());
+                Err(self.keys.wrong(key, &number, &expected).into())
+            }
+            number => Ok(number.map(|number| number.value)),
+        }
+    }
+
+    fn require_number(&self, key: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64> {
+        let expected = format!("a number of {} to {}", range.start(), range.end());
+        self.number(key, range)?.ok_or_else(|| self.keys.missing(key, &expected).into())
+    }
+
+    /// Where `key` stands, for complaints about its value.
+    fn at(&self, key: &str) -> usize {
+        self.keys.get(key).map_or(self.keys.start, |value| value.span().start)
+    }
+
+    fn refuse<T>(&self, key: &str, found: impl Into<String>, expected: impl Into<String>) -> Result<T> {
+        Err(self.keys.error(self.at(key), key, found.into(), expected.into()).into())
+    }
+
+    fn resin(&self) -> Result<ResinFacts> {
+        let keys = &self.keys;
+        let name = keys.string("name")?.ok_or_else(|| keys.missing("name", "a name"))?;
+        if !is_name(&name.value) {
+            let expected = "letters, digits, spaces, `-`, `_`, `+` or `.`, a letter or digit first";
+            return Err(keys.wrong("name", &name, expected).into());
+        }
+        let print_as_background = match keys.string("print-as")? {
+            None => false,
+            Some(text) if text.value == "resin" => false,
+            Some(text) if text.value == "background" => true,
+            Some(text) => return Err(keys.wrong("print-as", &text, "\"background\" or \"resin\"").into()),
+        };
+        let thickness_mm = self.require_number("thickness-mm", 0.0..=MAX_THICKNESS_MM)?;
+        if thickness_mm == 0.0 {
+            return self.refuse("thickness-mm", "0", "the thickness of the sample in mm");
+        }
+        Ok(ResinFacts {
+            name: name.value,
+            rgba: rgba(keys)?.value,
+            density_g_per_cm3: self.require_number("density-g-per-cm3", DENSITY)?,
+            print_as_background,
+            thickness_mm,
+            notes: keys.string("notes")?.map(|notes| notes.value).unwrap_or_default(),
+        })
+    }
+
+    fn camera(&self) -> Result<Camera> {
+        let linear = match self.keys.get("linear") {
+            None => false,
+            Some(value) => match value.get_ref() {
+                DeValue::Boolean(linear) => *linear,
+                other => return self.refuse("linear", kind(other), "true or false"),
+            },
+        };
+        let camera = Camera {
+            model: self.keys.string("model")?.map_or("not stated".into(), |model| model.value),
+            black_level: self.number("black-level", bounds::LEVEL)?,
+            saturation_level: self.number("saturation-level", bounds::LEVEL)?,
+            gain_e_per_dn: self.number("gain-e-per-dn", bounds::GAIN)?,
+            read_noise_e: self.number("read-noise-e", bounds::READ_NOISE)?,
+            linear,
+        };
+        if let (Some(black), Some(full)) = (camera.black_level, camera.saturation_level)
+            && full <= black
+        {
+            return self.refuse("saturation-level", full.to_string(), format!("more than the black level {black}"));
+        }
+        Ok(camera)
+    }
+
+    fn planes(&self) -> Result<Vec<ColourPlane>> {
+        let Some(list) = self.keys.strings("channels")? else { return Ok(vec![ColourPlane::Green]) };
+        let mut planes = Vec::new();
+        for item in list.items {
+            match ColourPlane::from_letter(&item.value) {
+                Some(plane) if !planes.contains(&plane) => planes.push(plane),
+                _ => return Err(self.keys.wrong("channels", &item, "\"R\", \"G\" or \"B\", each once").into()),
+            }
+        }
+        if planes.is_empty() { self.refuse("channels", "none", "\"G\", or [\"R\", \"G\", \"B\"]") } else { Ok(planes) }
+    }
+
+    fn series(
+        &self,
+        camera_table: &Reader<'_, '_>,
+        planes: &[ColourPlane],
+        name: &'static str,
+        camera: &Camera,
+    ) -> Result<(Series, Header)> {
+        let mut all = Headers { first: None, planes, camera };
+        let frames = self.exposures("frames", "exposures-s", &mut all)?;
+        let Some((_, header)) = frames.first().cloned() else {
+            return Err(self.keys.missing("frames", "the pictures of the bracket").into());
+        };
+        let dark = self.exposures("dark", "dark-exposures-s", &mut all)?;
+        let shape = match self.keys.string("aperture")? {
+            None => name == "transmission",
+            Some(text) if text.value == "disc" => true,
+            Some(text) if text.value == "square" => false,
+            Some(text) => return Err(self.keys.wrong("aperture", &text, "\"square\" or \"disc\"").into()),
+        };
+        let aperture = self.number("aperture-mm", bounds::APERTURE)?.map(|size| match shape {
+            true => Aperture::Disc { diameter_mm: size },
+            false => Aperture::Square { side_mm: size },
+        });
+        let distance = match self.number("distance-mm", bounds::DISTANCE)? {
+            Some(distance) => Some(distance),
+            None => camera_table.number("distance-mm", bounds::DISTANCE)?,
+        };
+        let (frames, dark) = (frames.into_iter().map(|f| f.0).collect(), dark.into_iter().map(|f| f.0).collect());
+        let series = Series {
+            frames,
+            dark,
+            aperture,
+            mm_per_pixel: self.scale(camera_table)?,
+            camera_distance_mm: distance,
+            albedo: self.require("albedo", &ALBEDO_KEYS)?.albedo(name, &all)?,
+        };
+        Ok((series, header))
+    }
+
+    /// mm per pixel: said here, by a ruler in the picture, or for the whole camera.
+    fn scale(&self, camera_table: &Reader<'_, '_>) -> Result<f64> {
+        let ruler = self.keys.numbers("ruler-px")?;
+        let own = self.number("mm-per-pixel", bounds::MM_PER_PIXEL)?;
+        if let (Some(_), Some(_)) = (&ruler, own) {
+            return self.refuse("ruler-px", "together with `mm-per-pixel`", "only one of the two");
+        }
+        if let Some(ends) = ruler {
+            let numbers: Vec<f64> = ends.value.iter().map(|end| end.value).collect();
+            let [x0, y0, x1, y1] = numbers[..] else {
+                return self.refuse("ruler-px", format!("{} numbers", numbers.len()), "[x, y, x, y] of its two ends");
+            };
+            if let Some(out) = ends.value.iter().find(|end| !bounds::PIXEL.contains(&end.value)) {
+                return Err(self.keys.wrong("ruler-px", out, "a place in the picture, pixels").into());
+            }
+            let scale = self.require_number("ruler-mm", bounds::RULER)? / (x1 - x0).hypot(y1 - y0);
+            if !bounds::MM_PER_PIXEL.contains(&scale) {
+                return self.refuse("ruler-px", format!("{scale} mm per pixel"), "0.0001 to 5 mm per pixel");
+            }
+            return Ok(scale);
+        }
+        match own {
+            Some(scale) => Ok(scale),
+            None => camera_table.require_number("mm-per-pixel", bounds::MM_PER_PIXEL),
+        }
+    }
+
+    /// The pictures under `key`, with exposure times from `times_key` or the files themselves.
+    fn exposures(&self, key: &str, times_key: &str, all: &mut Headers<'_>) -> Result<Vec<(Exposure, Header)>> {
+        let Some(list) = self.keys.strings(key)? else { return Ok(Vec::new()) };
+        let mut files = Vec::new();
+        for At { value: pattern, at } in list.items {
+            let found = matching(self.folder, &pattern)
+                .map_err(|source| OpticsError::File { file: self.folder.join(&pattern), source })?;
+            if found.is_empty() {
+                let expected = "pictures of such names".to_owned();
+                return Err(self.keys.error(at, key, format!("nothing that fits \"{pattern}\""), expected).into());
+            }
+            files.extend(found);
+        }
+        let times = self.seconds(times_key)?;
+        if let Some(times) = &times
+            && times.len() != files.len()
+        {
+            let expected = format!("{}: one per picture", files.len());
+            return self.refuse(times_key, format!("{} times", times.len()), expected);
+        }
+        let mut exposures = Vec::new();
+        for (i, file) in files.into_iter().enumerate() {
+            let header = all.check(&file)?;
+            let seconds = times.as_ref().map(|times| times[i]).or(header.exposure_s);
+            let Some(seconds) = seconds else {
+                let expected = format!("one in EXIF, or `{times_key}` in the capture file");
+                return Err(MeasureError::frame(&file, "no exposure time", expected));
+            };
+            if exposures.iter().any(|(other, _): &(Exposure, Header)| other.file == file) {
+                return self.refuse(key, format!("{} twice", file.display()), "each picture once");
+            }
+            exposures.push((Exposure { file, seconds }, header));
+        }
+        Ok(exposures)
+    }
+
+    /// Exposure times in s, as numbers or as photographers write them: `"1/15"`.
+    fn seconds(&self, key: &str) -> Result<Option<Vec<f64>>> {
+        let Some(value) = self.keys.get(key) else { return Ok(None) };
+        let Some(array) = value.get_ref().as_array() else {
+            return self.refuse(key, kind(value.get_ref()), "an array of times in s");
+        };
+        let expected = "a time in s, 0.000001 to 100000, or a fraction such as \"1/15\"";
+        let refused = |item: &Spanned<DeValue<'_>>, found: String| {
+            Err(self.keys.error(item.span().start, key, found, expected.into()).into())
+        };
+        let mut times = Vec::new();
+        for item in array {
+            let time = match item.get_ref() {
+                DeValue::Float(number) => number.as_str().parse().ok(),
+                DeValue::Integer(number) => number.as_str().parse().ok(),
+                DeValue::String(text) => fraction(text),
+                other => return refused(item, kind(other)),
+            };
+            match time {
+                Some(time) if bounds::SECONDS.contains(&time) => times.push(time),
+                _ => return refused(item, self.keys.source.text[item.span()].chars().take(60).collect()),
+            }
+        }
+        Ok(Some(times))
+    }
+
+    /// A single picture and its exposure, 1 s where nobody says, for pictures that are compared within themselves.
+    fn picture(&self, key: &str, time_key: Option<&str>, all: &Headers<'_>) -> Result<Option<(Exposure, Header)>> {
+        let Some(name) = self.keys.string(key)? else { return Ok(None) };
+        let file: PathBuf = self.folder.join(name.value);
+        let header = Headers { first: None, ..*all }.check(&file)?;
+        let seconds = match time_key {
+            None => 1.0,
+            Some(time_key) => match self.number(time_key, bounds::SECONDS)?.or(header.exposure_s) {
+                Some(seconds) => seconds,
+                None => {
+                    let expected = format!("one in EXIF, or `{time_key}` in the capture file");
+                    return Err(MeasureError::frame(&file, "no exposure time", expected));
+                }
+            },
+        };
+        Ok(Some((Exposure { file, seconds }, header)))
+    }
+
+    fn require_picture(&self, key: &str, time: Option<&str>, all: &Headers<'_>) -> Result<(Exposure, Header)> {
+        self.picture(key, time, all)?.ok_or_else(|| self.keys.missing(key, "the name of a picture").into())
+    }
+
+    fn albedo(&self, series: &str, all: &Headers<'_>) -> Result<Albedo> {
+        if let Some(values) = self.keys.per_channel("value", all.planes.len())? {
+            if let Some(out) = values.iter().find(|v| !(v.value > 0.0 && v.value <= 1.0)) {
+                return Err(self.keys.wrong("value", out, "a share of the light, above 0 and at most 1").into());
+            }
+            let value = values.into_iter().map(|value| value.value).collect();
+            return Ok(Albedo::Given { value, error: self.number("error", bounds::SHARE)?.unwrap_or(0.0) });
+        }
+        if self.keys.get("picture").is_some() {
+            let (picture, header) = self.require_picture("picture", None, all)?;
+            let dark = self.picture("dark", None, all)?.map(|(dark, _)| dark);
+            return Ok(Albedo::GreyCard {
+                picture,
+                dark,
+                card: self.rect("card", &header)?,
+                sample: self.rect("sample", &header)?,
+                card_albedo: self.require_number("card-albedo", 0.001..=1.0)?,
+                card_error: self.number("card-error", bounds::SHARE)?.unwrap_or(0.0),
+            });
+        }
+        if self.keys.get("with").is_some() {
+            let (with, header) = self.require_picture("with", Some("with-exposure-s"), all)?;
+            let (without, other) = self.require_picture("without", Some("without-exposure-s"), all)?;
+            if (header.width, header.height) != (other.width, other.height) {
+                let expected = format!("{} × {} as {}", header.width, header.height, with.file.display());
+                return Err(MeasureError::frame(
+                    &without.file,
+                    format!("{} × {}", other.width, other.height),
+                    expected,
+                ));
+            }
+            return Ok(Albedo::Screen { with, without, region: self.rect("region", &header)? });
+        }
+        let expected = format!(
+            "`value`, {}",
+            if series == "reflection" { "or `picture` with a grey card" } else { "or `with` and `without` the sample" }
+        );
+        Err(self.keys.error(self.keys.start, "keys", "none that says it".into(), expected).into())
+    }
+
+    fn rect(&self, key: &str, header: &Header) -> Result<Rect> {
+        let expected = "[left, top, width, height] in pixels";
+        let numbers = self.keys.numbers(key)?.ok_or_else(|| self.keys.missing(key, expected))?;
+        let whole = |number: &At<f64>| {
+            (number.value.fract() == 0.0 && (0.0..=1e6).contains(&number.value)).then_some(number.value as usize)
+        };
+        let values: Option<Vec<usize>> = numbers.value.iter().map(whole).collect();
+        let Some(&[x, y, width, height]) = values.as_deref() else {
+            let found: Vec<String> = numbers.value.iter().map(|number| number.value.to_string()).collect();
+            return self.refuse(key, format!("[{}]", found.join(", ")), expected);
+        };
+        if width == 0 || height == 0 || x + width > header.width || y + height > header.height {
+            let found = format!("columns {x} to {}, rows {y} to {}", x + width, y + height);
+            let expected = format!("a part of the picture, which is {} × {}", header.width, header.height);
+            return self.refuse(key, found, expected);
+        }
+        Ok(Rect { x, y, width, height })
+    }
+}
+
+/// What the pictures of a series have in common.
+struct Headers<'a> {
+    first: Option<(PathBuf, usize, usize)>,
+    planes: &'a [ColourPlane],
+    camera: &'a Camera,
+}
+
+impl Headers<'_> {
+    /// The header of a picture that fits those before it.
+    fn check(&mut self, file: &Path) -> Result<Header> {
+        let header = frame::header(file)?;
+        if let Some(curve) = header.curve.as_ref().filter(|_| !self.camera.linear) {
+            let expected = "values proportional to light (`linear = true` under [camera] vouches for them)";
+            return Err(MeasureError::frame(file, curve.clone(), expected));
+        }
+        if !header.colour && self.planes.len() > 1 {
+            return Err(MeasureError::frame(file, "a grey picture", "colours, as [camera] `channels` asks for"));
+        }
+        let (name, width, height) = self.first.get_or_insert_with(|| (file.to_path_buf(), header.width, header.height));
+        if (*width, *height) != (header.width, header.height) {
+            let found = format!("{} × {} pixels", header.width, header.height);
+            return Err(MeasureError::frame(file, found, format!("{width} × {height} as {}", name.display())));
+        }
+        Ok(header)
+    }
+}
+
+fn fraction(text: &str) -> Option<f64> {
+    match text.split_once('/') {
+        Some((above, below)) => Some(above.trim().parse::<f64>().ok()? / below.trim().parse::<f64>().ok()?),
+        None => text.trim().parse().ok(),
+    }
+}

@@ -1,0 +1,161 @@
+//! What a measurement noticed about its own pictures, each with its size: to be read before the numbers are believed.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Something that was found in the pictures, and what was done about it.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Finding {
+    /// No dark series: what the projector leaks and the sensor adds is told from the outskirts of the picture only.
+    NoDarkSeries,
+    /// A value of the camera that the capture file does not say, estimated from the pictures.
+    Estimated {
+        /// Which one, with its unit.
+        what: &'static str,
+        /// Its estimate.
+        value: f64,
+    },
+    /// An exposure whose label does not fit the light in it; left out.
+    MislabelledExposure {
+        /// The picture.
+        file: PathBuf,
+        /// What it says, s.
+        label_s: f64,
+        /// What the other exposures say, s.
+        measured_s: f64,
+    },
+    /// An exposure a little off its label, as shutters and lamps are; used at its measured time.
+    ExposureCorrected {
+        /// The picture.
+        file: PathBuf,
+        /// What it says, s.
+        label_s: f64,
+        /// What was used, s.
+        measured_s: f64,
+    },
+    /// An exposure that is shifted against the others; left out.
+    Misaligned {
+        /// The picture.
+        file: PathBuf,
+        /// By how much, in pixels to the right and down.
+        shift_px: [f64; 2],
+    },
+    /// Pixels that are bright in the dark, or alone against their ring and neighbours; masked.
+    HotPixels {
+        /// How many.
+        count: usize,
+        /// The first few: column, row.
+        first: Vec<[u32; 2]>,
+    },
+    /// Patches that stand out of their rings, as dust and scratches do; masked.
+    Blemishes {
+        /// How many patches.
+        count: usize,
+        /// Pixels in all.
+        pixels: usize,
+    },
+    /// The sample is tilted against the camera.
+    Tilt {
+        /// Angle in degrees.
+        degrees: f64,
+        /// One standard deviation.
+        error: f64,
+    },
+    /// Light that does not fall with the radius: glare in lens and tent. Subtracted.
+    StrayLight {
+        /// Share of the light in the largest full ring.
+        share: f64,
+        /// One standard deviation of it.
+        error: f64,
+    },
+    /// A gradient across the field, which cancels over full rings.
+    Gradient {
+        /// Slope over the stray level or, where there is none, over the signal at the edge; per mm.
+        per_mm: f64,
+        /// In units of its standard deviation.
+        significance: f64,
+    },
+    /// Rings that are ellipses: a stretched sensor, a lens, a strongly tilted sample. Averaged over.
+    Ellipticity {
+        /// Difference of the axes over their mean.
+        share: f64,
+        /// One standard deviation.
+        error: f64,
+    },
+    /// From here on noise is larger than light, and the profile is continued as the diffuse tail falls.
+    Extrapolated {
+        /// From this radius, mm.
+        from_mm: f64,
+        /// Share of the energy beyond.
+        share: f64,
+    },
+    /// Reflection and transmission sum to more than 1 at some frequency; both were scaled.
+    EnergyExcess {
+        /// By how much at worst.
+        excess: f64,
+    },
+    /// What the material room had to do to the profiles, in its words.
+    Remark(String),
+}
+
+fn name(file: &Path) -> String {
+    file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned()
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoDarkSeries => {
+                write!(f, "no dark series: only a constant level, told from the outskirts, is subtracted")
+            }
+            Self::Estimated { what, value } => write!(f, "{what} is not given, estimated as {value:.4}"),
+            Self::MislabelledExposure { file, label_s, measured_s } => write!(
+                f,
+                "{} is mislabelled: it says {label_s:.4} s, its light says {measured_s:.4} s; left out",
+                name(file)
+            ),
+            Self::ExposureCorrected { file, label_s, measured_s } => {
+                let percent = 100.0 * (measured_s / label_s - 1.0);
+                write!(f, "{} is {percent:+.1}% off its {label_s:.4} s, used at {measured_s:.4} s", name(file))
+            }
+            Self::Misaligned { file, shift_px: [x, y] } => {
+                write!(f, "{} is shifted by {x:+.2}, {y:+.2} pixels against the others; left out", name(file))
+            }
+            Self::HotPixels { count, first } => {
+                let list: Vec<String> = first.iter().map(|[x, y]| format!("({x}, {y})")).collect();
+                let more = if *count > first.len() { ", …" } else { "" };
+                write!(f, "{count} hot pixels masked: {}{more}", list.join(", "))
+            }
+            Self::Blemishes { count, pixels } => {
+                write!(f, "{count} blemishes of {pixels} pixels in all masked")
+            }
+            Self::Tilt { degrees, error } => {
+                write!(f, "sample tilted by {degrees:.2} ± {error:.2} degrees against the camera; averaged over")
+            }
+            Self::StrayLight { share, error } => {
+                write!(f, "stray light, {:.2} ± {:.2}% of the light, subtracted", 100.0 * share, 100.0 * error)
+            }
+            Self::Gradient { per_mm, significance } => {
+                write!(
+                    f,
+                    "gradient across the field, {per_mm:.1e} of the peak per mm ({significance:.0} σ); cancels over rings"
+                )
+            }
+            Self::Ellipticity { share, error } => {
+                write!(
+                    f,
+                    "rings are ellipses: axes differ by {:.2} ± {:.2}%; averaged over",
+                    100.0 * share,
+                    100.0 * error
+                )
+            }
+            Self::Extrapolated { from_mm, share } => {
+                write!(f, "continued as a diffuse tail beyond {from_mm:.2} mm, {:.3}% of the light", 100.0 * share)
+            }
+            Self::EnergyExcess { excess } => {
+                write!(f, "reflection + transmission exceeded 1 by {excess:.4}; both were scaled")
+            }
+            Self::Remark(text) => f.write_str(text),
+        }
+    }
+}

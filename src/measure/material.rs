@@ -1,0 +1,237 @@
+//! Both profiles, scaled and checked, as a material file.
+
+use std::fmt::Write as _;
+
+use super::albedo::{MeasuredAlbedo, albedo};
+use super::aperture::Centre;
+use super::scan::{ScannedProfile, scan};
+use super::{Capture, Finding, MeasureError, Series};
+use crate::optics::{FrequencyGrid, ProfileFile, RadialProfile, ResinSpectrum, Tail};
+
+const REFLECTION: &str = "reflection";
+const TRANSMISSION: &str = "transmission";
+const SERIES: [&str; 2] = [REFLECTION, TRANSMISSION];
+
+/// A resin, measured.
+#[derive(Debug, Clone)]
+pub struct Measurement {
+    /// What was photographed, and how.
+    pub capture: Capture,
+    /// One per channel of the material file.
+    pub channels: Vec<ChannelMeasurement>,
+}
+
+/// One channel.
+#[derive(Debug, Clone)]
+pub struct ChannelMeasurement {
+    /// Its name in the material file.
+    pub name: String,
+    /// Light coming back.
+    pub reflection: SeriesMeasurement,
+    /// Light coming through.
+    pub transmission: SeriesMeasurement,
+    /// What the two together brought up.
+    pub findings: Vec<Finding>,
+}
+
+/// One profile.
+#[derive(Debug, Clone)]
+pub struct SeriesMeasurement {
+    /// As the camera has it, with all that was noticed.
+    pub scan: ScannedProfile,
+    /// What it was scaled to.
+    pub albedo: MeasuredAlbedo,
+    /// Scaled, per mm²; standard errors are those of the shape, the albedo's comes on top for all values alike.
+    pub profile: RadialProfile,
+}
+
+/// A step of the measurement, to be shown while it lasts: what, and its number of all.
+pub type Step<'a> = &'a dyn Fn(&str, usize, usize);
+
+/// Measures a resin. `step` hears what is being done; `stop` is asked between pictures.
+///
+/// # Errors
+/// [`MeasureError`]: a picture that cannot be read, pictures that show no measurement, or profiles no slab can have.
+pub fn measure(capture: Capture, step: Step<'_>, stop: &dyn Fn() -> bool) -> Result<Measurement, MeasureError> {
+    let names = capture.channels();
+    let count = 2 * names.len();
+    let mut channels = Vec::new();
+    for (index, name) in names.into_iter().enumerate() {
+        let series = |series: &Series, word: &str, centre: Centre, number: usize| {
+            let what = if count == 2 { word.to_owned() } else { format!("{word}, channel {name}") };
+            step(&what, 2 * index + number, count);
+            let plane = capture.planes[index];
+            let scan = scan(series, &capture.camera, plane, capture.bin_mm, centre, &what, stop)?;
+            let albedo = albedo(series, plane, index, &scan.sensor, &what)?;
+            let shape = scan.profile().map_err(|error| {
+                MeasureError::scene(format!("{what}: ring {}", error.index), error.found, error.expected)
+            })?;
+            let integral = shape.hankel(&FrequencyGrid::default()).values.first().copied().unwrap_or(0.0);
+            if !(integral > 0.0) {
+                let expected = "a profile that holds light";
+                return Err(MeasureError::scene(what, format!("an integral of {integral}"), expected));
+            }
+            Ok(SeriesMeasurement { profile: shape.scaled(albedo.value / integral), albedo, scan })
+        };
+        let reflection = series(&capture.reflection, REFLECTION, Centre::Pole, 0)?;
+        let transmission = series(&capture.transmission, TRANSMISSION, Centre::Flat, 1)?;
+        let mut channel = ChannelMeasurement { name, reflection, transmission, findings: Vec::new() };
+        channel.check_energy(capture.resin.thickness_mm)?;
+        channels.push(channel);
+    }
+    Ok(Measurement { capture, channels })
+}
+
+impl ChannelMeasurement {
+    /// R̂ + T̂ ≤ 1 at every frequency: a little more is taken off both, much more is refused.
+    fn check_energy(&mut self, thickness_mm: f64) -> Result<(), MeasureError> {
+        let (r, t) = (&self.reflection.profile, &self.transmission.profile);
+        let spectrum = ResinSpectrum::from_profiles(r, t, thickness_mm, &FrequencyGrid::default());
+        let spectrum = spectrum.map_err(|error| {
+            let expected = "two profiles that one slab can have; are albedos and thickness right?";
+            MeasureError::scene(format!("channel {}", self.name), error.to_string(), expected)
+        })?;
+        if spectrum.excess > 1e-6 {
+            let factor = 1.0 / (1.0 + spectrum.excess);
+            self.reflection.profile = r.scaled(factor);
+            self.transmission.profile = t.scaled(factor);
+            self.findings.push(Finding::EnergyExcess { excess: spectrum.excess });
+        }
+        if let Some(repair) = spectrum.repair {
+            let text = format!("transmission is noise from {:.1} rad/mm on and is continued there", repair.from_k);
+            self.findings.push(Finding::Remark(text));
+        }
+        if spectrum.clipped > 0 {
+            let text = format!("{} negative coefficients of reflection are read as 0", spectrum.clipped);
+            self.findings.push(Finding::Remark(text));
+        }
+        for (name, tail) in [(REFLECTION, spectrum.reflection_tail), (TRANSMISSION, spectrum.transmission_tail)] {
+            if let Tail::Exponential { from_mm, share, .. } = tail {
+                let share = 100.0 * share;
+                let text = format!("{name}: {share:.2}% of the light is beyond {from_mm:.1} mm, out of the picture");
+                self.findings.push(Finding::Remark(text));
+            }
+        }
+        Ok(())
+    }
+
+    /// Everything noticed, each with the series it was noticed in.
+    pub fn all_findings(&self) -> impl Iterator<Item = (&'static str, &Finding)> {
+        fn of<'a>(
+            name: &'static str,
+            series: &'a SeriesMeasurement,
+        ) -> impl Iterator<Item = (&'static str, &'a Finding)> {
+            series.scan.findings.iter().map(move |finding| (name, finding))
+        }
+        let (reflection, transmission) = (of(REFLECTION, &self.reflection), of(TRANSMISSION, &self.transmission));
+        reflection.chain(transmission).chain(self.findings.iter().map(|finding| ("both", finding)))
+    }
+}
+
+impl Measurement {
+    /// Names of the files that [`Measurement::files`] makes, in its order.
+    pub fn file_names(capture: &Capture, stem: &str) -> Vec<String> {
+        let channels = capture.channels();
+        let suffix =
+            |channel: &str| if channels.len() > 1 { format!("-{}", channel.to_lowercase()) } else { String::new() };
+        let both =
+            channels.iter().flat_map(|channel| SERIES.map(|word| format!("{stem}-{word}{}.csv", suffix(channel))));
+        both.chain([format!("{stem}.toml")]).collect()
+    }
+
+    /// Name and text of the files next to a material file called `stem`.toml: the profiles, and the material file last.
+    pub fn files(&self, stem: &str) -> Vec<(String, String)> {
+        let mut names = Self::file_names(&self.capture, stem).into_iter();
+        let (mut reflection, mut transmission, mut files) = (Vec::new(), Vec::new(), Vec::new());
+        for channel in &self.channels {
+            let both = [(&channel.reflection, &mut reflection), (&channel.transmission, &mut transmission)];
+            for ((series, listed), (word, name)) in both.into_iter().zip(SERIES.into_iter().zip(&mut names)) {
+                let profile = Some(series.profile.clone());
+                let file = match word {
+                    REFLECTION => ProfileFile { reflection: profile, transmission: None },
+                    _ => ProfileFile { reflection: None, transmission: profile },
+                };
+                files.push((name.clone(), file.to_csv(&self.comment(channel, series, word))));
+                listed.push(name);
+            }
+        }
+        files.push((format!("{stem}.toml"), self.toml(&reflection, &transmission)));
+        files
+    }
+
+    /// What a profile's file says of its origin.
+    fn comment(&self, channel: &ChannelMeasurement, series: &SeriesMeasurement, word: &str) -> String {
+        let resin = &self.capture.resin;
+        let mut text = format!(
+            "measured {} of {}, {} mm thick, channel {}, on {} with {}\n\
+             integral {:.6} +- {:.6}; means over rings; standard errors are those of the shape\n\
+             centre {:.2}, {:.2} +- {:.3} pixels\n",
+            word,
+            resin.name,
+            resin.thickness_mm,
+            channel.name,
+            self.capture.date,
+            self.capture.camera.model,
+            series.albedo.value,
+            series.albedo.error,
+            series.scan.centre_px[0],
+            series.scan.centre_px[1],
+            series.scan.centre_error_px,
+        );
+        if let Some(from) = series.scan.extrapolated_from {
+            let _ = writeln!(text, "EXTRAPOLATED from r_lo_mm = {} on", series.scan.edges_mm[from]);
+        }
+        series.scan.findings.iter().for_each(|finding| {
+            let _ = writeln!(text, "{finding}");
+        });
+        text
+    }
+
+    fn toml(&self, reflection: &[String], transmission: &[String]) -> String {
+        let (capture, resin) = (&self.capture, &self.capture.resin);
+        let quoted = |text: &str| toml::Value::from(text).to_string();
+        let list = |names: &[String]| {
+            let names: Vec<String> = names.iter().map(|name| quoted(name)).collect();
+            if self.channels.len() > 1 { format!("[{}]", names.join(", ")) } else { names.concat() }
+        };
+        let channels: Vec<String> = self.channels.iter().map(|channel| quoted(&channel.name)).collect();
+        let mut text = String::from("# Written by `lumislice material measure`.\n");
+        for channel in &self.channels {
+            for (series, finding) in channel.all_findings() {
+                let _ = writeln!(text, "# {} {series}: {}", channel.name, finding.to_string().replace('\n', " "));
+            }
+        }
+        let provenance = format!("measured on {} with {}", capture.date, capture.camera.model);
+        let albedos: Vec<String> = self
+            .channels
+            .iter()
+            .map(|channel| {
+                let (r, t) = (channel.reflection.albedo, channel.transmission.albedo);
+                format!(
+                    "{}: reflects {:.4} +- {:.4}, transmits {:.5} +- {:.5}",
+                    channel.name, r.value, r.error, t.value, t.error
+                )
+            })
+            .collect();
+        let notes = [resin.notes.clone(), albedos.join("; ")].into_iter().filter(|note| !note.is_empty());
+        let notes = notes.collect::<Vec<_>>().join("; ");
+        let [r, g, b, a] = resin.rgba;
+        let _ = write!(
+            text,
+            "channels = [{}]\nprovenance = {}\n\n[[resin]]\nname = {}\nrgba = [{r}, {g}, {b}, {a}]\n\
+             density-g-per-cm3 = {}\nthickness-mm = {}\nreflection = {}\ntransmission = {}\n",
+            channels.join(", "),
+            quoted(&provenance),
+            quoted(&resin.name),
+            resin.density_g_per_cm3,
+            resin.thickness_mm,
+            list(reflection),
+            list(transmission),
+        );
+        if resin.print_as_background {
+            text.push_str("print-as = \"background\"\n");
+        }
+        let _ = writeln!(text, "notes = {}", quoted(&notes));
+        text
+    }
+}

@@ -1,0 +1,144 @@
+//! A measurement for human eyes: a page with every step's picture, and what was noticed.
+
+use super::material::{ChannelMeasurement, Measurement, SeriesMeasurement};
+use crate::plot::{Axis, ColourBar, Figure, Format, GREY, Panel, PlotError, Raster, Scale, Series, VERMILION};
+
+/// Powers of ten shown.
+const DECADES: f64 = 7.0;
+/// Points of the circle drawn about the centre.
+const CIRCLE: usize = 96;
+
+impl Measurement {
+    /// The page, whole in itself.
+    ///
+    /// # Errors
+    /// None is expected of SVG; [`PlotError`] if a plot fails.
+    pub fn report_html(&self) -> Result<String, PlotError> {
+        let resin = &self.capture.resin;
+        let title = escape(&format!("{}, {} mm", resin.name, resin.thickness_mm));
+        let mut page = format!(
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n<style>\
+             body{{font:16px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}}\
+             table{{border-collapse:collapse}}td,th{{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}}\
+             svg{{max-width:100%;height:auto}}</style></head><body>\n<h1>{title}</h1>\n<p>Photographed on {} with {}.</p>\n",
+            escape(&self.capture.date),
+            escape(&self.capture.camera.model),
+        );
+        for channel in &self.channels {
+            if self.channels.len() > 1 {
+                page += &format!("<h2>Channel {}</h2>\n", escape(&channel.name));
+            }
+            page += &table(channel);
+            page += "<h3>Noticed and corrected</h3>\n<ul>\n";
+            let mut quiet = true;
+            for (series, finding) in channel.all_findings() {
+                page += &format!("<li>{series}: {}</li>\n", escape(&finding.to_string()));
+                quiet = false;
+            }
+            page += if quiet { "<li>nothing</li>\n</ul>\n" } else { "</ul>\n" };
+            for (name, series) in [("Reflection", &channel.reflection), ("Transmission", &channel.transmission)] {
+                let svg = figure(name, series).encode(Format::Svg)?;
+                page += &String::from_utf8_lossy(&svg);
+                page.push('\n');
+            }
+        }
+        page += "</body></html>\n";
+        Ok(page)
+    }
+}
+
+fn table(channel: &ChannelMeasurement) -> String {
+    let mut text = String::from(
+        "<table><tr><th></th><th>albedo</th><th>centre, pixels</th><th>half of the light within</th><th>exposures</th>\
+         <th>electrons per DN</th><th>blur left</th></tr>\n",
+    );
+    for (name, series) in [("reflection", &channel.reflection), ("transmission", &channel.transmission)] {
+        let scan = &series.scan;
+        let half = series.profile.radius_of_energy(0.5).map_or("—".into(), |radius| format!("{radius:.3} mm"));
+        text += &format!(
+            "<tr><th>{name}</th><td>{:.5} ± {:.5}</td><td>{:.2}, {:.2} ± {:.3}</td><td>{half}</td><td>{}</td><td>{:.2}</td>\
+             <td>{:.2}%</td></tr>\n",
+            series.albedo.value,
+            series.albedo.error,
+            scan.centre_px[0],
+            scan.centre_px[1],
+            scan.centre_error_px,
+            scan.exposures_s.len(),
+            scan.gain_e_per_dn,
+            100.0 * scan.blur_bound,
+        );
+    }
+    text + "</table>\n"
+}
+
+/// Picture, profile, harmonics.
+fn figure(name: &str, series: &SeriesMeasurement) -> Figure {
+    Figure::new(name)
+        .columns(3)
+        .panel_size(330.0, 330.0)
+        .with(picture(series))
+        .with(profile(series))
+        .with(harmonics(series))
+}
+
+fn picture(series: &SeriesMeasurement) -> Panel {
+    let preview = &series.scan.preview;
+    let half = 0.5 * preview.side as f64 * preview.mm_per_pixel;
+    let values: Vec<f64> = preview.log10.iter().map(|log| f64::from(*log)).collect();
+    let bar =
+        ColourBar { label: "log₁₀ of the brightest".into(), range: [-DECADES + 1.0, 0.0], scale: Scale::Linear };
+    let circle = |radius: f64| {
+        (0..=CIRCLE).map(move |i| {
+            let angle = i as f64 * std::f64::consts::TAU / CIRCLE as f64;
+            [radius * angle.cos(), radius * angle.sin()]
+        })
+    };
+    let axis = |label: &str| Axis::linear(label).range(-half, half);
+    Panel::new(axis("x [mm]"), axis("y [mm]"))
+        .title("Exposures merged, dark subtracted")
+        .raster(Raster::heat_map(preview.side, &values, [-half, half], [-half, half], bar))
+        .with(Series::line("", circle(0.25 * half)).colour(GREY).size(1.0))
+        .with(Series::line("", circle(0.5 * half)).colour(GREY).size(1.0))
+        .with(Series::line("", circle(0.01 * half)).colour(VERMILION).size(2.0))
+}
+
+fn profile(series: &SeriesMeasurement) -> Panel {
+    let (r, value) = (series.profile.r_mm(), series.profile.value_per_mm2());
+    let error = series.profile.standard_error().unwrap_or(&[]);
+    let scan = &series.scan;
+    let measured = scan.extrapolated_from.unwrap_or(r.len());
+    let factor = value.first().zip(scan.value.first()).map_or(1.0, |(scaled, value)| scaled / value);
+    let top = value.iter().copied().fold(0.0, f64::max);
+    let points = |range: std::ops::Range<usize>| range.map(|i| [r[i], value[i]]);
+    let low = |i: usize| (value[i] - error.get(i).unwrap_or(&0.0)).max(1e-12 * top);
+    let band = (0..r.len()).map(|i| [r[i], low(i), value[i] + error.get(i).unwrap_or(&0.0)]);
+    let bin = scan.edges_mm.get(1).copied().unwrap_or(1.0);
+    let seen = scan.seen.iter().enumerate().map(|(i, seen)| [(i as f64 + 0.5) * bin, seen * factor]);
+    Panel::new(
+        Axis::linear("r [mm]").range(0.0, r.last().copied().unwrap_or(1.0)),
+        Axis::log("per mm²").range(top * 10_f64.powf(-DECADES), 2.0 * top),
+    )
+    .title("Profile")
+    .with(Series::line("as seen", seen).colour(GREY).dotted())
+    .with(Series::band("± 1 σ", band))
+    .with(Series::line("measured", points(0..measured)))
+    .with(Series::line("extrapolated", points(measured..r.len())).dashed())
+}
+
+fn harmonics(series: &SeriesMeasurement) -> Panel {
+    let scan = &series.scan;
+    let bin = scan.edges_mm.get(1).copied().unwrap_or(1.0);
+    let end = scan.extrapolated_from.unwrap_or(scan.harmonics.len()).min(scan.harmonics.len());
+    let points = |index: usize| {
+        let values = scan.harmonics[..end].iter().enumerate();
+        values.map(move |(i, amplitudes)| [(i as f64 + 0.5) * bin, amplitudes[index]]).collect::<Vec<_>>()
+    };
+    Panel::new(Axis::linear("r [mm]"), Axis::log("part of the ring's mean"))
+        .title("Asymmetry")
+        .with(Series::line("1st harmonic", points(0)))
+        .with(Series::line("2nd harmonic", points(1)))
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

@@ -1,0 +1,248 @@
+//! One series of pictures becomes one profile, not yet scaled.
+
+use super::aperture::{Centre, deblur};
+use super::background::{self, Level};
+use super::bracket::{self, Radiance, Sensor};
+use super::capture::Series;
+use super::centre::{self, Asymmetry, filled};
+use super::frame::ColourPlane;
+use super::outliers::Outliers;
+use super::rings::{Grid, Model, Rings};
+use super::{Camera, Finding, MeasureError};
+use crate::optics::{ProfileError, RadialProfile};
+
+/// Fewest whole rings a centre must have about it.
+pub(super) const MIN_RINGS: usize = 16;
+/// Stray light is subtracted from this many standard errors on; without a dark series, whatever it is.
+const LEVEL_SIGMAS: f64 = 4.0;
+/// Asymmetries are named from this many standard errors on…
+const NAMED_SIGMAS: f64 = 4.0;
+/// …a tilt from this angle on, degrees…
+const NAMED_TILT: f64 = 0.2;
+/// …an ellipticity from this share on: the profile then is off by 1% where it falls like r⁻⁴…
+const NAMED_ELLIPTICITY: f64 = 0.005;
+/// …a gradient if it changes the outermost ring by this many of its standard errors.
+const NAMED_GRADIENT: f64 = 3.0;
+/// More masked pixels than this share are no outliers but another scene.
+const MAX_MASKED: f64 = 0.05;
+
+/// A profile as the camera has it.
+#[derive(Debug, Clone)]
+pub struct ScannedProfile {
+    /// Edges of the rings, mm, one more than values.
+    pub edges_mm: Vec<f64>,
+    /// Ring means in DN/s, deblurred, without stray light.
+    pub value: Vec<f64>,
+    /// Standard error of each.
+    pub error: Vec<f64>,
+    /// Ring means as the camera saw them, dark subtracted, and nothing else done.
+    pub seen: Vec<f64>,
+    /// First ring that is extrapolated.
+    pub extrapolated_from: Option<usize>,
+    /// Column and row of the centre, from the centre of the first pixel.
+    pub centre_px: [f64; 2],
+    /// Its standard error, pixels.
+    pub centre_error_px: f64,
+    /// First and second harmonics of the rings over their means: amplitudes.
+    pub harmonics: Vec<[f64; 2]>,
+    /// Largest share by which blur changes the rings that were not deblurred.
+    pub blur_bound: f64,
+    /// Electrons per DN.
+    pub gain_e_per_dn: f64,
+    /// Exposures that were merged, s, the shortest first.
+    pub exposures_s: Vec<f64>,
+    /// What was noticed.
+    pub findings: Vec<Finding>,
+    /// The picture about the centre.
+    pub preview: Preview,
+    pub(super) sensor: Sensor,
+}
+
+/// A small picture for human eyes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Preview {
+    /// Pixels a side.
+    pub side: usize,
+    /// log₁₀ of radiance over the largest, rows from the top; NaN where masked or dark.
+    pub log10: Vec<f32>,
+    /// mm per pixel.
+    pub mm_per_pixel: f64,
+}
+
+/// Measures one plane of a series.
+///
+/// # Errors
+/// [`MeasureError`]: a picture that cannot be read, or pictures that show no measurement.
+pub(super) fn scan(
+    series: &Series,
+    camera: &Camera,
+    plane: ColourPlane,
+    bin_mm: f64,
+    centre_kind: Centre,
+    what: &str,
+    stop: &dyn Fn() -> bool,
+) -> Result<ScannedProfile, MeasureError> {
+    let checked = bracket::check(what, &series.frames, &series.dark, plane, camera, stop)?;
+    let mut findings = checked.findings;
+    let mut picture = bracket::merge(&checked.used, plane, &checked.sensor, stop)?;
+    let mut outliers = Outliers::default();
+    if series.dark.is_empty() {
+        findings.push(Finding::NoDarkSeries);
+    } else {
+        let dark = bracket::merge(&series.dark, plane, &checked.sensor, stop)?;
+        outliers.add_hot(&dark);
+        picture.subtract(&dark);
+    }
+    outliers.mask(&mut picture);
+    let coarse = centre::coarse(&picture, checked.brightest);
+    let grid = Grid::whole(coarse, picture.width, picture.height, series.mm_per_pixel, bin_mm);
+    let (grid, _) = centre::refine(&picture, grid, what)?;
+    outliers.add_odd(&picture, &grid);
+    let masked = outliers.len() as f64 / picture.value.len() as f64;
+    if masked > MAX_MASKED {
+        let found = format!("{:.1}% of the pixels off their rings", 100.0 * masked);
+        let expected = "one spot of light with falling light around it; crop what else is in the picture";
+        return Err(MeasureError::scene(format!("{what}: symmetry"), found, expected));
+    }
+    outliers.mask(&mut picture);
+    findings.extend(outliers.findings(picture.width));
+    let (grid, centre_error_px) = centre::refine(&picture, grid, what)?;
+    let first = Rings::of(&picture, grid, None);
+    let rings = Rings::of(&picture, grid, Some(&Model::through(&grid, &filled(&first.mean))));
+    let mut profile = Reckoning { grid, mean: filled(&rings.mean), error: filled(&rings.error) };
+    let seen = profile.mean.clone();
+    profile.subtract_level(series.dark.is_empty(), &mut findings);
+    name_asymmetry(&rings, &profile, series.camera_distance_mm, &mut findings);
+    let mut blur_bound = 0.0;
+    if let Some(sharp) = deblur(&picture, &grid, series.aperture, centre_kind, &profile.mean, &profile.error) {
+        profile.mean[..sharp.mean.len()].copy_from_slice(&sharp.mean);
+        profile.error[..sharp.error.len()].copy_from_slice(&sharp.error);
+        blur_bound = sharp.bound;
+    }
+    if series.aperture.is_none() {
+        findings.push(Finding::Remark(format!(
+            "{what}: the size of the spot is not given (aperture-mm): its blur is left in the profile"
+        )));
+    }
+    let extrapolated_from = profile.extrapolate(&mut findings);
+    let relative = rings.harmonics.iter().zip(&rings.mean);
+    let harmonics = relative.map(|([a, b, c, d], mean)| [a.hypot(*b) / mean, c.hypot(*d) / mean]).collect();
+    let mut exposures_s: Vec<f64> = checked.used.iter().map(|exposure| exposure.seconds).collect();
+    exposures_s.sort_by(f64::total_cmp);
+    Ok(ScannedProfile {
+        edges_mm: (0..=profile.mean.len()).map(|bin| bin as f64 * bin_mm).collect(),
+        value: profile.mean,
+        error: profile.error,
+        seen,
+        extrapolated_from,
+        centre_px: grid.centre,
+        centre_error_px,
+        harmonics,
+        blur_bound,
+        gain_e_per_dn: checked.sensor.gain_e_per_dn,
+        exposures_s,
+        findings,
+        preview: preview(&picture, &grid),
+        sensor: checked.sensor,
+    })
+}
+
+impl ScannedProfile {
+    /// As a profile, still in DN/s.
+    pub(super) fn profile(&self) -> Result<RadialProfile, ProfileError> {
+        RadialProfile::from_rings(self.edges_mm.clone(), self.value.clone(), Some(self.error.clone()))
+    }
+}
+
+/// A profile under work.
+struct Reckoning {
+    grid: Grid,
+    mean: Vec<f64>,
+    error: Vec<f64>,
+}
+
+impl Reckoning {
+    fn peak(&self) -> f64 {
+        self.mean.iter().copied().fold(0.0, f64::max)
+    }
+
+    fn subtract_level(&mut self, whatever: bool, findings: &mut Vec<Finding>) {
+        let Some(Level { value, error }) = background::level(&self.grid, &self.mean, &self.error) else { return };
+        if value.abs() < LEVEL_SIGMAS * error && !whatever {
+            return;
+        }
+        self.mean.iter_mut().for_each(|mean| *mean -= value);
+        // All rings are off together by the level's error; each carries it.
+        self.error.iter_mut().for_each(|own| *own = own.hypot(error));
+        let light: f64 = self.mean.iter().enumerate().map(|(bin, mean)| mean * self.grid.area(bin)).sum();
+        let area: f64 = (0..self.grid.bins).map(|bin| self.grid.area(bin)).sum();
+        findings.push(Finding::StrayLight { share: value * area / light, error: error * area / light });
+    }
+
+    /// Puts the diffuse tail in place of rings lost in noise; says from where.
+    fn extrapolate(&mut self, findings: &mut Vec<Finding>) -> Option<usize> {
+        let lost = background::first_lost(&self.mean, &self.error)?;
+        let tail = background::tail(&self.grid, &self.mean, &self.error, lost);
+        self.mean.truncate(lost);
+        self.error.truncate(lost);
+        let tail = tail?;
+        for bin in lost..background::tail_end(&self.grid, &tail, self.peak(), lost) {
+            let r = self.grid.radius(bin);
+            self.mean.push(tail.at(r));
+            self.error.push(tail.error_at(r));
+        }
+        let energy = |bins: std::ops::Range<usize>| bins.map(|bin| self.mean[bin] * self.grid.area(bin)).sum::<f64>();
+        let share = energy(lost..self.mean.len()) / energy(0..self.mean.len());
+        findings.push(Finding::Extrapolated { from_mm: lost as f64 * self.grid.bin_mm, share });
+        Some(lost)
+    }
+}
+
+fn name_asymmetry(rings: &Rings, profile: &Reckoning, distance_mm: Option<f64>, findings: &mut Vec<Finding>) {
+    let asymmetry = Asymmetry::of(rings);
+    if let Some(distance) = distance_mm {
+        let degrees = |sine: f64| sine.min(1.0).asin().to_degrees();
+        let tilt = asymmetry.perspective;
+        let angle = degrees(tilt.length() * distance);
+        if tilt.significance() > NAMED_SIGMAS && angle > NAMED_TILT {
+            findings.push(Finding::Tilt { degrees: angle, error: degrees(tilt.error * distance) });
+        }
+    }
+    let gradient = asymmetry.gradient;
+    let edge = profile.grid.bins.saturating_sub(1);
+    let change = gradient.length() * profile.grid.radius(edge);
+    if gradient.significance() > NAMED_SIGMAS && change > NAMED_GRADIENT * rings.error[edge] {
+        let per_mm = gradient.length() / profile.peak();
+        findings.push(Finding::Gradient { per_mm, significance: gradient.significance() });
+    }
+    let ellipticity = asymmetry.ellipticity;
+    if ellipticity.significance() > NAMED_SIGMAS && ellipticity.length() > NAMED_ELLIPTICITY {
+        findings.push(Finding::Ellipticity { share: ellipticity.length(), error: ellipticity.error });
+    }
+}
+
+/// The whole rings, brought down to a small picture by averaging blocks.
+fn preview(picture: &Radiance, grid: &Grid) -> Preview {
+    const SIDE: usize = 256;
+    let radius_px = grid.bins as f64 * grid.bin_mm / grid.mm_per_pixel;
+    let block = ((2.0 * radius_px / SIDE as f64).ceil() as usize).max(1);
+    let side = ((2.0 * radius_px) as usize / block).max(1);
+    let corner = grid.centre.map(|at| (at - radius_px).max(0.0).round() as usize);
+    let mean = |i: usize| {
+        let (left, top) = (corner[0] + i % side * block, corner[1] + i / side * block);
+        let (mut sum, mut count) = (0.0_f32, 0.0_f32);
+        for y in top..(top + block).min(picture.height) {
+            for x in left..(left + block).min(picture.width) {
+                let value = picture.at(x, y);
+                if !value.is_nan() {
+                    (sum, count) = (sum + value, count + 1.0);
+                }
+            }
+        }
+        sum / count
+    };
+    let means: Vec<f32> = (0..side * side).map(mean).collect();
+    let largest = means.iter().copied().filter(|mean| !mean.is_nan()).fold(f32::MIN, f32::max);
+    let log10 = means.iter().map(|mean| (mean / largest).log10()).collect();
+    Preview { side, log10, mm_per_pixel: grid.mm_per_pixel * block as f64 }
+}
