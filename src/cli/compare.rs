@@ -19,6 +19,9 @@ pub struct CompareArgs {
     /// Folder that `lumislice factor` wrote and the jobs print.
     #[arg(long, value_name = "FOLDER", help_heading = "Input")]
     map: PathBuf,
+    /// The dataset that the map was factored from: light by the 4D data themselves.
+    #[arg(long, value_name = "DATASET", help_heading = "Input")]
+    dataset: Option<PathBuf>,
     /// Resins by their coefficients: a material file, or the name of a built-in set; default: the set that the first job names.
     #[arg(long, value_name = "FILE|SET", help_heading = "Input")]
     materials: Option<PathBuf>,
@@ -50,6 +53,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
     let request = CompareRequest {
         map: args.map.clone(),
         jobs: args.jobs.clone(),
+        dataset: args.dataset.clone(),
         materials,
         photons: args.photons,
         seed: args.seed,

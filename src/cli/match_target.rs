@@ -13,6 +13,7 @@ use lumislice::{
         DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, PhotonOptions, Prediction, ProfileFile, TransportOptions,
         VolumeCoefficients,
     },
+    plot::Figure,
     search::{
         BlockTable, Match, Norm, Objective, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget, Stacking,
         match_target, reflection_of,
@@ -23,7 +24,9 @@ use serde_json::json;
 
 use super::{
     Answer, leave_at_once,
+    match_plot::MatchPlot,
     materials::{Materials, go_on, no_coefficients},
+    plots::PlotFile,
     print, print_json,
     progress::Bars,
     say,
@@ -31,7 +34,7 @@ use super::{
 };
 
 /// Mean free paths that make sense, as in a job.
-const MEAN_FREE_PATH_MM: std::ops::RangeInclusive<f64> = 1e-4..=1000.0;
+pub(super) const MEAN_FREE_PATH_MM: std::ops::RangeInclusive<f64> = 1e-4..=1000.0;
 
 /// Find the stack of layers that reflects most like a target.
 #[derive(Debug, Args)]
@@ -89,6 +92,9 @@ pub struct MatchArgs {
     /// Judge the answer by so many photons per channel as well, at least 2.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Search")]
     photons: Option<u64>,
+    /// Draw the target and what the models predict to F, a .png or .svg.
+    #[arg(long, value_name = "F", help_heading = "Output")]
+    plot: Option<PathBuf>,
     /// Print one JSON document instead of words.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -113,12 +119,12 @@ fn parse_srgb(text: &str) -> Result<[u8; 3], String> {
     number.map(|n| [(n >> 16) as u8, (n >> 8) as u8, n as u8]).ok_or_else(|| "expected #RRGGBB, such as #C08040".into())
 }
 
-fn parse_layer(text: &str) -> Result<f64, String> {
+pub(super) fn parse_layer(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|mm| (0.001..=10.0).contains(mm));
     number.ok_or_else(|| "expected 0.001 to 10 mm".to_owned())
 }
 
-fn parse_min_depth(text: &str) -> Result<(String, f64), String> {
+pub(super) fn parse_min_depth(text: &str) -> Result<(String, f64), String> {
     let fault = || "expected RESIN:MM, the depth in mm, 0 to 100".to_owned();
     let (name, mm) = text.rsplit_once(':').ok_or_else(fault)?;
     let mm: f64 = mm.trim().parse().map_err(|_| fault())?;
@@ -126,7 +132,7 @@ fn parse_min_depth(text: &str) -> Result<(String, f64), String> {
     if valid { Ok((name.trim().to_owned(), mm)) } else { Err(fault()) }
 }
 
-fn parse_depth(text: &str) -> Result<usize, String> {
+pub(super) fn parse_depth(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|depth| (1..=12).contains(depth)).ok_or_else(|| "expected 1 to 12".to_owned())
 }
 
@@ -147,6 +153,7 @@ pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
     let target = args.target(materials.file.channels().len())?;
     let core = args.core.as_deref().map(|name| materials.file.resin_index(name)).transpose()?;
     let limits = args.limits(&materials)?;
+    let plot = args.plot.as_deref().map(PlotFile::open).transpose()?;
     let bars = Bars::new(args.json);
     let model = args.fit(&mut materials, &bars)?;
     let set = materials.load(&bars)?;
@@ -160,8 +167,10 @@ pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
         core,
         max_nodes: None,
     };
-    // Nothing is being written, and a search does not listen.
-    leave_at_once();
+    // A search does not listen, and there is nothing to clear away but a plot's place.
+    if plot.is_none() {
+        leave_at_once();
+    }
     bars.stage("search", 0);
     let resins: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
     let refiner = (model == Judge::Transport).then(|| {
@@ -192,7 +201,11 @@ pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
         None => scorer.judge(found.stacking.clone(), found.reflection.clone()),
         Some(refined) => scorer.judge(refined.stacking, refined.reflection),
     };
-    answer.monte_carlo = args.photons.map(|photons| scorer.monte_carlo(&answer.stacking, photons)).transpose()?;
+    let traced = args.photons.map(|photons| scorer.trace(&answer.stacking, photons)).transpose()?;
+    answer.monte_carlo = traced.as_ref().map(|traced| scorer.objective(&spectra(traced)));
+    if let Some(plot) = plot {
+        plot.finish(&scorer.figure(&answer.stacking, traced.as_ref()))?;
+    }
     let unrefined = refiner.map(|_| scorer.judge(found.stacking.clone(), found.reflection.clone()));
     if args.json {
         print_json(&scorer.document(&answer, unrefined.as_ref(), &found))?;
@@ -326,6 +339,10 @@ impl MatchArgs {
     }
 }
 
+fn spectra(prediction: &Prediction) -> Vec<Vec<f64>> {
+    prediction.light.iter().map(|light| light.reflection_hankel.clone()).collect()
+}
+
 /// Asks the models about a stacking, and tells people or programs.
 struct Scorer<'a> {
     args: &'a MatchArgs,
@@ -343,23 +360,36 @@ impl Scorer<'_> {
     fn judge(&self, stacking: Stacking, reflection: Vec<Vec<f64>>) -> Judged {
         let parameters: Vec<_> = self.set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
         let km = self.objective(&reflection_of(&parameters, &stacking, self.options.core));
-        let spectra = |prediction: Prediction| -> Vec<Vec<f64>> {
-            prediction.light.into_iter().map(|light| light.reflection_hankel).collect()
-        };
-        let transport = self.layers(&stacking).map(|(layers, core)| {
-            let directions = TransportOptions::REFLECTION;
-            let light = Prediction::transport(&self.set.channels, &layers, core, Light::Diffuse, directions);
-            self.objective(&spectra(light))
-        });
+        let transport = self.transport(&stacking).map(|light| self.objective(&spectra(&light)));
         Judged { stacking, reflection, km, transport, monte_carlo: None }
     }
 
-    fn monte_carlo(&self, stacking: &Stacking, photons: u64) -> anyhow::Result<f64> {
+    fn transport(&self, stacking: &Stacking) -> Option<Prediction> {
+        let (layers, core) = self.layers(stacking)?;
+        let directions = TransportOptions::REFLECTION;
+        Some(Prediction::transport(&self.set.channels, &layers, core, Light::Diffuse, directions))
+    }
+
+    fn trace(&self, stacking: &Stacking, photons: u64) -> anyhow::Result<Prediction> {
         let (layers, core) = self.layers(stacking).expect("checked with the arguments");
         let options = PhotonOptions { light: Light::Diffuse, photons, seed: DEFAULT_SEED };
-        let prediction = Prediction::monte_carlo(&self.set.channels, &layers, core, options, |_| go_on())?;
-        let spectra: Vec<_> = prediction.light.into_iter().map(|light| light.reflection_hankel).collect();
-        Ok(self.objective(&spectra))
+        Ok(Prediction::monte_carlo(&self.set.channels, &layers, core, options, |_| go_on())?)
+    }
+
+    fn figure(&self, stacking: &Stacking, monte_carlo: Option<&Prediction>) -> Figure {
+        let layers: Vec<_> = stacking.layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).collect();
+        let named: Vec<_> = self.named(stacking).map(|(name, mm)| format!("{name} {mm:.3}")).collect();
+        let below = self.args.core.as_ref().map_or("nothing", String::as_str);
+        let plot = MatchPlot {
+            title: format!("{} mm over {below}", named.join(", ")),
+            caption: self.set.provenance.clone(),
+            target: self.target,
+            grid: &self.set.grid,
+            km: Prediction::kubelka_munk(self.set, &layers, self.options.core),
+            transport: self.transport(stacking),
+            monte_carlo,
+        };
+        plot.figure()
     }
 
     /// Coefficients of the layers with their thicknesses, and of the core.

@@ -3,13 +3,17 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use lumislice::optics::{CoefficientFit, MaterialFile, MaterialSet, Resin};
+use lumislice::{
+    optics::{ChannelPrediction, CoefficientFit, MaterialFile, MaterialSet, Resin},
+    plot::{Figure, SERIES},
+};
 use serde_json::json;
 
 use super::{
     Answer,
     materials::Materials,
     measure::{self, MeasureArgs},
+    plots::{Curve, Look, PlotFile, Side, profile_panel},
     print, print_json,
     progress::Bars,
     simulate::{self, SimulateArgs},
@@ -46,6 +50,9 @@ struct ShowArgs {
     /// A material file (TOML), or the name of a built-in set.
     #[arg(value_name = "FILE|SET")]
     materials: PathBuf,
+    /// Draw R(r) and T(r) of every resin's slab on a logarithmic axis to F, a .png or .svg.
+    #[arg(long, value_name = "F")]
+    plot: Option<PathBuf>,
     /// Print one JSON document instead of tables.
     #[arg(long)]
     json: bool,
@@ -86,9 +93,13 @@ fn list(args: &ListArgs) -> anyhow::Result<Answer> {
 
 fn show(args: &ShowArgs) -> anyhow::Result<Answer> {
     let mut materials = Materials::read(&args.materials)?;
+    let plot = args.plot.as_deref().map(PlotFile::open).transpose()?;
     let bars = Bars::new(args.json);
     materials.fit(None, &bars)?;
     let set = materials.load(&bars)?;
+    if let Some(plot) = plot {
+        plot.finish(&figure(&set))?;
+    }
     if args.json {
         print_json(&json!({
             "name": set.name,
@@ -101,6 +112,30 @@ fn show(args: &ShowArgs) -> anyhow::Result<Answer> {
         print(&report(&set))?;
     }
     Ok(Answer::Yes)
+}
+
+/// The slabs' profiles: a row per channel, reflection and transmission.
+fn figure(set: &MaterialSet) -> Figure {
+    let mut figure = Figure::new(format!("Resins of {}", set.name)).columns(2).caption(set.provenance.clone());
+    for (channel, name) in set.channels.iter().enumerate() {
+        let light: Vec<_> = set
+            .resins
+            .iter()
+            .filter_map(|resin| resin.slab.get(channel))
+            .map(|slab| ChannelPrediction::from_spectra(slab.reflection.clone(), slab.transmission.clone(), &set.grid))
+            .collect();
+        let curve = |(index, (resin, light)): (usize, (&Resin, _))| {
+            let mm = resin.representative_thickness_mm.get(channel).copied().unwrap_or_default();
+            let name = format!("{}, {mm} mm", resin.name);
+            Curve { name, light, colour: SERIES[index % SERIES.len()], look: Look::Solid }
+        };
+        let curves: Vec<_> = set.resins.iter().zip(&light).enumerate().map(curve).collect();
+        for (side, title) in [(Side::Reflection, "Reflection"), (Side::Transmission, "Transmission")] {
+            let title = if set.channels.len() > 1 { format!("{title}, channel {name}") } else { title.to_owned() };
+            figure.panels.extend(profile_panel(side, &curves).map(|panel| panel.title(title)));
+        }
+    }
+    figure
 }
 
 /// What a resin does in one channel.

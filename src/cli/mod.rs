@@ -5,11 +5,14 @@
 
 mod compare;
 mod factor;
+mod gamut;
+mod match_plot;
 mod match_target;
 mod material;
 mod materials;
 mod measure;
 mod output_file;
+mod plots;
 mod predict;
 mod preview;
 mod printers;
@@ -46,9 +49,10 @@ enum Command {
     Slice(slice::SliceArgs),
     Predict(predict::PredictArgs),
     Match(match_target::MatchArgs),
+    Gamut(gamut::GamutArgs),
     Material(material::MaterialArgs),
-    Compare(compare::CompareArgs),
     Factor(factor::FactorArgs),
+    Compare(compare::CompareArgs),
     Preview(preview::PreviewArgs),
     Verify(verify::VerifyArgs),
     Printers(printers::PrintersArgs),
@@ -84,9 +88,10 @@ pub fn run() -> ExitCode {
         Command::Slice(args) => slice::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Match(args) => match_target::run(args),
+        Command::Gamut(args) => gamut::run(args),
         Command::Material(args) => material::run(args),
-        Command::Compare(args) => compare::run(args),
         Command::Factor(args) => factor::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Preview(args) => preview::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Printers(args) => printers::run(args),

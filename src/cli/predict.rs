@@ -10,6 +10,7 @@ use lumislice::{
         DEFAULT_PHOTONS, DEFAULT_SEED, Light, MaterialFile, PhotonOptions, Prediction, TransportOptions,
         VolumeCoefficients,
     },
+    plot::Figure,
 };
 use serde_json::json;
 
@@ -17,6 +18,7 @@ use super::{
     Answer,
     materials::{Materials, go_on, no_coefficients},
     output_file::OutputFile,
+    plots::{Curve, Look, PlotFile, Side, channel_colours, profile_panel},
     print, print_json,
     progress::Bars,
     say,
@@ -42,7 +44,7 @@ pub struct PredictArgs {
     /// Light from all directions, or a pencil beam straight down (not with km).
     #[arg(long, value_enum, default_value_t = Source::Diffuse, help_heading = "Light")]
     light: Source,
-    /// Root mean square error of the reflection over spatial frequencies that transport may have: 1e-3 to 3e-5; chooses the number of directions.
+    /// Root mean square error over spatial frequencies that transport aims at, 1e-3 to 3e-5: chooses the number of directions. Very thin layers err more.
     #[arg(long, value_name = "RMS", default_value_t = 1e-4, value_parser = parse_accuracy, help_heading = "Light")]
     accuracy: f64,
     /// Photons per channel, at least 2 (monte-carlo only); default 2000000.
@@ -54,6 +56,9 @@ pub struct PredictArgs {
     /// Write the profiles to F: r_mm,reflection_per_mm2,transmission_per_mm2; with several channels one file each, F-CHANNEL.
     #[arg(long, value_name = "F", help_heading = "Output")]
     csv: Option<PathBuf>,
+    /// Draw the profiles R(r) and T(r) on a logarithmic axis to F, a .png or .svg.
+    #[arg(long, value_name = "F", help_heading = "Output")]
+    plot: Option<PathBuf>,
     /// Print one JSON document instead of a table.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -93,6 +98,7 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
         layers.iter().map(|(name, mm)| Ok((file.resin_index(name)?, *mm))).collect::<anyhow::Result<Vec<_>>>()?;
     let core = args.core.as_deref().map(|name| file.resin_index(name)).transpose()?;
     let csv = args.open_csv(file.channels())?;
+    let plot = args.plot.as_deref().map(PlotFile::open).transpose()?;
     let bars = Bars::new(args.json);
     let mut model = args.model;
     if model != Model::Km {
@@ -115,6 +121,9 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
     };
     for (file, light) in csv.into_iter().zip(&prediction.light) {
         file.finish(light.to_csv().as_bytes())?;
+    }
+    if let Some(plot) = plot {
+        plot.finish(&args.figure(&layers, model, &prediction))?;
     }
     if args.json {
         let spectra = |of: fn(&lumislice::optics::ChannelPrediction) -> &Vec<f64>| -> Vec<&Vec<f64>> {
@@ -216,6 +225,24 @@ impl PredictArgs {
             return Ok(vec![OutputFile::open(path)?]);
         }
         channels.iter().map(|channel| OutputFile::open(&with_channel(path, channel))).collect()
+    }
+
+    fn figure(&self, layers: &[(String, f64)], model: Model, prediction: &Prediction) -> Figure {
+        let colours = channel_colours(&prediction.channels);
+        let curves: Vec<_> = prediction
+            .channels
+            .iter()
+            .zip(&prediction.light)
+            .zip(colours)
+            .map(|((channel, light), colour)| {
+                let name = if prediction.channels.len() > 1 { channel.clone() } else { String::new() };
+                let look = if model == Model::MonteCarlo { Look::Rings } else { Look::Solid };
+                Curve { name, light, colour, look }
+            })
+            .collect();
+        let panels = [(Side::Reflection, "Reflection"), (Side::Transmission, "Transmission")];
+        let panels = panels.into_iter().filter_map(|(side, title)| Some(profile_panel(side, &curves)?.title(title)));
+        panels.fold(Figure::new(self.title(layers, model)).columns(2), Figure::with)
     }
 
     fn title(&self, layers: &[(String, f64)], model: Model) -> String {

@@ -14,7 +14,7 @@ const LABELS: &str = "labels.png";
 /// Form of the record that is read.
 const VERSION: u32 = 1;
 /// Rec. 709 weights of linear red, green and blue.
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+pub(super) const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// What of the record a job needs.
 #[derive(Debug, Deserialize)]
@@ -24,6 +24,8 @@ struct Record {
     width: u32,
     height: u32,
     channels: Vec<String>,
+    #[serde(default)]
+    ring_edges_mm: Vec<f64>,
     clusters: Vec<Cluster>,
 }
 
@@ -44,6 +46,8 @@ pub struct FactoredMap {
     pub height: u32,
     /// Names of the profiles' channels.
     pub channels: Vec<String>,
+    /// Edges of the rings of the texels' own profiles, if they were kept.
+    pub ring_edges_mm: Vec<f64>,
     /// Cluster of every texel, row by row.
     pub labels: Vec<u16>,
     /// Profile of each cluster and channel.
@@ -89,8 +93,8 @@ impl FactoredMap {
         };
         let profiles = record.clusters.iter().map(|cluster| cluster.profiles.iter().map(profile).collect());
         let profiles = profiles.collect::<Result<_, _>>()?;
-        let Record { pitch_mm, channels, .. } = record;
-        Ok(Self { pitch_mm, width, height, channels, labels, profiles, record: path })
+        let Record { pitch_mm, channels, ring_edges_mm, .. } = record;
+        Ok(Self { pitch_mm, ring_edges_mm, width, height, channels, labels, profiles, record: path })
     }
 
     /// Hankel transforms by cluster and channel of `channels`, over `grid`: one channel serves all, three serve one by their luminance.

@@ -34,6 +34,7 @@ mod target;
 #[cfg(test)]
 mod tests;
 pub mod verify;
+mod wanted;
 
 use std::fs::File;
 use std::io::Read;
@@ -66,8 +67,9 @@ pub use resolved::ResolvedJob;
 pub use run::{Finished, RunOptions, STACKINGS, run};
 pub use run_error::{Blame, RunError};
 pub use stack::{StackError, format_stack, parse_stack};
-pub use stacking_report::{LayerEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};
+pub use stacking_report::{GamutMapEntry, LayerEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};
 pub use target::{AlbedoSource, TargetSpec};
+pub use wanted::{JobTarget, targets};
 
 pub use crate::mesh::Unit;
 
@@ -162,7 +164,7 @@ impl Job {
         // A table with defaults reads the same whether it is empty or left out.
         let empty = toml::Spanned::new(0..0, DeTable::new());
         let table = |key: &str| root.get(key).map_or_else(|| Ok(read::Table::root(&source, &empty)), |t| t.table());
-        let common = root.get("target").map(|target| target::read(&target.table()?)).transpose()?;
+        let common = root.get("target").map(|target| target::read_with_map(&target.table()?)).transpose()?;
         let objects = object::read_all(&root, common.as_ref())?;
         let printer = options::read_printer(&root)?;
         let materials = options::read_materials(&root)?;

@@ -42,6 +42,8 @@ pub struct ObjectJob {
     pub depth_from: DepthFrom,
     /// What it should look like: its own target, or else the job's.
     pub target: TargetSpec,
+    /// Whether targets out of reach are brought into the resins' gamut before the search; default no.
+    pub gamut_map: bool,
 }
 
 /// Names in the job file.
@@ -51,7 +53,7 @@ pub(super) const KEYS: &[&str] =
     &["mesh", "unit", "scale", "height-mm", "rotate-deg", "position-mm", "depth-from", "target"];
 
 /// Reads every object; `common` is the job's `[target]`.
-pub(super) fn read_all(root: &Table<'_>, common: Option<&TargetSpec>) -> Result<Vec<ObjectJob>> {
+pub(super) fn read_all(root: &Table<'_>, common: Option<&(TargetSpec, bool)>) -> Result<Vec<ObjectJob>> {
     const EXPECTED: &str = "one or several [[object]] tables";
     let value = root.require("object", EXPECTED)?;
     let objects = value.list(EXPECTED)?;
@@ -61,14 +63,17 @@ pub(super) fn read_all(root: &Table<'_>, common: Option<&TargetSpec>) -> Result<
     objects.iter().map(|object| read(&object.table()?, common)).collect()
 }
 
-fn read(table: &Table<'_>, common: Option<&TargetSpec>) -> Result<ObjectJob> {
+fn read(table: &Table<'_>, common: Option<&(TargetSpec, bool)>) -> Result<ObjectJob> {
     table.allow_only(KEYS)?;
     table.exclusive("scale", "height-mm")?;
-    let own = table.get("target").map(|target| target::read(&target.table()?)).transpose()?;
+    let own = table.get("target").map(|target| target::read_with_map(&target.table()?)).transpose()?;
     let scaling = match table.get("height-mm") {
         Some(height) => Scaling::HeightMm(height.number(HEIGHT)?),
         None => Scaling::Scale(table.number_or("scale", 1.0, SCALE)?),
     };
+    let (target, gamut_map) = own
+        .or_else(|| common.cloned())
+        .ok_or_else(|| table.missing("target", "a [target] for the whole job or an [object.target] of its own"))?;
     Ok(ObjectJob {
         mesh: table.require("mesh", "the path of a mesh file")?.file("a mesh file")?,
         unit: table.get("unit").map(|unit| unit.choice(&Unit::ALL)).transpose()?,
@@ -76,8 +81,7 @@ fn read(table: &Table<'_>, common: Option<&TargetSpec>) -> Result<ObjectJob> {
         rotate_deg: table.triple_or("rotate-deg", [0.0; 3], ANGLE)?,
         position_mm: table.triple_or("position-mm", [0.0; 3], POSITION)?,
         depth_from: table.get("depth-from").map_or(Ok(DepthFrom::Surface), |value| value.choice(DEPTH_FROM))?,
-        target: own
-            .or_else(|| common.cloned())
-            .ok_or_else(|| table.missing("target", "a [target] for the whole job or an [object.target] of its own"))?,
+        target,
+        gamut_map,
     })
 }

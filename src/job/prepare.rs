@@ -124,9 +124,7 @@ impl Prepared {
                     .refuse(&format!("object[{index}].depth-from"), found, "a level or nearly level top")
                     .into());
             }
-            let has_uvs = !solid.mesh.uvs.is_empty();
-            // Without texture coordinates nothing varies within a page, and any will do.
-            solid.mesh.uvs.resize(solid.mesh.triangles.len(), Default::default());
+            let has_uvs = complete_uvs(&mut solid);
             let context = TargetContext {
                 job: &job,
                 materials: &materials,
@@ -250,13 +248,13 @@ fn digest(path: &Path) -> std::io::Result<String> {
 }
 
 /// Materials as far as they can be checked quickly.
-enum MaterialDraft {
+pub(super) enum MaterialDraft {
     Ready(MaterialSet),
     File(MaterialFile),
 }
 
 /// Reads the materials and checks every resin that the job names.
-fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
+pub(super) fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
     let draft = match &job.materials {
         MaterialSource::Set(name) => {
             job.check_material_set(&MaterialSet::builtin_names().collect::<Vec<_>>())?;
@@ -273,7 +271,11 @@ fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
 }
 
 /// Simulates the resins that come without profiles, and fits coefficients (`fit`) to those that come with nothing else.
-fn finish_materials(draft: MaterialDraft, fit: bool, interrupt: &Interrupt) -> Result<MaterialSet, RunError> {
+pub(super) fn finish_materials(
+    draft: MaterialDraft,
+    fit: bool,
+    interrupt: &Interrupt,
+) -> Result<MaterialSet, RunError> {
     let mut file = match draft {
         MaterialDraft::Ready(set) => return Ok(set),
         MaterialDraft::File(file) => file,
@@ -289,7 +291,7 @@ fn finish_materials(draft: MaterialDraft, fit: bool, interrupt: &Interrupt) -> R
     }
 }
 
-fn load_solid(
+pub(super) fn load_solid(
     job: &Job,
     index: usize,
     object: &ObjectJob,
@@ -325,6 +327,13 @@ fn load_solid(
     let solid = mesh::close(placed).map_err(in_file)?;
     solid.health.warnings().into_iter().for_each(&mut warn);
     Ok((solid, to_lattice * loaded.file_to_mesh, loaded.companions))
+}
+
+/// Gives a mesh without texture coordinates some, for nothing varies within a page then and any will do; whether it had its own.
+pub(super) fn complete_uvs(solid: &mut Solid) -> bool {
+    let had = !solid.mesh.uvs.is_empty();
+    solid.mesh.uvs.resize(solid.mesh.triangles.len(), Default::default());
+    had
 }
 
 fn bounds(solid: &Solid) -> [DVec3; 2] {

@@ -196,6 +196,14 @@ impl<'a> Value<'a> {
         Ok([x.number(range)?, y.number(range)?, z.number(range)?])
     }
 
+    /// `true` or `false`.
+    pub fn truth(&self) -> Result<bool> {
+        match self.value {
+            DeValue::Boolean(truth) => Ok(*truth),
+            _ => Err(self.refuse("true or false")),
+        }
+    }
+
     /// Any text.
     pub fn text(&self, expected: &str) -> Result<&'a str> {
         match self.value {

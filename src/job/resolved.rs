@@ -35,7 +35,16 @@ struct Object {
     rotate_deg: [f64; 3],
     position_mm: [f64; 3],
     depth_from: &'static str,
+    target: MappedTarget,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct MappedTarget {
+    #[serde(flatten)]
     target: Target,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gamut_map: Option<bool>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -228,7 +237,11 @@ fn object(object: &super::ObjectJob) -> Object {
             super::DepthFrom::Surface => "surface",
             super::DepthFrom::Top => "top",
         },
-        target: target(&object.target),
+        target: MappedTarget {
+            target: target(&object.target),
+            // Nothing is to be mapped where the stacking is given.
+            gamut_map: (!matches!(object.target, TargetSpec::Stacking { .. })).then_some(object.gamut_map),
+        },
     }
 }
 

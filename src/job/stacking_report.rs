@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::heights::LayerMaps;
-use crate::voxel::MaterialId;
+use crate::{search::Move, voxel::MaterialId};
 
 /// The stackings of one object and how well they do.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -40,6 +40,36 @@ pub struct StackingEntry {
     /// Root mean square distance of the cluster's spectra from their mean; `None` without clusters.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cluster_rms: Option<f64>,
+    /// What `gamut-map` did to the target; `None` where the job does not ask for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gamut_map: Option<GamutMapEntry>,
+}
+
+/// A target before and after it was brought into the gamut. The search's objective is that of the target after.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GamutMapEntry {
+    /// Whether it lay inside.
+    pub inside: bool,
+    /// Half-energy radius asked for per channel, mm; `None` where there is no light.
+    pub target_half_energy_radius_mm: Vec<Option<f64>>,
+    /// Factor of its albedo, the same in all channels.
+    pub albedo_factor: f64,
+    /// Factor of all its radii.
+    pub width_factor: f64,
+    /// The objective of the stacking that was found with the target as it was asked for.
+    pub objective_as_asked: f64,
+}
+
+impl GamutMapEntry {
+    pub(super) fn new(moved: &Move, objective_as_asked: f64) -> Self {
+        Self {
+            inside: moved.inside,
+            target_half_energy_radius_mm: moved.from.iter().map(|from| from.map(|[_, radius]| radius)).collect(),
+            albedo_factor: moved.albedo_factor,
+            width_factor: moved.width_factor,
+            objective_as_asked,
+        }
+    }
 }
 
 /// One layer.

@@ -1,8 +1,8 @@
 //! From what an object should look like to the layers that do it.
 
 use super::{
-    AlbedoSource, DepthFrom, InputPath, Interrupt, Job, LayerEntry, OutputFormat, Progress, RunError, SearchEntry,
-    StackingEntry, StackingModel, StackingReport, TargetSpec, TransportEntry,
+    AlbedoSource, DepthFrom, GamutMapEntry, InputPath, Interrupt, Job, LayerEntry, OutputFormat, Progress, RunError,
+    SearchEntry, StackingEntry, StackingModel, StackingReport, TargetSpec, TransportEntry,
     factored::FactoredMap,
     heights::LayerMaps,
     images::{read_labels, read_picture, srgb_to_linear, to_channels},
@@ -13,8 +13,8 @@ use crate::{
     mesh::Solid,
     optics::{Light, MaterialSet, ProfileFile, Transport, TransportOptions, VolumeCoefficients},
     search::{
-        BlockTable, Match, RefineOptions, Refined, Refiner, ResinLimit, SearchOptions, SearchTarget, Stacking,
-        match_targets, reflection_of,
+        BlockTable, Gamut, GamutMap, Match, Move, RefineOptions, Refined, Refiner, ResinLimit, SearchError,
+        SearchOptions, SearchTarget, Stacking, match_targets, reflection_of,
     },
     target::{
         self, AlignedStackings, AppearancePage, Atlas, HeightFields, LabelMap, LayerField, LayerStack,
@@ -52,6 +52,23 @@ pub(super) struct TargetContext<'a> {
     pub interrupt: &'a Interrupt,
 }
 
+/// What an object asks for, before any search.
+pub(super) struct Wanted {
+    kind: &'static str,
+    pub targets: Vec<SearchTarget>,
+    /// Share of the surface that wants each.
+    pub shares: Vec<f64>,
+    /// How far the spectra of each cluster are from their mean; `None` where nothing was clustered.
+    rms: Vec<Option<f64>>,
+    surface: Surface,
+}
+
+/// Where which target is wanted.
+enum Surface {
+    Uniform,
+    Labelled { atlas: Atlas, labels: Vec<LabelMap> },
+}
+
 /// Turns the target of an object into its layers.
 pub(super) fn object_layers(
     context: &TargetContext<'_>,
@@ -59,19 +76,56 @@ pub(super) fn object_layers(
     warnings: &mut Vec<String>,
 ) -> Result<(LayerField, StackingReport), RunError> {
     let core = context.core()?;
+    if let TargetSpec::Stacking { layers } = target {
+        let layers = layers.iter().filter_map(|(name, t)| Some((context.materials.resin(name)?.0, *t)));
+        let stacking = Stacking::from_layers(layers);
+        let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking, core)?);
+        return Ok(context.uniform("stacking", &stacking, core, entry));
+    }
+    let wanted = wanted(context, target, warnings)?;
+    let map = context.gamut_map(core, &wanted, warnings)?;
+    let targets = map.as_ref().map_or_else(|| wanted.targets.clone(), |map| context.mapped(map, &wanted.targets));
+    let matches = context.search(core, &targets)?;
+    let mut entries = Vec::with_capacity(matches.len());
+    for (index, found) in matches.iter().enumerate() {
+        let mut entry = context.matched_entry(found, &targets[index], wanted.shares[index], wanted.rms[index]);
+        if let Some(map) = &map {
+            entry.target_albedo = Some(wanted.targets[index].channels.iter().map(|channel| channel[0]).collect());
+            let asked = context.job.stacking.objective.of(found.reflection(), &wanted.targets[index]);
+            entry.gamut_map = Some(GamutMapEntry::new(&map.moves[index], asked));
+        }
+        entries.push(entry);
+    }
+    match &wanted.surface {
+        Surface::Uniform => {
+            let entry = entries.remove(0);
+            Ok(context.uniform(wanted.kind, matches[0].stacking(), core, entry))
+        }
+        Surface::Labelled { atlas, labels } => context.textured(wanted.kind, atlas, labels, &matches, entries, core),
+    }
+}
+
+/// What `target` asks for; nothing where it gives a stacking.
+pub(super) fn wanted(
+    context: &TargetContext<'_>,
+    target: &TargetSpec,
+    warnings: &mut Vec<String>,
+) -> Result<Wanted, RunError> {
     match target {
-        TargetSpec::Stacking { layers } => {
-            let layers = layers.iter().filter_map(|(name, t)| Some((context.materials.resin(name)?.0, *t)));
-            let stacking = Stacking::from_layers(layers);
-            let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking, core)?);
-            Ok(context.uniform("stacking", &stacking, core, entry))
-        }
-        TargetSpec::Profile { paths } => {
-            let target = context.profile_target("target.profile", paths)?;
-            let found = context.search(core, std::slice::from_ref(&target))?.remove(0);
-            let entry = context.matched_entry(&found, &target, 1.0, None);
-            Ok(context.uniform("profile", found.stacking(), core, entry))
-        }
+        TargetSpec::Stacking { .. } => Ok(Wanted {
+            kind: "stacking",
+            targets: Vec::new(),
+            shares: Vec::new(),
+            rms: Vec::new(),
+            surface: Surface::Uniform,
+        }),
+        TargetSpec::Profile { paths } => Ok(Wanted {
+            kind: "profile",
+            targets: vec![context.profile_target("target.profile", paths)?],
+            shares: vec![1.0],
+            rms: vec![None],
+            surface: Surface::Uniform,
+        }),
         TargetSpec::Clusters { labels, profiles } => {
             let (width, height, labels_of) = read_labels(labels.as_ref())?;
             if let Some(odd) = labels_of.iter().find(|&&label| usize::from(label) >= profiles.len()) {
@@ -84,11 +138,11 @@ pub(super) fn object_layers(
             context.require_uvs("target.labels")?;
             let targets = profiles.iter().map(|paths| context.profile_target("target.profiles", paths));
             let targets = targets.collect::<Result<Vec<_>, _>>()?;
-            labelled_layers(context, "clusters", (width, height), labels_of, targets, None, core)
+            Ok(labelled(context, "clusters", (width, height), labels_of, targets, None))
         }
         TargetSpec::Texture { albedo, mean_free_path, mean_free_path_mm, max_albedo } => {
             let pages = context.appearance(albedo, mean_free_path.as_ref())?;
-            texture_layers(context, pages, *mean_free_path_mm, *max_albedo, core, warnings)
+            texture_wanted(context, pages, *mean_free_path_mm, *max_albedo, warnings)
         }
         TargetSpec::Bssrdf { map, max_albedo } => {
             context.require_uvs("target.map")?;
@@ -96,35 +150,36 @@ pub(super) fn object_layers(
             let channels = &context.materials.channels;
             let targets = map.spectra(channels, &context.materials.grid)?;
             let targets = targets.into_iter().map(|channels| SearchTarget { channels }).collect();
-            labelled_layers(context, "bssrdf", (map.width, map.height), map.labels, targets, *max_albedo, core)
+            Ok(labelled(context, "bssrdf", (map.width, map.height), map.labels, targets, *max_albedo))
         }
     }
 }
 
-/// A stacking for each of `targets`, laid where `labels` name it; `max_albedo` rescales them all as [`rescale`] says.
-fn labelled_layers(
+/// `targets`, wanted where `labels` name them; `max_albedo` rescales them all as [`rescale`] says.
+fn labelled(
     context: &TargetContext<'_>,
     kind: &'static str,
     size: (u32, u32),
     labels: Vec<u16>,
     mut targets: Vec<SearchTarget>,
     max_albedo: Option<f64>,
-    core: usize,
-) -> Result<(LayerField, StackingReport), RunError> {
+) -> Wanted {
     let atlas = Atlas::new(&context.solid.mesh, &[size], &[]);
-    let mut shares = vec![0_u64; targets.len()];
+    let mut texels = vec![0_u64; targets.len()];
     for texel in atlas.pages()[0].covered() {
-        shares[usize::from(labels[texel])] += 1;
+        texels[usize::from(labels[texel])] += 1;
     }
     if let Some(most) = max_albedo {
-        rescale(&mut targets, &shares, most);
+        rescale(&mut targets, &texels, most);
     }
-    let matches = context.search(core, &targets)?;
-    let total: u64 = shares.iter().sum();
-    let entries = matches.iter().zip(&targets).zip(&shares).map(|((found, target), &share)| {
-        context.matched_entry(found, target, share as f64 / total.max(1) as f64, None)
-    });
-    context.textured(kind, &atlas, &[LabelMap(labels)], &matches, entries.collect(), core)
+    let total: u64 = texels.iter().sum();
+    Wanted {
+        kind,
+        shares: texels.iter().map(|&texels| texels as f64 / total.max(1) as f64).collect(),
+        rms: vec![None; targets.len()],
+        targets,
+        surface: Surface::Labelled { atlas, labels: vec![LabelMap(labels)] },
+    }
 }
 
 /// Scales all profiles by one factor, so that the largest albedo of any that is laid somewhere becomes `most`.
@@ -158,14 +213,13 @@ struct Appearance {
     page_of: Vec<u16>,
 }
 
-fn texture_layers(
+fn texture_wanted(
     context: &TargetContext<'_>,
     appearance: Appearance,
     mean_free_path_mm: f64,
     max_albedo: Option<f64>,
-    core: usize,
     warnings: &mut Vec<String>,
-) -> Result<(LayerField, StackingReport), RunError> {
+) -> Result<Wanted, RunError> {
     let channels = context.materials.channels.len();
     context.progress.stage("clusters", 0);
     let sizes: Vec<_> = appearance.pages.iter().map(|page| (page.width, page.height)).collect();
@@ -205,16 +259,17 @@ fn texture_layers(
     }
     let target =
         |centroid: &Vec<f64>| SearchTarget { channels: centroid.chunks(coefficients).map(<[f64]>::to_vec).collect() };
-    let targets: Vec<_> = clusters.centroids.iter().map(target).collect();
-    let matches = context.search(core, &targets)?;
     let total: f64 = weights.iter().sum();
-    let entries = matches.iter().zip(&targets).zip(&clusters.fits).map(|((found, target), fit)| {
-        let rms = fit.rms / ((channels * coefficients) as f64).sqrt();
-        context.matched_entry(found, target, fit.weight / total, Some(rms))
-    });
+    let rms = |fit: &target::ClusterFit| Some(fit.rms / ((channels * coefficients) as f64).sqrt());
     let label = |&appearance: &u32| clusters.labels[appearance as usize] as u16; // k is at most 65,535
-    let labels: Vec<_> = appearances.index.iter().map(|page| LabelMap(page.iter().map(label).collect())).collect();
-    context.textured("texture", &atlas, &labels, &matches, entries.collect(), core)
+    let labels = appearances.index.iter().map(|page| LabelMap(page.iter().map(label).collect())).collect();
+    Ok(Wanted {
+        kind: "texture",
+        targets: clusters.centroids.iter().map(target).collect(),
+        shares: clusters.fits.iter().map(|fit| fit.weight / total).collect(),
+        rms: clusters.fits.iter().map(rms).collect(),
+        surface: Surface::Labelled { atlas, labels },
+    })
 }
 
 /// The largest albedo of any covered texel and channel.
@@ -287,10 +342,9 @@ impl TargetContext<'_> {
         Ok(Some(Refiner::new(&self.volumes()?, &self.materials.grid, options, refine)))
     }
 
-    fn search(&self, core: usize, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
-        self.progress.stage("stackings", targets.len() as u64);
+    fn search_options(&self, core: usize) -> SearchOptions {
         let stacking = &self.job.stacking;
-        let options = SearchOptions {
+        SearchOptions {
             max_thickness_mm: stacking.max_thickness_mm,
             units: stacking.units,
             depth: stacking.depth,
@@ -298,8 +352,54 @@ impl TargetContext<'_> {
             limits: self.limits(),
             core: Some(core),
             max_nodes: None,
+        }
+    }
+
+    fn search_fault(&self, source: SearchError) -> RunError {
+        RunError::Search { object: self.job.objects[self.object].mesh.shown(), source }
+    }
+
+    /// Where the object's targets go, if the job asks for that; says what it does.
+    fn gamut_map(
+        &self,
+        core: usize,
+        wanted: &Wanted,
+        warnings: &mut Vec<String>,
+    ) -> Result<Option<GamutMap>, RunError> {
+        if !self.job.objects[self.object].gamut_map {
+            return Ok(None);
+        }
+        self.progress.stage("gamut", 0);
+        let volumes = match self.job.stacking.model {
+            StackingModel::KubelkaMunk => None,
+            StackingModel::Transport { .. } => Some(self.volumes()?),
         };
-        let fault = |source| RunError::Search { object: self.job.objects[self.object].mesh.shown(), source };
+        let stacking = &self.job.stacking;
+        let slice_mm = self.job.printer.pitch_mm.z;
+        let step_mm = match stacking.model {
+            StackingModel::KubelkaMunk => slice_mm,
+            StackingModel::Transport { min_layer_mm, layer_step_mm } => {
+                layer_step_mm.or(min_layer_mm).unwrap_or(slice_mm)
+            }
+        };
+        // What a printer can lay, but not finer than tells anything apart.
+        let units = (stacking.max_thickness_mm / step_mm.max(FINEST_STEP_MM)).ceil() as usize;
+        let (grid, options) = (&self.materials.grid, SearchOptions { units, ..self.search_options(core) });
+        let gamut = Gamut::explore(&self.parameters(), volumes.as_deref(), grid, &options);
+        let map =
+            GamutMap::new(&gamut.map_err(|fault| self.search_fault(fault))?, &wanted.targets, &wanted.shares, grid);
+        warnings.push(format!("object {}: gamut-map: {}", self.object + 1, map_in_words(&map, &wanted.shares)));
+        Ok(Some(map))
+    }
+
+    fn mapped(&self, map: &GamutMap, targets: &[SearchTarget]) -> Vec<SearchTarget> {
+        map.moves.iter().zip(targets).map(|(moved, target)| moved.apply(target, &self.materials.grid)).collect()
+    }
+
+    fn search(&self, core: usize, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
+        self.progress.stage("stackings", targets.len() as u64);
+        let options = self.search_options(core);
+        let fault = |source| self.search_fault(source);
         let table = BlockTable::new(&self.parameters(), &options).map_err(fault)?;
         let refiner = self.refiner(&options)?;
         // In batches, so that the user sees progress and can stop.
@@ -417,6 +517,7 @@ impl TargetContext<'_> {
             predicted_albedo: reflection.iter().map(|channel| channel[0]).collect(),
             search: None,
             cluster_rms: None,
+            gamut_map: None,
         }
     }
 
@@ -521,6 +622,31 @@ impl TargetContext<'_> {
         LayerMaps { pages: pages.collect(), resins, pitch_mm }
     }
 }
+
+/// One sentence: how many targets move, and how far.
+fn map_in_words(map: &GamutMap, shares: &[f64]) -> String {
+    let moved = || map.moves.iter().filter(|moved| moved.moves());
+    let range = |factor: fn(&Move) -> f64| {
+        let (low, high) = moved().map(factor).fold((f64::INFINITY, 0.0_f64), |(l, h), f| (l.min(f), h.max(f)));
+        format!("{low:.3} to {high:.3}")
+    };
+    let outside = map.moves.iter().filter(|moved| !moved.inside).count();
+    let all = map.moves.len();
+    if map.moved() == 0 {
+        return format!("moved none of {all} targets, {outside} lie outside of the gamut");
+    }
+    let share: f64 = map.moves.iter().zip(shares).filter(|(moved, _)| moved.moves()).map(|(_, share)| share).sum();
+    format!(
+        "moved {} of {all} targets ({:.0}% of the surface; {outside} lay outside of the gamut): albedo by factors of {}, width by {}",
+        map.moved(),
+        100.0 * share,
+        range(|moved| moved.albedo_factor),
+        range(|moved| moved.width_factor),
+    )
+}
+
+/// Steps of layers in a gamut, at least.
+const FINEST_STEP_MM: f64 = 0.025;
 
 /// Searches between two looks at the clock.
 const SEARCH_BATCH: usize = 16;

@@ -61,13 +61,19 @@ pub enum AlbedoSource {
 /// The keys of each kind besides `kind` itself.
 pub(super) const KINDS: &[(&str, &[&str])] = &[
     ("stacking", &["stack"]),
-    ("profile", &["profile"]),
-    ("texture", &["albedo", "albedo-value", "mean-free-path", "mean-free-path-mm", "max-albedo"]),
-    ("clusters", &["labels", "profiles"]),
-    ("bssrdf", &["map", "max-albedo"]),
+    ("profile", &["profile", "gamut-map"]),
+    ("texture", &["albedo", "albedo-value", "mean-free-path", "mean-free-path-mm", "max-albedo", "gamut-map"]),
+    ("clusters", &["labels", "profiles", "gamut-map"]),
+    ("bssrdf", &["map", "max-albedo", "gamut-map"]),
 ];
 
-pub(super) fn read(table: &Table<'_>) -> Result<TargetSpec> {
+/// A target, and whether it is to be brought into the gamut.
+pub(super) fn read_with_map(table: &Table<'_>) -> Result<(TargetSpec, bool)> {
+    let target = read(table)?;
+    Ok((target, table.get("gamut-map").map_or(Ok(false), |value| value.truth())?))
+}
+
+fn read(table: &Table<'_>) -> Result<TargetSpec> {
     let all: Vec<&str> = KINDS.iter().flat_map(|(_, keys)| *keys).copied().chain(["kind"]).collect();
     table.allow_only(&all)?;
     let kinds: Vec<_> = KINDS.iter().map(|kind| (kind.0, kind)).collect();

@@ -84,6 +84,16 @@ impl<'a> InverseHankel<'a> {
         Self { k, total, centre, values: &values[..len] }
     }
 
+    /// f̂ at any k ≥ 0 in rad/mm: between the coefficients as the transform back has it, beyond them the pair of the centre.
+    pub fn value(&self, k: f64) -> f64 {
+        let after = self.k.partition_point(|&grid| grid <= k);
+        if after == 0 || after >= self.k.len() {
+            let at_end = after == self.k.len() && self.k.last() == Some(&k);
+            return if at_end { self.values[after - 1] } else { self.centre.transform(k) };
+        }
+        self.rest(after - 1, k) + self.centre.transform(k)
+    }
+
     /// E(r), the energy leaving within r mm of the source.
     pub fn energy_within(&self, r: f64) -> f64 {
         if r <= 0.0 {

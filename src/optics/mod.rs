@@ -14,6 +14,7 @@
 
 mod coefficient_fit;
 mod composite;
+mod edge;
 mod error;
 mod frequency;
 mod fresnel;
@@ -33,6 +34,7 @@ mod volume;
 
 pub use coefficient_fit::{CoefficientFit, FitRefusal, MAX_FIT_RESIDUAL, MeasuredSlab, fit_coefficients};
 pub use composite::Composite;
+pub use edge::EdgeResponse;
 pub use error::OpticsError;
 pub use frequency::FrequencyGrid;
 pub use hankel::ProfileSpectrum;

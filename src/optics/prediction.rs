@@ -151,7 +151,8 @@ impl Prediction {
 }
 
 impl ChannelPrediction {
-    fn from_spectra(reflection: Vec<f64>, transmission: Vec<f64>, grid: &FrequencyGrid) -> Self {
+    /// From R̂ and T̂ over `grid`, turned back into profiles as far as the grid tells (20 mm on the default one).
+    pub fn from_spectra(reflection: Vec<f64>, transmission: Vec<f64>, grid: &FrequencyGrid) -> Self {
         let (r, t) = (InverseHankel::new(&reflection, grid), InverseHankel::new(&transmission, grid));
         let mut edges: Vec<f64> =
             RingEdges::growing().as_slice().iter().copied().filter(|edge| *edge < PROFILE_REACH_MM).collect();

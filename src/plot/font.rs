@@ -84,6 +84,25 @@ impl Line {
     }
 }
 
+/// A text in as many lines as it needs to fit `room`; a word that is too long alone ends in an ellipsis.
+pub(super) fn wrapped(text: &str, size: f64, weight: Weight, room: f64) -> Vec<Line> {
+    let mut lines = Vec::new();
+    let mut current = String::new();
+    for word in text.split_whitespace() {
+        let longer = if current.is_empty() { word.to_owned() } else { format!("{current} {word}") };
+        if current.is_empty() || Line::new(&longer, size, weight).width <= room {
+            current = longer;
+        } else {
+            lines.push(Line::fitting(&current, size, weight, room));
+            current = word.to_owned();
+        }
+    }
+    if !current.is_empty() {
+        lines.push(Line::fitting(&current, size, weight, room));
+    }
+    lines
+}
+
 /// The outline of a glyph, one unit per em, y downwards.
 pub(super) fn outline(weight: Weight, id: u16) -> Vec<Step> {
     let face = face(weight);
@@ -148,6 +167,15 @@ mod tests {
         let (plain, hat) = (Line::new("R", 20.0, Weight::Regular), Line::new("R̂", 20.0, Weight::Regular));
         assert_eq!(plain.width, hat.width);
         assert!(hat.glyphs[1].at[1] < -2.0, "{:?}", hat.glyphs);
+    }
+
+    #[test]
+    fn wrapping_keeps_every_word() {
+        let text = "not a measurement of any printer's resins, whatever it may look like";
+        let lines = wrapped(text, 12.0, Weight::Regular, 120.0);
+        assert!(lines.len() > 2 && lines.iter().all(|line| line.width <= 120.0));
+        assert_eq!(lines.iter().map(|line| line.text.as_str()).collect::<Vec<_>>().join(" "), text);
+        assert!(wrapped(" ", 12.0, Weight::Regular, 120.0).is_empty());
     }
 
     #[test]

@@ -16,7 +16,7 @@ use super::{
     axis::{Axis, Placed, Tick},
     colour::{FAINT, GRID, viridis},
     drawing::{Drawing, Frame, Item, Point, Step, polygon},
-    font::{CAPITALS, Line, Weight},
+    font::{CAPITALS, Line, Weight, wrapped},
     legend::{legend, mark},
     series::{ColourBar, Mark, Series},
 };
@@ -27,6 +27,8 @@ const PANEL_TITLE: f64 = 16.0;
 const LABEL: f64 = 15.0;
 const TICK: f64 = 13.0;
 const CAPTION: f64 = 12.0;
+/// From base line to base line, in sizes of the text.
+const LEADING: f64 = 1.35;
 /// Length of a labelled tick; minor ones have half.
 const TICK_LENGTH: f64 = 6.0;
 /// Least distance of labelled ticks along x and along y.
@@ -119,18 +121,24 @@ pub(super) fn lay_out(figure: &Figure) -> Drawing {
     let columns = figure.columns.clamp(1, figure.panels.len().max(1));
     let rows = figure.panels.len().div_ceil(columns).max(1);
     let [cell_width, cell_height] = [room.left + width + room.right, room.above + height + room.below];
-    let top = PAGE_MARGIN + if figure.title.is_empty() { 0.0 } else { TITLE + 1.5 * GAP };
     let inner = columns as f64 * (cell_width + PANEL_GAP) - PANEL_GAP;
-    let caption = if figure.caption.is_empty() { 0.0 } else { CAPTION + 1.5 * GAP };
+    let title = wrapped(&figure.title, TITLE, Weight::Bold, inner);
+    let caption = wrapped(&figure.caption, CAPTION, Weight::Regular, inner);
+    let block = |lines: &[Line]| lines.iter().map(|line| LEADING * line.size).sum::<f64>();
+    let gap = |lines: &[Line]| if lines.is_empty() { 0.0 } else { GAP };
+    let top = PAGE_MARGIN + block(&title) + gap(&title);
+    let bottom = top + rows as f64 * (cell_height + GAP) - GAP + gap(&caption);
     let mut drawing = Drawing {
         width: (inner + 2.0 * PAGE_MARGIN).ceil(),
-        height: (top + rows as f64 * (cell_height + GAP) - GAP + caption + PAGE_MARGIN).ceil(),
+        height: (bottom + block(&caption) + PAGE_MARGIN).ceil(),
         items: Vec::new(),
     };
     let items = &mut drawing.items;
-    if !figure.title.is_empty() {
-        let line = Line::fitting(&figure.title, TITLE, Weight::Bold, inner);
-        items.push(Item::Text { line, at: [PAGE_MARGIN, PAGE_MARGIN + TITLE * 0.85], upright: false, colour: INK });
+    for (lines, top, colour) in [(title, PAGE_MARGIN, INK), (caption, bottom, FAINT)] {
+        for (n, line) in lines.into_iter().enumerate() {
+            let at = [PAGE_MARGIN, top + (n as f64 * LEADING + 0.85) * line.size];
+            items.push(Item::Text { line, at, upright: false, colour });
+        }
     }
     for (index, panel) in figure.panels.iter().enumerate() {
         let (column, row) = ((index % columns) as f64, (index / columns) as f64);
@@ -141,11 +149,6 @@ pub(super) fn lay_out(figure: &Figure) -> Drawing {
             height,
         };
         draw_panel(items, panel, &Axes::new(panel, frame), room);
-    }
-    if !figure.caption.is_empty() {
-        let line = Line::fitting(&figure.caption, CAPTION, Weight::Regular, inner);
-        let at = [PAGE_MARGIN, drawing.height - PAGE_MARGIN];
-        items.push(Item::Text { line, at, upright: false, colour: FAINT });
     }
     drawing
 }

@@ -110,11 +110,3 @@ fn too_many_pixels_are_refused() {
     assert!(matches!(wide.encode(Format::Png), Err(PlotError::Size { .. })));
     assert!(wide.encode(Format::Svg).is_ok());
 }
-
-/// Writes the test figure to look at: `LUMISLICE_PLOT=/tmp/x.png cargo test --lib plot::tests::to_look_at -- --ignored`.
-#[test]
-#[ignore = "for the eye"]
-fn to_look_at() {
-    let path = std::env::var("LUMISLICE_PLOT").unwrap();
-    full().write(Path::new(&path)).unwrap();
-}

@@ -130,7 +130,7 @@ impl<'a> LocalProfiles<'a> {
 }
 
 /// Adds light that goes far: what texel xₒ gets of xᵢ is √(t(xᵢ) t(xₒ)) over the number of texels, for `root` = √t.
-fn spread(root: &[f32], light: &[f32], seen: &mut [f32]) {
+pub(crate) fn spread(root: &[f32], light: &[f32], seen: &mut [f32]) {
     let sum: f64 = root.iter().zip(light).map(|(root, light)| f64::from(root * light)).sum();
     let mean = sum / root.len() as f64;
     seen.iter_mut().zip(root).for_each(|(seen, root)| *seen += (mean * f64::from(*root)) as f32);
@@ -161,7 +161,7 @@ impl Mirrored {
 }
 
 /// The index in 0..n that an index beyond stands for where the ends are mirrors.
-fn mirrored(index: isize, n: usize) -> usize {
+pub(crate) fn mirrored(index: isize, n: usize) -> usize {
     let n = n as isize;
     let within = index.rem_euclid(2 * n);
     (if within < n { within } else { 2 * n - 1 - within }) as usize

@@ -23,6 +23,7 @@ pub use charts::{Atlas, ChartMap, Place};
 pub use clusters::{ClusterError, ClusterFit, ClusterOptions, Clusters, cluster};
 pub use diffusion::{DiffusionError, NormalizedDiffusion};
 pub use equation_7::{LocalProfiles, TexelRings};
+pub(crate) use equation_7::{mirrored, spread};
 pub use heights::HeightFields;
 pub use layers::{BrickQuery, LayerField, LayerStack};
 pub use limits::{SlotLimits, enforce_limits};

@@ -12,6 +12,7 @@
 
 mod compare;
 mod factor;
+mod gamut;
 mod interrupt;
 mod matching;
 mod material;

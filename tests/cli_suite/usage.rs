@@ -3,9 +3,12 @@
 use crate::support::{keys, run};
 
 /// Every command with the flags that scripts may use.
-const COMMANDS: [(&str, &[&str]); 14] = [
+const COMMANDS: [(&str, &[&str]); 15] = [
     ("slice", &["--output", "--overwrite", "--slices <A..B>", "--dry-run", "--json"]),
-    ("predict", &["--materials", "--stack", "--core", "--model", "--light", "--photons", "--seed", "--csv", "--json"]),
+    (
+        "predict",
+        &["--materials", "--stack", "--core", "--model", "--light", "--photons", "--seed", "--csv", "--plot", "--json"],
+    ),
     (
         "match",
         &[
@@ -19,12 +22,14 @@ const COMMANDS: [(&str, &[&str]); 14] = [
             "--dc-weight",
             "--min-depth",
             "--core",
+            "--plot",
             "--json",
         ],
     ),
+    ("gamut", &["--materials", "--core", "--output", "--csv", "--target", "--job", "--model", "--min-depth", "--json"]),
     ("material", &["list", "show", "simulate"]),
     ("material list", &["--json"]),
-    ("material show", &["--json", "FILE|SET"]),
+    ("material show", &["--plot", "--json", "FILE|SET"]),
     ("material simulate", &["--output", "--photons", "--seed", "--resin", "--thickness-mm", "--overwrite"]),
     (
         "factor",
@@ -43,7 +48,10 @@ const COMMANDS: [(&str, &[&str]); 14] = [
             "--json",
         ],
     ),
-    ("compare", &["OUT", "--map", "--materials", "--photons", "--seed", "--output", "--overwrite", "--json"]),
+    (
+        "compare",
+        &["OUT", "--map", "--dataset", "--materials", "--photons", "--seed", "--output", "--overwrite", "--json"],
+    ),
     ("preview", &["OUT"]),
     ("verify", &["OUT", "--json"]),
     ("printers", &["--json"]),

@@ -1,21 +1,25 @@
 //! Does the printed slab look as promised? What each step from a measured BSSRDF to a print costs in appearance (Hašan et al.
 //! 2010, figure 7).
 //!
-//! **In:** what `lumislice factor` wrote, and finished jobs of slabs printed from it. **Out:** a [`Comparison`]: every stage
+//! **In:** what `lumislice factor` wrote, finished jobs of slabs printed from it, and the dataset itself if it is at hand. **Out:** a [`Comparison`]: every stage
 //! under even light, a shadow edge and a projected spot, as pictures and numbers.
 //!
 //! | stage | light by |
 //! | --- | --- |
+//! | original | the 4D data themselves |
+//! | factored | equation 7 with the profile of each texel |
 //! | clustered | equation 7 with the profiles of the clusters |
 //! | predicted | equation 7 with what the transport model says of each cluster's stacking |
 //! | printed | Monte Carlo through the voxels of the slices |
 //!
 //! Sides are mirrors for all of them. Photons meet nothing below the slab, where predictions reckon with endless core.
 
+mod dataset;
 mod lights;
 mod numbers;
 mod printed;
 mod sheet;
+mod texels;
 
 use std::{
     ops::ControlFlow,
@@ -34,7 +38,10 @@ use crate::{
     },
     plot::{Format, PlotError},
     slice::{Existing, OutputError, OutputFolder},
-    target::{LocalProfiles, TexelRings},
+    target::{
+        LocalProfiles, TexelRings,
+        bssrdf::{BssrdfError, Channel, Dataset},
+    },
 };
 use lights::{Lamp, lamps};
 pub use numbers::Difference;
@@ -47,6 +54,8 @@ pub struct CompareRequest {
     pub map: PathBuf,
     /// Finished jobs of slabs, each covered by the map from edge to edge.
     pub jobs: Vec<PathBuf>,
+    /// The measured dataset.
+    pub dataset: Option<PathBuf>,
     /// The resins' file; `None`: the built-in set that the first job names.
     pub materials: Option<MaterialFile>,
     /// Photons for each light, channel and job; 0: no photons, predictions only.
@@ -76,6 +85,14 @@ pub enum CompareError {
         /// What is wrong with it.
         found: String,
     },
+    /// Profiles of texels.
+    #[error("{}: found {found}, expected what factored.json says of it", path.display())]
+    Profiles {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        found: String,
+    },
     /// A resin whose photons cannot be traced.
     #[error(
         "material set {set}: resin {resin}: found no coefficients, expected scattering-per-mm and absorption-per-mm to trace photons by"
@@ -86,6 +103,14 @@ pub enum CompareError {
         /// The resin.
         resin: String,
     },
+    /// The dataset is of another patch than the map.
+    #[error("{}: found {found}, expected the dataset that the map was factored from", path.display())]
+    OtherPatch {
+        /// The dataset.
+        path: PathBuf,
+        /// Its size.
+        found: String,
+    },
     /// A job's folder without a manifest.
     #[error(transparent)]
     Verify(#[from] VerifyError),
@@ -95,6 +120,9 @@ pub enum CompareError {
     /// The resins.
     #[error(transparent)]
     Optics(#[from] OpticsError),
+    /// The dataset.
+    #[error(transparent)]
+    Dataset(#[from] BssrdfError),
     /// The output folder.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -224,6 +252,13 @@ pub fn compare(
     progress.stage("equation 7", 0);
     let first_albedo: Vec<f64> = patch.spectra.iter().map(|channels| channels[0][0]).collect();
     let scale = jobs.first().map_or(1.0, |job| job.scale(&first_albedo));
+    if let Some(path) = &request.dataset {
+        let radiosity = original(path, &patch, channels.len())?;
+        comparison.stages.push(Stage::new("original", 1.0, radiosity, None));
+    }
+    if let Some(radiosity) = factored(&request.map, &patch, channels.len())? {
+        comparison.stages.push(Stage::new("factored", 1.0, radiosity, None));
+    }
     let clustered = (0..channels.len()).map(|channel| {
         let spectra: Vec<_> = patch.spectra.iter().map(|cluster| cluster[channel].clone()).collect();
         patch.local(&spectra).radiosity(&patch.irradiances)
@@ -255,6 +290,47 @@ fn reach(map: &FactoredMap, spectra: &[Vec<Vec<f64>>], grid: &FrequencyGrid) -> 
     let radius = |spectrum: &Vec<f64>| InverseHankel::new(spectrum, grid).radius_of_energy(WITHIN);
     let widest = spectra.iter().flatten().map(|spectrum| radius(spectrum).unwrap_or(f64::MAX)).fold(0.0, f64::max);
     ((widest / map.pitch_mm).ceil() as usize).clamp(1, MAX_REACH)
+}
+
+/// Light by the 4D data, per channel of the resins.
+fn original(path: &Path, patch: &Patch, wanted: usize) -> Result<Vec<Vec<Vec<f32>>>, CompareError> {
+    let luminance = wanted == 1 && patch.map.channels.len() == 1;
+    let stored = Dataset::open(path, false)?;
+    let luminance = luminance && stored.channels.len() == 3;
+    let dataset = if luminance { Dataset::open(path, true)? } else { stored };
+    if (dataset.width, dataset.height) != (patch.map.width as usize, patch.map.height as usize) {
+        let found = format!("{} × {} texels", dataset.width, dataset.height);
+        return Err(CompareError::OtherPatch { path: path.to_owned(), found });
+    }
+    let held = if luminance { 1 } else { dataset.channels.len() };
+    let channel = |c: usize| match (luminance, held) {
+        (true, _) => (Channel::Luminance, 0),
+        (false, held) => (Channel::Stored(c.min(held - 1)), c.min(held - 1)),
+    };
+    (0..wanted).map(|c| dataset::radiosity(&dataset, channel(c).0, channel(c).1, &patch.irradiances)).collect()
+}
+
+/// Light by the profile of each texel; `None` where they were not kept.
+fn factored(folder: &Path, patch: &Patch, wanted: usize) -> Result<Option<Vec<Vec<Vec<f32>>>>, CompareError> {
+    let path = folder.join("profiles.npy");
+    let (map, held) = (&patch.map, patch.map.channels.len());
+    if !path.exists() || map.ring_edges_mm.is_empty() {
+        return Ok(None);
+    }
+    let (width, height) = (map.width as usize, map.height as usize);
+    let channel = |c: usize| -> Result<Vec<Vec<f32>>, CompareError> {
+        let mut weights = vec![0.0; held];
+        if held == 3 && wanted == 1 {
+            weights = super::factored::LUMINANCE.to_vec();
+        } else {
+            weights[c.min(held - 1)] = 1.0;
+        }
+        let (within, albedo) =
+            texels::within(&path, [height, width, held], &map.ring_edges_mm, &patch.rings, &weights)?;
+        let own = (0..width * height).map(|texel| texel as u32).collect();
+        Ok(LocalProfiles::new(&patch.rings, &within, &albedo, own, width).radiosity(&patch.irradiances))
+    };
+    (0..wanted).map(channel).collect::<Result<Vec<_>, _>>().map(Some)
 }
 
 /// What a job promises, and what its voxels do.

@@ -31,7 +31,7 @@ pub use error::BssrdfError;
 pub use factor::{FactorOptions, Factors, Freedom, Round, factor};
 pub use groups::{ClusterCount, Metric};
 pub use kernel::Variance;
-pub use npy::write_npy;
+pub use npy::{NpyHeader, write_npy};
 pub use passes::{Misses, Sums};
 pub use planes::Planes;
 pub use responses::{Channel, LUMINANCE, Responses};

@@ -1,0 +1,390 @@
+//! `lumislice gamut`: what a set of resins can reach, and whether targets lie within.
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+use clap::Args;
+use lumislice::{
+    job::{self, Job, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, format_stack},
+    optics::{FrequencyGrid, MaterialSet, ProfileFile},
+    plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
+    search::{ChannelGamut, Gamut, GamutMap, GamutPoint, ResinLimit, SearchError, SearchOptions, SearchTarget},
+    target::NormalizedDiffusion,
+};
+use serde_json::json;
+
+use super::{
+    Answer, INTERRUPT,
+    match_target::{MEAN_FREE_PATH_MM, parse_depth, parse_layer, parse_min_depth},
+    materials::{Materials, no_coefficients},
+    output_file::OutputFile,
+    plots::PlotFile,
+    print, print_json,
+    progress::Bars,
+    say,
+    table::{number, table},
+};
+
+/// Show what albedos and half-energy radii a set of resins can reach, and where targets lie.
+#[derive(Debug, Args)]
+pub struct GamutArgs {
+    /// Resins: a material file (TOML), or the name of a built-in set.
+    #[arg(long, value_name = "FILE|SET", help_heading = "Stackings")]
+    materials: PathBuf,
+    /// Resin of the half-space below the stackings; default: nothing lies there and no light returns.
+    #[arg(long, value_name = "RESIN", help_heading = "Stackings")]
+    core: Option<String>,
+    /// Thickest stacking, mm.
+    #[arg(long, value_name = "MM", default_value_t = 5.0, help_heading = "Stackings")]
+    max_thickness_mm: f64,
+    /// Layers are multiples of so many mm, such as a printer's slice.
+    #[arg(long, value_name = "MM", default_value = "0.027", value_parser = parse_layer, help_heading = "Stackings")]
+    layer_step_mm: f64,
+    /// Most layers in a stacking, 1 to 12.
+    #[arg(long, value_name = "N", default_value = "6", value_parser = parse_depth, help_heading = "Stackings")]
+    depth: usize,
+    /// Least depth of a resin below the surface, RESIN:MM; support keeps 0.2 mm unless given. Repeatable.
+    #[arg(long, value_name = "RESIN:MM", value_parser = parse_min_depth, help_heading = "Stackings")]
+    min_depth: Vec<(String, f64)>,
+    /// Who places the stackings: transport (needs volume coefficients; the default where all resins have them) or km.
+    #[arg(long, value_enum, help_heading = "Stackings")]
+    model: Option<Judge>,
+    /// A profile whose place to show, CSV with r_mm,reflection_per_mm2, the same in all channels. Repeatable.
+    #[arg(long, value_name = "PROFILE.csv", help_heading = "Targets")]
+    target: Vec<PathBuf>,
+    /// Albedos of targets to show, 0 to 1, the same in all channels: 0.3,0.5.
+    #[arg(long, value_name = "A", value_delimiter = ',', requires = "mean_free_path_mm", help_heading = "Targets")]
+    albedo: Vec<f64>,
+    /// Their mean free paths 1/σt, mm: one for all, or one each.
+    #[arg(long, value_name = "MM", value_delimiter = ',', requires = "albedo", help_heading = "Targets")]
+    mean_free_path_mm: Vec<f64>,
+    /// Show the targets of a job: its clusters, or its profiles.
+    #[arg(long, value_name = "JOB.toml", help_heading = "Targets")]
+    job: Option<PathBuf>,
+    /// The plot, F.png or F.svg.
+    #[arg(short, long, value_name = "F", help_heading = "Output")]
+    output: Option<PathBuf>,
+    /// Write the stackings and the boundary to F: channel,place,albedo,half_energy_radius_mm,stack.
+    #[arg(long, value_name = "F", help_heading = "Output")]
+    csv: Option<PathBuf>,
+    /// Print one JSON document instead of a table.
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Judge {
+    Km,
+    Transport,
+}
+
+/// A target with a name for people.
+struct Named {
+    name: String,
+    /// How much it counts.
+    weight: f64,
+    target: SearchTarget,
+}
+
+/// Runs the command. The answer is no if a target lies outside.
+pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
+    let materials = Materials::read(&args.materials)?;
+    let core = args.core.as_deref().map(|name| materials.file.resin_index(name)).transpose()?;
+    let options = SearchOptions {
+        max_thickness_mm: args.max_thickness_mm,
+        units: (args.max_thickness_mm / args.layer_step_mm).ceil() as usize,
+        depth: args.depth,
+        limits: args.limits(&materials)?,
+        core,
+        ..SearchOptions::default()
+    };
+    let lacking = materials.file.resin_names().find(|name| materials.file.volume(name).is_none());
+    let by_transport = match (args.model, lacking) {
+        (Some(Judge::Transport), Some(name)) => return Err(no_coefficients(name, &args.materials)),
+        (model, lacking) => model.map_or(lacking.is_none(), |model| model == Judge::Transport),
+    };
+    let plot = args.output.as_deref().map(PlotFile::open).transpose()?;
+    let csv = args.csv.as_deref().map(OutputFile::open).transpose()?;
+    let mut targets = args.targets(materials.file.channels().len())?;
+    let bars = Bars::new(args.json);
+    if let Some(path) = &args.job {
+        targets.extend(job_targets(path, materials.file.channels(), &bars)?);
+    }
+    let set = materials.load(&bars)?;
+    bars.stage("gamut", 0);
+    let resins: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
+    let volumes: Option<Vec<_>> = set.resins.iter().map(|resin| resin.volume.clone()).collect();
+    let gamut = Gamut::explore(&resins, volumes.as_deref().filter(|_| by_transport), &set.grid, &options);
+    bars.finish();
+    let gamut = match gamut {
+        Ok(gamut) => gamut,
+        Err(error @ SearchError::Infeasible { .. }) => {
+            say(&format!("no: {error}"));
+            return Ok(Answer::No);
+        }
+        Err(error) => return Err(error.into()),
+    };
+    let plain: Vec<_> = targets.iter().map(|named| named.target.clone()).collect();
+    let weights: Vec<_> = targets.iter().map(|named| named.weight).collect();
+    let map = GamutMap::new(&gamut, &plain, &weights, &set.grid);
+    let shown = Shown { args, set: &set, gamut: &gamut, targets: &targets, map: &map, by_transport };
+    if let Some(plot) = plot {
+        plot.finish(&shown.figure())?;
+    }
+    if let Some(csv) = csv {
+        csv.finish(shown.csv().as_bytes())?;
+    }
+    if args.json {
+        print_json(&shown.document())?;
+    } else {
+        print(&shown.report())?;
+    }
+    Ok(if map.moves.iter().all(|moved| moved.inside) { Answer::Yes } else { Answer::No })
+}
+
+/// The targets of a job.
+fn job_targets(path: &std::path::Path, channels: &[String], bars: &Bars) -> anyhow::Result<Vec<Named>> {
+    let found = job::targets(Job::load(path)?, bars, &INTERRUPT)?;
+    let named = found.into_iter().map(|found| {
+        if found.target.channels.len() != channels.len() {
+            let (has, expected) = (found.target.channels.len(), channels.len());
+            bail!("{}: found targets of {has} channels, expected {expected} as --materials has", path.display());
+        }
+        Ok(Named { name: found.name, weight: found.share, target: found.target })
+    });
+    named.collect()
+}
+
+impl GamutArgs {
+    fn limits(&self, materials: &Materials) -> anyhow::Result<Vec<ResinLimit>> {
+        for (index, (resin, _)) in self.min_depth.iter().enumerate() {
+            materials.file.resin_index(resin)?;
+            if self.min_depth[..index].iter().any(|other| other.0 == *resin) {
+                bail!("--min-depth: found {resin} a second time, expected each resin once");
+            }
+        }
+        let limit = |name: &str| {
+            let given = self.min_depth.iter().find(|given| given.0 == name).map(|given| given.1);
+            let default = if name == SUPPORT { SUPPORT_MIN_DEPTH_MM } else { 0.0 };
+            ResinLimit { min_depth_mm: given.unwrap_or(default), ..ResinLimit::NONE }
+        };
+        Ok(materials.file.resin_names().map(limit).collect())
+    }
+
+    /// The targets named by files and by pairs of numbers.
+    fn targets(&self, channels: usize) -> anyhow::Result<Vec<Named>> {
+        let grid = FrequencyGrid::default();
+        let mut targets = Vec::new();
+        let mut add = |name: String, spectrum: Vec<f64>| {
+            targets.push(Named { name, weight: 1.0, target: SearchTarget { channels: vec![spectrum; channels] } });
+        };
+        for path in &self.target {
+            let Some(reflection) = ProfileFile::read(path)?.reflection else {
+                bail!("{}: header: found no reflection_per_mm2 column, expected one", path.display());
+            };
+            let name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+            add(name, reflection.hankel(&grid).values);
+        }
+        let (albedos, paths) = (&self.albedo, &self.mean_free_path_mm);
+        if paths.len() > 1 && paths.len() != albedos.len() {
+            bail!(
+                "--mean-free-path-mm: found {} values, expected 1 or {}, one for each albedo",
+                paths.len(),
+                albedos.len()
+            );
+        }
+        for (index, &albedo) in albedos.iter().enumerate() {
+            let path = paths[index.min(paths.len() - 1)];
+            if !(0.0..=1.0).contains(&albedo) {
+                bail!("--albedo: found {albedo}, expected 0 to 1");
+            }
+            if !MEAN_FREE_PATH_MM.contains(&path) {
+                let (least, most) = (MEAN_FREE_PATH_MM.start(), MEAN_FREE_PATH_MM.end());
+                bail!("--mean-free-path-mm: found {path}, expected {least} to {most} mm");
+            }
+            add(format!("albedo {albedo}, mfp {path} mm"), NormalizedDiffusion::new(albedo, path)?.spectrum(&grid));
+        }
+        Ok(targets)
+    }
+}
+
+/// Everything that is shown.
+struct Shown<'a> {
+    args: &'a GamutArgs,
+    set: &'a MaterialSet,
+    gamut: &'a Gamut,
+    targets: &'a [Named],
+    map: &'a GamutMap,
+    by_transport: bool,
+}
+
+impl Shown<'_> {
+    fn model(&self) -> &'static str {
+        if self.by_transport { "transport" } else { "km" }
+    }
+
+    fn channels(&self) -> impl Iterator<Item = (&String, &ChannelGamut)> {
+        self.set.channels.iter().zip(&self.gamut.channels)
+    }
+
+    fn stack(&self, point: &GamutPoint) -> Vec<(String, f64)> {
+        let layers = point.stacking.layers.iter();
+        layers.map(|layer| (self.set.resins[layer.resin].name.clone(), layer.thickness_mm)).collect()
+    }
+
+    /// `narrow`, `wide`, or inside.
+    fn place(channel: &ChannelGamut, point: &GamutPoint) -> &'static str {
+        let place = [point.albedo, point.half_energy_radius_mm];
+        if channel.boundary.wide().contains(&place) {
+            "wide"
+        } else if channel.boundary.narrow().contains(&place) {
+            "narrow"
+        } else {
+            "inside"
+        }
+    }
+
+    fn title(&self) -> String {
+        let below = self.args.core.as_ref().map_or("nothing".to_owned(), |core| core.clone());
+        format!("Gamut of {}, up to {} mm over {below}", self.set.name, self.args.max_thickness_mm)
+    }
+
+    fn figure(&self) -> Figure {
+        let model = if self.by_transport { "transport" } else { "Kubelka–Munk" };
+        let mut figure = Figure::new(self.title())
+            .columns(self.gamut.channels.len().min(3))
+            .caption(format!("Stackings found by Kubelka–Munk, placed by {model}. {}", self.set.provenance));
+        for (index, (name, channel)) in self.channels().enumerate() {
+            let mut panel = Panel::new(Axis::log("half-energy radius [mm]"), Axis::linear("albedo"));
+            if self.gamut.channels.len() > 1 {
+                panel = panel.title(format!("channel {name}"));
+            }
+            let turned = |place: &[f64; 2]| [place[1], place[0]];
+            let outline: Vec<_> = channel.boundary.polygon().iter().map(turned).collect();
+            let closed: Vec<_> = outline.iter().chain(outline.first()).copied().collect();
+            panel = panel
+                .with(Series::area("", outline).colour(lumislice::plot::GREY).opacity(0.25))
+                .with(Series::line("boundary", closed).colour(lumislice::plot::BLACK).size(1.6));
+            for resin in 0..self.set.resins.len() {
+                let points = channel.points.iter().filter(|point| thickest(point) == Some(resin));
+                let places = points.map(|point| [point.half_energy_radius_mm, point.albedo]);
+                let name = format!("mostly {}", self.set.resins[resin].name);
+                panel = panel.with(Series::points(name, places).size(3.6).colour(colour(resin)).opacity(0.7));
+            }
+            for (inside, name, colour) in [(true, "targets inside", GREEN), (false, "targets outside", RED)] {
+                let places = self.map.moves.iter().filter(|moved| moved.inside == inside);
+                let places: Vec<_> = places.filter_map(|moved| moved.from[index]).map(|place| turned(&place)).collect();
+                if !places.is_empty() {
+                    panel = panel.with(Series::points(name, places).size(9.0).shape(Shape::Triangle).colour(colour));
+                }
+            }
+            figure = figure.with(panel);
+        }
+        figure
+    }
+
+    fn csv(&self) -> String {
+        let mut text = "channel,place,albedo,half_energy_radius_mm,stack\n".to_owned();
+        for (name, channel) in self.channels() {
+            for point in &channel.points {
+                let (place, stack) = (Self::place(channel, point), format_stack(&self.stack(point)));
+                let (albedo, radius) = (point.albedo, point.half_energy_radius_mm);
+                text += &format!("{name},{place},{albedo:.6},{radius:.6},\"{}\"\n", stack.replace('"', "\"\""));
+            }
+        }
+        text
+    }
+
+    fn document(&self) -> serde_json::Value {
+        let channel = |(name, channel): (&String, &ChannelGamut)| {
+            let point = |point: &GamutPoint| {
+                let layers = self.stack(point);
+                let layers = layers.iter().map(|(resin, mm)| json!({ "material": resin, "thickness_mm": mm }));
+                json!({
+                    "albedo": point.albedo,
+                    "half_energy_radius_mm": point.half_energy_radius_mm,
+                    "place": Self::place(channel, point),
+                    "stack": layers.collect::<Vec<_>>(),
+                })
+            };
+            json!({
+                "channel": name,
+                "albedo": channel.boundary.albedo(),
+                "boundary": { "narrow": channel.boundary.narrow(), "wide": channel.boundary.wide() },
+                "points": channel.points.iter().map(point).collect::<Vec<_>>(),
+            })
+        };
+        let target = |(named, moved): (&Named, &lumislice::search::Move)| {
+            let each = |axis: usize| moved.from.iter().map(|from| from.map(|from| from[axis])).collect::<Vec<_>>();
+            json!({
+                "target": named.name,
+                "albedo": each(0),
+                "half_energy_radius_mm": each(1),
+                "inside": moved.inside,
+                "gamut_map": { "albedo_factor": moved.albedo_factor, "width_factor": moved.width_factor },
+            })
+        };
+        json!({
+            "model": self.model(),
+            "channels": self.channels().map(channel).collect::<Vec<_>>(),
+            "targets": self.targets.iter().zip(&self.map.moves).map(target).collect::<Vec<_>>(),
+        })
+    }
+
+    fn report(&self) -> String {
+        let rows: Vec<_> = self
+            .channels()
+            .map(|(name, channel)| {
+                let [dark, bright] = channel.boundary.albedo();
+                let radius =
+                    |side: &[[f64; 2]], pick: fn(f64, f64) -> f64| side.iter().map(|place| place[1]).reduce(pick);
+                vec![
+                    name.clone(),
+                    format!("{dark:.4} to {bright:.4}"),
+                    number(radius(channel.boundary.narrow(), f64::min), 3),
+                    number(radius(channel.boundary.wide(), f64::max), 3),
+                    channel.points.len().to_string(),
+                ]
+            })
+            .collect();
+        let header = ["channel", "albedo", "narrowest, mm", "widest, mm", "stackings"];
+        let mut text = format!("{}; placed by {}\n{}", self.title(), self.model(), table(&header, &rows));
+        if self.targets.is_empty() {
+            return text;
+        }
+        let rows: Vec<_> = self
+            .targets
+            .iter()
+            .zip(&self.map.moves)
+            .map(|(named, moved)| {
+                let each = |axis: usize, decimals: usize| {
+                    let channels = moved.from.iter().map(|from| number(from.map(|from| from[axis]), decimals));
+                    channels.collect::<Vec<_>>().join(" ")
+                };
+                vec![
+                    named.name.clone(),
+                    each(0, 3),
+                    each(1, 3),
+                    if moved.inside { "inside" } else { "outside" }.to_owned(),
+                    format!("{:.3}", moved.albedo_factor),
+                    format!("{:.3}", moved.width_factor),
+                ]
+            })
+            .collect();
+        let header = ["target", "albedo", "50% within mm", "lies", "albedo ×", "width ×"];
+        text += &table(&header, &rows);
+        text + "albedo and width: what gamut-map would scale these targets by, taken together\n"
+    }
+}
+
+/// The resin that most of a stacking is.
+fn thickest(point: &GamutPoint) -> Option<usize> {
+    let layers = &point.stacking.layers;
+    let total =
+        |resin: usize| layers.iter().filter(|layer| layer.resin == resin).map(|layer| layer.thickness_mm).sum::<f64>();
+    layers.iter().map(|layer| layer.resin).max_by(|&a, &b| total(a).total_cmp(&total(b)).then(b.cmp(&a)))
+}
+
+fn colour(resin: usize) -> lumislice::plot::Rgb {
+    lumislice::plot::SERIES[resin % lumislice::plot::SERIES.len()]
+}

@@ -1,0 +1,119 @@
+//! What stackings can reach: albedo against half-energy radius, and targets brought into it.
+//!
+//! **In:** the resins' parameters and the space of a search. **Out:** a [`Gamut`] per channel: stackings spread over all it reaches,
+//! and the [`Boundary`] around them; a [`GamutMap`] that moves targets outside smoothly inside.
+//!
+//! ```text
+//!   resins, options ──► Explorer: stackings spread by mutation ──► judged by transport or Kubelka–Munk ──► Boundary
+//!   targets ──► (albedo, radius) ──► GamutMap: albedo and width factors ──► targets within reach
+//! ```
+//!
+//! Two numbers stand for a spectrum of 128: a target inside the boundary may still be out of reach by its shape. A channel is
+//! judged on its own: in colour, what each channel reaches need not be reached together.
+
+mod boundary;
+mod explore;
+mod map;
+#[cfg(test)]
+mod tests;
+mod width;
+
+use rayon::prelude::*;
+
+pub use boundary::Boundary;
+use explore::{Explorer, Runs, TRIALS};
+pub use map::{GamutMap, Move};
+
+use super::{SearchError, SearchOptions, Stacking};
+use crate::optics::{FrequencyGrid, InverseHankel, KubelkaMunk, ModalReflection, TransportOptions, VolumeCoefficients};
+
+/// What a set of resins reaches, per channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gamut {
+    /// One per channel.
+    pub channels: Vec<ChannelGamut>,
+}
+
+/// What is reached in one channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChannelGamut {
+    /// Stackings spread over the whole gamut, by ascending albedo.
+    pub points: Vec<GamutPoint>,
+    /// Around them.
+    pub boundary: Boundary,
+}
+
+/// A stacking and where it lies.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GamutPoint {
+    /// Its layers.
+    pub stacking: Stacking,
+    /// R̂(0).
+    pub albedo: f64,
+    /// Radius within which half of the reflected light leaves, mm.
+    pub half_energy_radius_mm: f64,
+}
+
+/// Where a spectrum lies: its albedo, and its half-energy radius in mm. `None` where it reflects nothing, or half of the light leaves
+/// farther out than the grid can tell (20 mm on the default grid).
+pub fn place_of(spectrum: &[f64], grid: &FrequencyGrid) -> Option<[f64; 2]> {
+    let radius = InverseHankel::new(spectrum, grid).radius_of_energy(0.5)?;
+    Some([spectrum[0], radius])
+}
+
+impl Gamut {
+    /// Explores what `resins`, index `[resin][channel]` on `grid`, reach with at most `depth` layers of whole units that keep the limits
+    /// of `options`. Layers are to be as fine as the printer's, not as a search's blocks: whole units of 78 µm leave gaps. Stackings are found by Kubelka–Munk; with the resins' coefficients in `volumes` they are placed by transport. The same for the
+    /// same input, whatever the number of threads.
+    ///
+    /// # Errors
+    /// Options out of range, contradictory limits, or no stacking that keeps them and reflects anything.
+    pub fn explore(
+        resins: &[Vec<KubelkaMunk>],
+        volumes: Option<&[Vec<VolumeCoefficients>]>,
+        grid: &FrequencyGrid,
+        options: &SearchOptions,
+    ) -> Result<Self, SearchError> {
+        let limits = options.validate(resins.len())?;
+        let channels = resins.first().map_or(0, Vec::len);
+        let explored: Vec<Option<ChannelGamut>> = (0..channels)
+            .into_par_iter()
+            .map(|channel| {
+                let parameters: Vec<_> = resins.iter().map(|resin| &resin[channel]).collect();
+                let model = volumes.map(|volumes| {
+                    let volumes: Vec<_> = volumes.iter().map(|resin| resin[channel]).collect();
+                    ModalReflection::new(&volumes, options.core, grid.as_slice(), TransportOptions::REFLECTION)
+                });
+                let found = Explorer::new(&parameters, &limits, grid, options).explore(TRIALS);
+                ChannelGamut::judged(&found, model.as_ref(), grid, options)
+            })
+            .collect();
+        let channels: Option<Vec<_>> = explored.into_iter().collect();
+        channels.map(|channels| Self { channels }).ok_or(SearchError::Infeasible {
+            units: options.units,
+            unit_mm: options.unit_mm(),
+            depth: options.depth,
+        })
+    }
+}
+
+impl ChannelGamut {
+    fn judged(
+        found: &[(Runs, Vec<f64>)],
+        model: Option<&ModalReflection>,
+        grid: &FrequencyGrid,
+        options: &SearchOptions,
+    ) -> Option<Self> {
+        let unit_mm = options.unit_mm();
+        let point = |(runs, by_km): &(Runs, Vec<f64>)| {
+            let layers: Vec<_> = runs.iter().map(|&(resin, units)| (resin, units as f64 * unit_mm)).collect();
+            let by_transport = model.map(|model| model.reflection(&layers));
+            let [albedo, half_energy_radius_mm] = place_of(by_transport.as_ref().unwrap_or(by_km), grid)?;
+            Some(GamutPoint { stacking: Stacking::from_layers(layers), albedo, half_energy_radius_mm })
+        };
+        let mut points: Vec<GamutPoint> = found.par_iter().filter_map(point).collect();
+        points.sort_by(|a, b| a.albedo.total_cmp(&b.albedo));
+        let places: Vec<_> = points.iter().map(|point| [point.albedo, point.half_energy_radius_mm]).collect();
+        Some(Self { boundary: Boundary::around(&places)?, points })
+    }
+}

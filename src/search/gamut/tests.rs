@@ -1,0 +1,200 @@
+//! Laws of gamuts, on the synthetic resins.
+
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::{Rng, SeedableRng};
+
+use super::{explore::Explorer, width::RadiusTable, *};
+use crate::{
+    optics::MaterialSet,
+    search::{ResinLimit, SearchTarget, reflection_of},
+    target::NormalizedDiffusion,
+};
+
+struct Synthetic {
+    set: MaterialSet,
+    resins: Vec<Vec<KubelkaMunk>>,
+    options: SearchOptions,
+}
+
+/// The synthetic set on black, support 0.2 mm deep, in layers as fine as a printer's slices of 27 µm.
+fn synthetic() -> Synthetic {
+    let set = MaterialSet::builtin("synthetic").unwrap();
+    let resins = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
+    let limit = |name: &str| ResinLimit { min_depth_mm: if name == "support" { 0.2 } else { 0.0 }, ..ResinLimit::NONE };
+    let limits = set.resins.iter().map(|resin| limit(&resin.name)).collect();
+    let core = set.resin("black").map(|(index, _)| index);
+    Synthetic { set, resins, options: SearchOptions { core, limits, units: 186, ..Default::default() } }
+}
+
+/// A stacking of up to four layers that keeps the limits, or none.
+fn random_stacking(random: &mut Xoshiro256PlusPlus, world: &Synthetic) -> Option<Stacking> {
+    let mut below = |n: usize| (random.next_u64() % n as u64) as usize;
+    let unit = world.options.unit_mm();
+    let layers = (0..1 + below(4)).map(|_| (below(world.resins.len()), (1 << below(8)) as f64 * unit));
+    let stacking = Stacking::from_layers(layers.collect::<Vec<_>>());
+    let mut depth = 0.0;
+    for layer in &stacking.layers {
+        if depth < world.options.limits[layer.resin].min_depth_mm {
+            return None;
+        }
+        depth += layer.thickness_mm;
+    }
+    (depth <= world.options.max_thickness_mm).then_some(stacking)
+}
+
+#[test]
+fn the_table_of_radii_is_the_inverse_transform() {
+    let world = synthetic();
+    let table = RadiusTable::new(&world.set.grid);
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+    let mut compared = 0;
+    while compared < 60 {
+        let Some(stacking) = random_stacking(&mut random, &world) else { continue };
+        let spectrum = reflection_of(&world.resins, &stacking, world.options.core).remove(0);
+        let [_, exact] = place_of(&spectrum, &world.set.grid).unwrap();
+        let found = table.half_energy(&spectrum).unwrap();
+        assert!((found / exact - 1.0).abs() < 0.012, "{found} against {exact}: {stacking:?}");
+        compared += 1;
+    }
+}
+
+#[test]
+fn what_random_stackings_reach_lies_inside() {
+    let world = synthetic();
+    let gamut = Gamut::explore(&world.resins, None, &world.set.grid, &world.options).unwrap();
+    let boundary = &gamut.channels[0].boundary;
+    for point in &gamut.channels[0].points {
+        let spectrum = reflection_of(&world.resins, &point.stacking, world.options.core).remove(0);
+        assert!((spectrum[0] - point.albedo).abs() < 1e-9, "{point:?}");
+    }
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
+    let mut outside = Vec::new();
+    while outside.len() < 1000 {
+        let Some(stacking) = random_stacking(&mut random, &world) else { continue };
+        let spectrum = reflection_of(&world.resins, &stacking, world.options.core).remove(0);
+        let Some([albedo, radius]) = place_of(&spectrum, &world.set.grid) else { continue };
+        let ([narrow, wide], [low, high]) = (boundary.radius_mm(albedo), boundary.albedo());
+        assert!(albedo > low - 1e-3 && albedo < high + 1e-3, "{albedo}: {stacking:?}");
+        outside.push((narrow / radius).max(radius / wide).max(1.0));
+    }
+    outside.sort_by(f64::total_cmp);
+    println!(
+        "1000 random stackings lie outside by factors of up to {:.4}, 98% of them {:.4}",
+        outside[999], outside[980]
+    );
+    assert!(outside[999] < 1.15 && outside[980] < 1.02);
+}
+
+#[test]
+fn limits_are_kept_and_the_answer_is_the_same_again() {
+    let world = synthetic();
+    let explore = || Gamut::explore(&world.resins, None, &world.set.grid, &world.options).unwrap();
+    let gamut = explore();
+    assert_eq!(gamut, explore());
+    for point in &gamut.channels[0].points {
+        let mut depth = 0.0;
+        for layer in &point.stacking.layers {
+            assert!(depth >= world.options.limits[layer.resin].min_depth_mm, "{point:?}");
+            depth += layer.thickness_mm;
+        }
+        assert!(depth <= 5.0 + 1e-9, "{point:?}");
+    }
+}
+
+/// Four times the work: how far does the boundary move?
+#[test]
+#[ignore = "half a minute; in scripts/prove search"]
+fn more_changes_move_the_boundary_little() {
+    let world = synthetic();
+    let parameters: Vec<_> = world.resins.iter().map(|resin| &resin[0]).collect();
+    let limits = world.options.validate(3).unwrap();
+    let boundary = |trials| {
+        let found = Explorer::new(&parameters, &limits, &world.set.grid, &world.options).explore(trials);
+        ChannelGamut::judged(&found, None, &world.set.grid, &world.options).unwrap().boundary
+    };
+    let (once, more) = (boundary(explore::TRIALS), boundary(4 * explore::TRIALS));
+    let [low, high] = once.albedo();
+    let mut moved: Vec<f64> = (1..200)
+        .flat_map(|n| {
+            let albedo = low + (high - low) * f64::from(n) / 200.0;
+            let ([n0, w0], [n1, w1]) = (once.radius_mm(albedo), more.radius_mm(albedo));
+            [(n0 / n1 - 1.0).abs(), (w1 / w0 - 1.0).abs()]
+        })
+        .collect();
+    moved.sort_by(f64::total_cmp);
+    println!(
+        "four times the changes move the boundary by {:.4} in the median, {:.4} at most",
+        moved[moved.len() / 2],
+        moved[moved.len() - 1]
+    );
+    assert!(moved[moved.len() / 2] < 0.005 && moved[moved.len() * 9 / 10] < 0.02);
+}
+
+fn targets(world: &Synthetic, materials: &[(f64, f64)]) -> Vec<SearchTarget> {
+    let spectrum = |&(albedo, path)| NormalizedDiffusion::new(albedo, path).unwrap().spectrum(&world.set.grid);
+    materials.iter().map(|material| SearchTarget { channels: vec![spectrum(material)] }).collect()
+}
+
+#[test]
+fn targets_inside_stay_and_others_come_inside_in_order() {
+    let world = synthetic();
+    let gamut = Gamut::explore(&world.resins, None, &world.set.grid, &world.options).unwrap();
+    let boundary = &gamut.channels[0].boundary;
+    let well_inside = |point: &&GamutPoint| {
+        let [narrow, wide] = boundary.radius_mm(point.albedo);
+        point.half_energy_radius_mm > 1.02 * narrow && point.half_energy_radius_mm < wide / 1.02
+    };
+    let inside: Vec<SearchTarget> = gamut.channels[0]
+        .points
+        .iter()
+        .filter(well_inside)
+        .map(|point| reflection_of(&world.resins, &point.stacking, world.options.core))
+        .map(|channels| SearchTarget { channels })
+        .collect();
+    assert!(inside.len() > 10);
+    let map = GamutMap::new(&gamut, &inside, &vec![1.0; inside.len()], &world.set.grid);
+    assert_eq!(map.moved(), 0);
+    assert_eq!(map.moves[0].apply(&inside[0], &world.set.grid), inside[0]);
+
+    // Brighter than white resin, in three widths.
+    let steps: Vec<(f64, f64)> =
+        [0.2, 0.8, 3.2].iter().flat_map(|path| (0..8).map(move |n| (0.1 + 0.12 * f64::from(n), *path))).collect();
+    let wanted = targets(&world, &steps);
+    let map = GamutMap::new(&gamut, &wanted, &vec![1.0; wanted.len()], &world.set.grid);
+    assert!(map.moved() > 8);
+    let placed: Vec<[f64; 2]> = wanted
+        .iter()
+        .zip(&map.moves)
+        .map(|(target, moved)| place_of(&moved.apply(target, &world.set.grid).channels[0], &world.set.grid).unwrap())
+        .collect();
+    for (place, moved) in placed.iter().zip(&map.moves) {
+        let [albedo, radius] = moved.from[0].unwrap();
+        // What was asked for is what comes out.
+        assert!((place[0] / (moved.albedo_factor * albedo) - 1.0).abs() < 1e-3, "{place:?} {moved:?}");
+        assert!((place[1] / (moved.width_factor * radius) - 1.0).abs() < 2e-2, "{place:?} {moved:?}");
+        let [narrow, wide] = boundary.radius_mm(place[0]);
+        assert!(place[1] > narrow / 1.03 && place[1] < wide * 1.03, "{place:?} not in {narrow} to {wide}");
+    }
+    for row in placed.chunks(8) {
+        assert!(row.windows(2).all(|pair| pair[1][0] > pair[0][0] + 1e-3), "albedo loses its order: {row:?}");
+    }
+    for (a, b) in (0..16).map(|n| (placed[n], placed[n + 8])) {
+        assert!(b[1] > 1.001 * a[1], "widths merge: {a:?} {b:?}");
+    }
+}
+
+#[test]
+fn hue_is_kept() {
+    let set = MaterialSet::builtin("inks-rgb").unwrap();
+    let resins: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
+    let core = set.resin("black").map(|(index, _)| index);
+    let options = SearchOptions { core, ..Default::default() };
+    let gamut = Gamut::explore(&resins, None, &set.grid, &options).unwrap();
+    assert_eq!(gamut.channels.len(), 3);
+    let channel = |albedo: f64| NormalizedDiffusion::new(albedo, 0.5).unwrap().spectrum(&set.grid);
+    let target = SearchTarget { channels: [0.99, 0.66, 0.33].map(channel).to_vec() };
+    let map = GamutMap::new(&gamut, std::slice::from_ref(&target), &[1.0], &set.grid);
+    let moved = map.moves[0].apply(&target, &set.grid);
+    let albedo: Vec<f64> = moved.channels.iter().map(|channel| channel[0]).collect();
+    assert!((albedo[1] / albedo[0] - 2.0 / 3.0).abs() < 1e-9 && (albedo[2] / albedo[0] - 1.0 / 3.0).abs() < 1e-9);
+}
