@@ -35,7 +35,7 @@ pub struct GamutArgs {
     #[arg(long, value_name = "RESIN", help_heading = "Stackings")]
     core: Option<String>,
     /// Thickest stacking, mm.
-    #[arg(long, value_name = "MM", default_value_t = 5.0, help_heading = "Stackings")]
+    #[arg(long, value_name = "MM", default_value_t = 5.0, allow_negative_numbers = true, help_heading = "Stackings")]
     max_thickness_mm: f64,
     /// Layers are multiples of so many mm, such as a printer's slice.
     #[arg(long, value_name = "MM", default_value = "0.027", value_parser = parse_layer, help_heading = "Stackings")]

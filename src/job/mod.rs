@@ -5,14 +5,17 @@
 //! expected. Nothing slow happens here and nothing is read but the job: whether the resins it names exist is asked
 //! later ([`Job::check_resins`]), when the materials are known. `docs/job.md` lists every key.
 
+mod asked;
 mod checks;
 mod compare;
 mod error;
 mod estimate;
 mod factored;
 mod factoring;
+mod gamut_mapping;
 mod heights;
 mod images;
+mod job_targets;
 mod manifest;
 mod object;
 mod options;
@@ -34,7 +37,6 @@ mod target;
 #[cfg(test)]
 mod tests;
 pub mod verify;
-mod wanted;
 
 use std::fs::File;
 use std::io::Read;
@@ -50,6 +52,7 @@ pub use factoring::{
     LABELS, PROFILES, RingResidual, RoundRecord, Simpler, TailRecord, factor_into,
 };
 pub use images::{srgb_to_linear, to_channels};
+pub use job_targets::{JobTarget, targets};
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
 };
@@ -69,7 +72,6 @@ pub use run_error::{Blame, RunError};
 pub use stack::{StackError, format_stack, parse_stack};
 pub use stacking_report::{GamutMapEntry, LayerEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};
 pub use target::{AlbedoSource, TargetSpec};
-pub use wanted::{JobTarget, targets};
 
 pub use crate::mesh::Unit;
 

@@ -2,8 +2,9 @@
 
 use super::{
     DepthFrom, Interrupt, Job, Progress, RunError, StackingModel,
+    asked::wanted,
     prepare::{complete_uvs, finish_materials, load_solid, read_materials},
-    stackings::{TargetContext, wanted},
+    stackings::TargetContext,
 };
 use crate::search::SearchTarget;
 
