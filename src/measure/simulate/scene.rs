@@ -33,7 +33,13 @@ pub struct Truth {
 impl Truth {
     /// Through the samples of a profile that are well above their own noise; `pole` if it grows like 1/r at the centre.
     pub fn new(profile: &RadialProfile, pole: bool) -> Self {
-        let samples = profile.r_mm().iter().zip(profile.value_per_mm2()).enumerate();
+        // A ring's mean of c/r is c over its middle radius, not over its mean radius by area: a third less in the innermost ring.
+        let middle = |edges: &[f64]| edges.windows(2).map(|edge| 0.5 * (edge[0] + edge[1])).collect();
+        let radii: Vec<f64> = match profile.ring_edges() {
+            Some(edges) if pole => middle(edges),
+            _ => profile.r_mm().to_vec(),
+        };
+        let samples = radii.iter().zip(profile.value_per_mm2()).enumerate();
         let noise = |i: usize| profile.standard_error().map_or(0.0, |errors| errors[i]);
         // The innermost rings of a transmission are small, and noisy without being dark.
         let clear = samples.clone().filter(|(i, (_, value))| **value > CLEAR * noise(*i)).map(|(i, _)| i).next_back();
