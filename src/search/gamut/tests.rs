@@ -78,8 +78,8 @@ fn what_random_stackings_reach_lies_inside() {
         let Some(stacking) = random_stacking(&mut random, &world) else { continue };
         let spectrum = reflection_of(&world.resins, &stacking, world.options.core).remove(0);
         let Some([albedo, radius]) = place_of(&spectrum, &world.set.grid) else { continue };
-        // Whole units make cliffs: black 0.05 mm over any white reflects 0.343 at most, and what reflects more is half as wide. The map is
-        // known to a column of its cells.
+        // The outline has more columns than the exploration has cells and zigzags where they are empty (docs/accuracy.md, a known fault);
+        // until that is mended it is held to a column of the cells.
         let ([low, high], mut narrow, mut wide) = (boundary.albedo(), f64::INFINITY, 0.0_f64);
         for near in [albedo - COLUMN, albedo, albedo + COLUMN] {
             let [least, most] = boundary.radius_mm(near.clamp(low, high));
