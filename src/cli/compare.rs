@@ -44,7 +44,7 @@ pub struct CompareArgs {
 
 /// Runs the command.
 pub fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
-    let existing = if args.overwrite { Existing::Overwrite } else { Existing::Refuse };
+    let existing = Existing::overwrite(args.overwrite);
     OutputFolder::check(&args.output, existing).map_err(CompareError::from)?;
     let materials = args.materials.as_deref().map(Materials::read).transpose()?.map(|materials| materials.file);
     if args.photons == 1 {

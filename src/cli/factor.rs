@@ -60,7 +60,7 @@ fn parse_weight(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub fn run(args: &FactorArgs) -> anyhow::Result<Answer> {
-    let existing = if args.overwrite { Existing::Overwrite } else { Existing::Refuse };
+    let existing = Existing::overwrite(args.overwrite);
     OutputFolder::check(&args.output, existing).map_err(FactorError::from)?;
     let request = FactorRequest {
         dataset: args.dataset.clone(),

@@ -50,11 +50,7 @@ fn parse_range(text: &str) -> Result<Range<u32>, String> {
 pub fn run(args: &SliceArgs) -> anyhow::Result<Answer> {
     let job = Job::load(&args.job).map_err(RunError::from)?;
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-out", job.name)));
-    let existing = match args {
-        SliceArgs { overwrite: true, .. } => Existing::Overwrite,
-        SliceArgs { resume: true, .. } => Existing::Resume,
-        _ => Existing::Refuse,
-    };
+    let existing = if args.resume { Existing::Resume } else { Existing::overwrite(args.overwrite) };
     if !args.dry_run {
         OutputFolder::check(&folder, existing).map_err(RunError::from)?;
     }

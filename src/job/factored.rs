@@ -4,17 +4,11 @@ use std::path::{Component, Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::{RunError, images::read_labels};
-use crate::optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile};
-
-/// The record in the folder.
-const RECORD: &str = "factored.json";
-/// Cluster of every texel, row 0 at the largest y.
-const LABELS: &str = "labels.png";
-/// Form of the record that is read.
-const VERSION: u32 = 1;
-/// Rec. 709 weights of linear red, green and blue.
-pub(super) const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+use super::{FACTORED, FACTORED_VERSION, LABELS, RunError, images::read_labels};
+use crate::{
+    optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile},
+    target::bssrdf::LUMINANCE,
+};
 
 /// What of the record a job needs.
 #[derive(Debug, Deserialize)]
@@ -61,9 +55,9 @@ impl FactoredMap {
     /// # Errors
     /// A record that is missing or says what it may not.
     pub fn files(folder: &Path) -> Result<Vec<String>, RunError> {
-        let record = Record::read(&folder.join(RECORD))?;
+        let record = Record::read(&folder.join(FACTORED))?;
         let profiles = record.clusters.into_iter().flat_map(|cluster| cluster.profiles);
-        Ok([RECORD, LABELS].map(String::from).into_iter().chain(profiles).collect())
+        Ok([FACTORED, LABELS].map(String::from).into_iter().chain(profiles).collect())
     }
 
     /// Reads the folder.
@@ -71,7 +65,7 @@ impl FactoredMap {
     /// # Errors
     /// A file that is missing or damaged, or that does not fit the record.
     pub fn read(folder: &Path) -> Result<Self, RunError> {
-        let path = folder.join(RECORD);
+        let path = folder.join(FACTORED);
         let record = Record::read(&path)?;
         let labels_path = folder.join(LABELS);
         let (width, height, labels) = read_labels(&labels_path)?;
@@ -132,7 +126,7 @@ impl Record {
             expected: "what `lumislice factor` writes".into(),
         })?;
         let refuse = |element: &str, found: String, expected: &str| Err(entry(path, element, &found, expected));
-        if record.version != VERSION {
+        if record.version != FACTORED_VERSION {
             return refuse("version", record.version.to_string(), "1");
         }
         if !(record.pitch_mm > 0.0 && record.pitch_mm.is_finite()) {

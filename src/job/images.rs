@@ -5,6 +5,7 @@ use std::path::Path;
 use image::{DynamicImage, ImageReader};
 
 use super::RunError;
+use crate::target::bssrdf::LUMINANCE;
 
 /// Most texels of a texture: 16k × 16k.
 const MAX_TEXELS: u64 = 1 << 28;
@@ -88,7 +89,8 @@ pub fn to_channels(rgb: [f32; 3], channels: usize, out: &mut Vec<f32>) {
     if channels == 3 {
         out.extend(rgb);
     } else {
-        let luminance = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+        let [r, g, b] = LUMINANCE.map(|weight| weight as f32);
+        let luminance = r * rgb[0] + g * rgb[1] + b * rgb[2];
         out.extend(std::iter::repeat_n(luminance, channels));
     }
 }

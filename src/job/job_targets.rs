@@ -1,7 +1,7 @@
 //! What a job asks of light, without searching for it.
 
 use super::{
-    DepthFrom, Interrupt, Job, Progress, RunError, StackingModel,
+    DepthFrom, Interrupt, Job, Progress, RunError,
     asked::wanted,
     prepare::{complete_uvs, finish_materials, load_solid, read_materials},
     stackings::TargetContext,
@@ -25,8 +25,7 @@ pub struct JobTarget {
 /// Any input that cannot be used; see [`RunError`].
 pub fn targets(job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Result<Vec<JobTarget>, RunError> {
     let mut warnings = Vec::new();
-    let materials =
-        finish_materials(read_materials(&job)?, job.stacking.model != StackingModel::KubelkaMunk, interrupt)?;
+    let materials = finish_materials(read_materials(&job)?, &job, interrupt)?;
     let mut targets = Vec::new();
     for (index, object) in job.objects.iter().enumerate() {
         let (mut solid, ..) = load_solid(&job, index, object, &mut warnings)?;

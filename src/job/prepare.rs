@@ -92,7 +92,7 @@ impl Prepared {
         let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
 
         progress.stage("materials", 0);
-        let materials = finish_materials(draft, job.stacking.model != StackingModel::KubelkaMunk, interrupt)?;
+        let materials = finish_materials(draft, &job, interrupt)?;
         // What was done to the data of a built-in set is the same in every job, and stands in the manifest.
         if let MaterialSource::File(_) = job.materials {
             warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));
@@ -270,10 +270,10 @@ pub(super) fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
     Ok(draft)
 }
 
-/// Simulates the resins that come without profiles, and fits coefficients (`fit`) to those that come with nothing else.
+/// Simulates the resins that come without profiles, and fits coefficients to those that come with nothing else if the job's model asks for them.
 pub(super) fn finish_materials(
     draft: MaterialDraft,
-    fit: bool,
+    job: &Job,
     interrupt: &Interrupt,
 ) -> Result<MaterialSet, RunError> {
     let mut file = match draft {
@@ -284,6 +284,7 @@ pub(super) fn finish_materials(
         true => std::ops::ControlFlow::Break(()),
         false => std::ops::ControlFlow::Continue(()),
     };
+    let fit = job.stacking.model != StackingModel::KubelkaMunk;
     let fitted = if fit { file.fit(None, go_on).map(drop) } else { Ok(()) };
     match fitted.and_then(|()| file.into_set(go_on)) {
         Err(_) if interrupt.requested() => Err(RunError::Interrupted),

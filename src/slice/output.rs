@@ -83,6 +83,13 @@ pub enum OutputError {
     },
 }
 
+impl Existing {
+    /// Replaces an earlier job's files if the user said so.
+    pub fn overwrite(said: bool) -> Self {
+        if said { Self::Overwrite } else { Self::Refuse }
+    }
+}
+
 impl OutputError {
     /// Whether the disk is to blame rather than the request.
     pub fn is_io(&self) -> bool {
@@ -166,15 +173,18 @@ impl OutputFolder {
         }
         let files = std::mem::take(&mut recorded.files);
         replaceable.extend(files.keys().cloned());
-        let kept: BTreeMap<_, _> = match existing {
-            Existing::Resume => files.into_par_iter().filter(|(_, entry)| entry.is_whole(root)).collect(),
-            _ => BTreeMap::new(),
+        // What another job noted of its slices says nothing of this one's.
+        let (kept, slices) = match existing {
+            Existing::Resume => {
+                (files.into_par_iter().filter(|(_, entry)| entry.is_whole(root)).collect(), recorded.slices)
+            }
+            _ => (BTreeMap::new(), BTreeMap::new()),
         };
         let begun = Recorded {
             task: Some(task.clone()),
             replaces: replaceable.iter().filter(|path| !kept.contains_key(*path)).cloned().collect(),
             files: kept.clone(),
-            slices: recorded.slices.clone(),
+            slices: slices.clone(),
         };
         let begun = Journal::begin(&journal, &begun).map_err(|source| io_error("writing", &journal, source))?;
         if replaceable.remove(MANIFEST) {
@@ -188,7 +198,7 @@ impl OutputFolder {
             written: Mutex::default(),
             journal: Some(begun),
         };
-        Ok((output, recorded.slices))
+        Ok((output, slices))
     }
 
     /// Opens `root` for files that are made at once and never gone on with, creating it if need be.

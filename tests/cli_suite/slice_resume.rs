@@ -86,3 +86,17 @@ fn a_foreign_file_is_not_replaced() {
     bench.run(["slice", "job.toml", "-o", "out", "--resume"]).refuses(2, &["slice_12.png", "did not write"]);
     assert_eq!(bench.files("out")["slices/slice_12.png"], b"mine");
 }
+
+#[test]
+fn what_another_job_counted_is_not_this_ones() {
+    let bench = Bench::new();
+    bench.slice("out");
+    interrupt(&bench, 2);
+    // A journal with a count that no slice of the next job has, and a next job that writes no images.
+    let journal = fs::read_to_string(bench.path("out/journal.jsonl")).unwrap().replace("\"1\":400", "\"1\":123");
+    bench.write("out/journal.jsonl", journal.as_bytes());
+    bench.job_with("\"png\", \"masks\"", "\"stl\"");
+    bench.run(["slice", "job.toml", "-o", "out", "--overwrite"]).exits(0);
+    bench.slice("fresh");
+    assert_eq!(bench.manifest("out")["materials"], bench.manifest("fresh")["materials"]);
+}

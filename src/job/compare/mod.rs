@@ -29,7 +29,9 @@ use std::{
 use serde::Serialize;
 use thiserror::Error;
 
-use super::{Blame, Interrupt, Progress, RunError, factored::FactoredMap, run::pretty, verify::VerifyError};
+use super::{
+    Blame, Interrupt, Progress, RunError, factored::FactoredMap, manifest::GENERATOR, run::pretty, verify::VerifyError,
+};
 use crate::{
     optics::{
         FrequencyGrid, InverseHankel, Light, MaterialFile, MaterialSet, OpticsError, Prediction, Transport,
@@ -40,7 +42,7 @@ use crate::{
     slice::{Existing, OutputError, OutputFolder},
     target::{
         LocalProfiles, TexelRings,
-        bssrdf::{BssrdfError, Channel, Dataset},
+        bssrdf::{BssrdfError, Channel, Dataset, LUMINANCE},
     },
 };
 use lights::{Lamp, lamps};
@@ -321,7 +323,7 @@ fn factored(folder: &Path, patch: &Patch, wanted: usize) -> Result<Option<Vec<Ve
     let channel = |c: usize| -> Result<Vec<Vec<f32>>, CompareError> {
         let mut weights = vec![0.0; held];
         if held == 3 && wanted == 1 {
-            weights = super::factored::LUMINANCE.to_vec();
+            weights = LUMINANCE.to_vec();
         } else {
             weights[c.min(held - 1)] = 1.0;
         }
@@ -506,8 +508,7 @@ pub fn compare_into(
     output.write("edge.png", &comparison.edge_figure().encode(Format::Png)?)?;
     output.write("sheet.html", comparison.page()?.as_bytes())?;
     output.write("comparison.json", &pretty(&comparison))?;
-    let generator = concat!("lumislice ", env!("CARGO_PKG_VERSION"));
-    let list = serde_json::json!({ "generator": generator, "version": 1, "files": output.files() });
+    let list = serde_json::json!({ "generator": GENERATOR, "version": 1, "files": output.files() });
     output.finish(&pretty(&list))?;
     Ok(comparison)
 }

@@ -169,7 +169,9 @@ impl Dataset {
             return Err(fault("mask", format!("0 for all {texels} texels"), "some that were measured"));
         }
         let albedo = albedo.map(|albedo| match luminance {
-            true => albedo.values.chunks(3).map(|rgb| rgb.iter().zip(LUMINANCE).map(|(v, w)| v * w).sum()).collect(),
+            true => {
+                albedo.values.chunks(3).map(|rgb| rgb.iter().zip(LUMINANCE).map(|(v, w)| v * w as f32).sum()).collect()
+            }
             false => albedo.values,
         });
         let channels = if luminance { vec!["Y".to_owned()] } else { names };

@@ -11,7 +11,7 @@ use tempfile::NamedTempFile;
 use super::{BssrdfError, npy::NpyHeader};
 
 /// Rec. 709 weights of linear red, green and blue.
-pub const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// An array `[row][column][channel][window row][window column]` in a file.
 #[derive(Debug)]
@@ -108,7 +108,7 @@ impl RowReader<'_> {
                 for (out, column) in texels.zip(block.clone()) {
                     *out = match channel {
                         Channel::Stored(channel) => at(column, channel),
-                        Channel::Luminance => (0..3).map(|c| LUMINANCE[c] * at(column, c)).sum(),
+                        Channel::Luminance => (0..3).map(|c| LUMINANCE[c] as f32 * at(column, c)).sum(),
                     };
                 }
             }
