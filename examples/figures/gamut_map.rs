@@ -12,8 +12,8 @@ use lumislice::{
 use super::{Options, Outcome, models::Resins};
 
 /// Brighter and wider than the resins go, in steps.
-const ALBEDO: [f64; 6] = [0.1, 0.25, 0.4, 0.55, 0.7, 0.85];
-const MEAN_FREE_PATH_MM: [f64; 4] = [0.1, 0.5, 2.0, 6.0];
+const ALBEDO: [f64; 8] = [0.2, 0.35, 0.5, 0.6, 0.7, 0.8, 0.9, 0.98];
+const MEAN_FREE_PATH_MM: [f64; 4] = [0.1, 0.2, 0.4, 1.6];
 /// Two answers whose albedo and radius both differ by less than this share cannot be told apart.
 const ALIKE: f64 = 0.02;
 
@@ -48,15 +48,16 @@ pub fn run(options: &Options) -> Outcome {
     let asked: Vec<Option<Place>> = map.moves.iter().map(|moved| moved.from[0]).collect();
     let (clipped_at, brought_at) = (places(&clipped), places(&brought));
     println!(
-        "| | pairs alike, of {} | albedo out of order | width out of order | mean objective as asked | as mapped |",
+        "| | pairs alike, of {} | neighbours not brighter | neighbours not wider | pairs with light and dark exchanged | mean objective as asked | as mapped |",
         wanted.len() * (wanted.len() - 1) / 2
     );
-    println!("| --- | --- | --- | --- | --- | --- |");
+    println!("| --- | --- | --- | --- | --- | --- | --- |");
     let as_asked = |found: &[Refined]| mean(found.iter().zip(&wanted).map(|(found, target)| squares(found, target)));
     let as_mapped = mean(brought.iter().map(|found| found.objective));
     let line = |name: &str, at: &[Option<Place>], asked: f64, mapped: String| {
         let [albedo, width] = disorder(at);
-        println!("| {name} | {} | {albedo} | {width} | {asked:.2e} | {mapped} |", alike(at));
+        let exchanged = exchanged(at);
+        println!("| {name} | {} | {albedo} | {width} | {exchanged} | {asked:.2e} | {mapped} |", alike(at));
     };
     line("asked for", &asked, 0.0, "–".into());
     line("clipped", &clipped_at, as_asked(&clipped), "–".into());
@@ -101,6 +102,17 @@ fn disorder(places: &[Option<Place>]) -> [usize; 2] {
         rows.map(|(path, n)| wrong(at(path, n - 1), at(path, n), 0)).sum(),
         columns.map(|(path, n)| wrong(at(path - 1, n), at(path, n), 1)).sum(),
     ]
+}
+
+/// Pairs of which the one that was to be brighter is darker by more than [`ALIKE`].
+fn exchanged(places: &[Option<Place>]) -> usize {
+    let wanted = |i: usize| ALBEDO[i % ALBEDO.len()];
+    let pairs = (0..places.len()).flat_map(|i| (0..places.len()).map(move |j| (i, j)));
+    let wrong = |&(i, j): &(usize, usize)| match (places[i], places[j]) {
+        (Some(dark), Some(bright)) => wanted(i) < wanted(j) && (dark[0] / bright[0]).ln() > ALIKE,
+        _ => false,
+    };
+    pairs.filter(wrong).count()
 }
 
 fn panel(gamut: &Gamut, asked: &[Option<Place>], found: &[Option<Place>]) -> Panel {

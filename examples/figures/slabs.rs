@@ -34,7 +34,7 @@ pub fn run(options: &Options) -> Outcome {
     let refiner = Refiner::new(&resins.volumes(), &resins.set.grid, &search, RefineOptions::default());
     let found = refiner.match_targets(&table, &targets)?;
     println!(
-        "| slab | layers, mm from the top | support, mm | albedo | asked | 50% within, mm | asked | KM's discrete | promised | photons see | rms |\n\
+        "| slab | layers, mm from the top | support, mm | albedo | asked | 50% within, mm | asked | KM's claim | promised | photons see | rms |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
     );
     let core = search.core;

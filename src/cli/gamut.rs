@@ -46,7 +46,7 @@ pub struct GamutArgs {
     /// Least depth of a resin below the surface, RESIN:MM; support keeps 0.2 mm unless given. Repeatable.
     #[arg(long, value_name = "RESIN:MM", value_parser = parse_min_depth, help_heading = "Stackings")]
     min_depth: Vec<(String, f64)>,
-    /// Who places the stackings: transport (needs volume coefficients; the default where all resins have them) or km.
+    /// Who places the stackings: transport (needs volume coefficients, given or fitted; the default where all resins have them) or km.
     #[arg(long, value_enum, help_heading = "Stackings")]
     model: Option<Judge>,
     /// A profile whose place to show, CSV with r_mm,reflection_per_mm2, the same in all channels. Repeatable.
@@ -88,7 +88,7 @@ struct Named {
 
 /// Runs the command. The answer is no if a target lies outside.
 pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
-    let materials = Materials::read(&args.materials)?;
+    let mut materials = Materials::read(&args.materials)?;
     let core = args.core.as_deref().map(|name| materials.file.resin_index(name)).transpose()?;
     let options = SearchOptions {
         max_thickness_mm: args.max_thickness_mm,
@@ -98,15 +98,11 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
         core,
         ..SearchOptions::default()
     };
-    let lacking = materials.file.resin_names().find(|name| materials.file.volume(name).is_none());
-    let by_transport = match (args.model, lacking) {
-        (Some(Judge::Transport), Some(name)) => return Err(no_coefficients(name, &args.materials)),
-        (model, lacking) => model.map_or(lacking.is_none(), |model| model == Judge::Transport),
-    };
     let plot = args.output.as_deref().map(PlotFile::open).transpose()?;
     let csv = args.csv.as_deref().map(OutputFile::open).transpose()?;
     let mut targets = args.targets(materials.file.channels().len())?;
     let bars = Bars::new(args.json);
+    let by_transport = args.fit(&mut materials, &bars)?;
     if let Some(path) = &args.job {
         targets.extend(job_targets(path, materials.file.channels(), &bars)?);
     }
@@ -156,6 +152,20 @@ fn job_targets(path: &std::path::Path, channels: &[String], bars: &Bars) -> anyh
 }
 
 impl GamutArgs {
+    /// Fits coefficients to resins given by profiles, for the transport model; whether it can be asked.
+    fn fit(&self, materials: &mut Materials, bars: &Bars) -> anyhow::Result<bool> {
+        if self.model == Some(Judge::Km) {
+            return Ok(false);
+        }
+        // Loading says what was refused, and why.
+        materials.fit(None, bars)?;
+        let lacking = materials.file.resin_names().find(|name| materials.file.volume(name).is_none());
+        match lacking {
+            Some(name) if self.model == Some(Judge::Transport) => Err(no_coefficients(name, &self.materials)),
+            lacking => Ok(lacking.is_none()),
+        }
+    }
+
     fn limits(&self, materials: &Materials) -> anyhow::Result<Vec<ResinLimit>> {
         for (index, (resin, _)) in self.min_depth.iter().enumerate() {
             materials.file.resin_index(resin)?;

@@ -10,7 +10,7 @@ pub struct Boundary {
 }
 
 /// Columns of albedo that each give a point of either outline.
-const COLUMNS: usize = 48;
+const COLUMNS: usize = 36;
 
 impl Boundary {
     /// Around places of (albedo, half-energy radius in mm); `None` without any.

@@ -10,8 +10,8 @@
 //!
 //! With one channel, of two targets the brighter stays the brighter, and of two equally bright ones the wider stays the wider: distinct targets
 //! stay distinct as far as the gamut has room. It has none at its tips, where only one stacking is; so the ceiling and the floor are
-//! not simply the brightest and the darkest that can be reached, but those that move the targets least, by the weighted mean of
-//! (Δ ln albedo)² + (Δ ln radius)². Targets that are all inside are not moved at all.
+//! not simply the brightest and the darkest that can be reached: of those that leave room for widths they are the ones that move the targets
+//! least, by the weighted mean of (Δ ln albedo)² + w (Δ ln radius)². Targets that are all inside are not moved at all.
 
 use super::{Gamut, place_of};
 use crate::{
@@ -46,6 +46,11 @@ const FLOOR_REACH: f64 = 0.25;
 /// A side of the gamut bends at least over this share of its extent, where something lies beyond it, and at most over that one.
 const LEAST_BEND: f64 = 0.2;
 const MOST_BEND: f64 = 0.5;
+/// w. A choice: a change of brightness is taken to show where one of width shows when it is three times as large. At 1 the widths of an
+/// image far out of reach would take all its light.
+const WIDTH_WEIGHT: f64 = 0.1;
+/// What the logarithms of the radii are to span at the ceiling and at the floor, if the targets' do.
+const LEAST_ROOM: f64 = 0.1;
 /// Changes of a logarithm below this are none.
 const MOVED: f64 = 1e-3;
 
@@ -88,9 +93,11 @@ impl GamutMap {
                 let [ceiling, floor] = tried.map(|n| n as f64 / (TRIED - 1) as f64);
                 let bend = Bend::new(gamut, &places, 1.0 - CEILING_REACH * ceiling, FLOOR_REACH * floor);
                 let factors: Vec<[f64; 2]> = places.iter().map(|place| bend.factors(place)).collect();
-                let cost =
-                    factors.iter().zip(weights).map(|([a, s], weight)| weight * (a.ln().powi(2) + s.ln().powi(2)));
-                (cost.sum::<f64>(), factors)
+                let cost = factors
+                    .iter()
+                    .zip(weights)
+                    .map(|([a, s], weight)| weight * (a.ln().powi(2) + WIDTH_WEIGHT * s.ln().powi(2)));
+                ((bend.lacking_room(), cost.sum::<f64>()), factors)
             });
             // The first of equals: the highest ceiling.
             tries
@@ -117,6 +124,8 @@ struct Bend<'a> {
     gamut: &'a Gamut,
     /// Albedo of every channel at v = 1.
     ceiling: Vec<f64>,
+    /// Albedo of every channel below which nothing is left.
+    floor: Vec<f64>,
     albedo: SoftClip,
     /// ln of the least and greatest radius of all targets, per channel.
     ln_radius: Vec<[f64; 2]>,
@@ -142,7 +151,23 @@ impl<'a> Bend<'a> {
             ln_radius: ln_radius.collect(),
             albedo: SoftClip::new([lowest.min(1.0), 1.0], [dark, bright]),
             ceiling,
+            floor,
         }
+    }
+
+    /// By how much the logarithms of the radii span less than they should at the albedos that the brightest and the darkest targets are brought to.
+    fn lacking_room(&self) -> f64 {
+        let brought = [(self.albedo.high, &self.ceiling), (self.albedo.low, &self.floor)];
+        let ends = brought.into_iter().filter_map(|(side, albedos)| side.map(|_| albedos));
+        let channels = |albedos: &Vec<f64>| {
+            let each = albedos.iter().zip(&self.gamut.channels).zip(&self.ln_radius);
+            let lacking = each.map(|((albedo, channel), [least, most])| {
+                let [narrow, wide] = channel.boundary.radius_mm(*albedo);
+                (most - least).min(LEAST_ROOM) - (wide / narrow).ln()
+            });
+            lacking.fold(0.0, f64::max)
+        };
+        ends.map(channels).fold(0.0, f64::max)
     }
 
     /// a and s of a target.
