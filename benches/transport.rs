@@ -32,7 +32,7 @@ fn main() {
     let stack = [(white, 0.25), (support, 1.0), (white, 0.5)];
     let layers: Vec<_> = stack.iter().map(|&(resin, mm)| (channel[resin], mm)).collect();
     println!("three layers over black, {} frequencies, one thread:", set.grid.len());
-    for (name, options) in [("6 × 5", TransportOptions::REFLECTION), ("8 × 5", TransportOptions::default())] {
+    for (name, options) in [("6 × 5", TransportOptions::REFLECTION), ("10 × 6", TransportOptions::default())] {
         let new = || ModalReflection::new(&channel, Some(black), set.grid.as_slice(), options);
         let modal = new();
         let table = one.install(|| best_ms(|| drop(new())));

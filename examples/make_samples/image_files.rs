@@ -1,8 +1,8 @@
-//! 8-bit grey images: encoding, shrinking, PNG.
+//! 8-bit images: encoding, shrinking, PNG.
 
 use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter, SrgbRenderingIntent};
 
-/// Whether grey values are light (sRGB-encoded) or plain numbers.
+/// Whether values are light (sRGB-encoded) or plain numbers.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Meaning {
     SrgbLight,
@@ -41,9 +41,19 @@ pub fn shrink_srgb(texels: &[u8], size: usize, factor: usize) -> Vec<u8> {
 
 /// A square grey image as a PNG file.
 pub fn grey_png(texels: &[u8], size: usize, meaning: Meaning) -> Result<Vec<u8>, EncodingError> {
+    png(texels, size, ColorType::Grayscale, meaning)
+}
+
+/// A square sRGB image as a PNG file, from a plane per channel.
+pub fn rgb_png(planes: [&[u8]; 3], size: usize) -> Result<Vec<u8>, EncodingError> {
+    let texels: Vec<u8> = (0..size * size).flat_map(|at| planes.map(|plane| plane[at])).collect();
+    png(&texels, size, ColorType::Rgb, Meaning::SrgbLight)
+}
+
+fn png(texels: &[u8], size: usize, colour: ColorType, meaning: Meaning) -> Result<Vec<u8>, EncodingError> {
     let mut file = Vec::new();
     let mut encoder = Encoder::new(&mut file, size as u32, size as u32);
-    encoder.set_color(ColorType::Grayscale);
+    encoder.set_color(colour);
     encoder.set_depth(BitDepth::Eight);
     encoder.set_compression(Compression::High);
     encoder.set_filter(Filter::Adaptive);

@@ -44,6 +44,7 @@ const GRID_STEP: f64 = 0.6;
 /// Texels per side of the job's textures, and how much smaller the one inside the GLB is.
 const TEXTURE_SIZE: usize = 2048;
 const GLB_TEXTURE_FACTOR: usize = 4;
+const COLOUR_TEXTURE_FACTOR: usize = 2;
 const SLAB_MM: Vec3 = Vec3::new(20.0, 20.0, 6.0);
 
 /// Makes the sample files.
@@ -90,7 +91,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     Ok(if differing == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// The rabbit's mesh and its two textures, by file name.
+/// The rabbit's mesh and its textures, by file name.
 fn rabbit_files() -> anyhow::Result<Vec<(&'static str, Vec<u8>)>> {
     let figure = rabbit::rabbit();
     let mut mesh = meshing::surface_nets(&figure, GRID_STEP);
@@ -113,9 +114,16 @@ fn rabbit_files() -> anyhow::Result<Vec<(&'static str, Vec<u8>)>> {
     let path: Vec<u8> = stones.iter().map(|s| image_files::to_byte(s.mean_free_path)).collect();
     let small = image_files::shrink_srgb(&albedo, TEXTURE_SIZE, GLB_TEXTURE_FACTOR);
     let texture = image_files::grey_png(&small, TEXTURE_SIZE / GLB_TEXTURE_FACTOR, Meaning::SrgbLight)?;
+    let rosy = [0, 1, 2].map(|channel| {
+        let light = stones.iter().map(|stone| image_files::encode_srgb(stone.rosy()[channel]));
+        let plane: Vec<u8> = light.map(image_files::to_byte).collect();
+        image_files::shrink_srgb(&plane, TEXTURE_SIZE, COLOUR_TEXTURE_FACTOR)
+    });
+    let rosy = image_files::rgb_png([&rosy[0], &rosy[1], &rosy[2]], TEXTURE_SIZE / COLOUR_TEXTURE_FACTOR)?;
     Ok(vec![
         ("rabbit.glb", glb::glb("rabbit", &mesh, &atlas, &figure, &texture)?),
         ("marble-albedo.png", image_files::grey_png(&albedo, TEXTURE_SIZE, Meaning::SrgbLight)?),
         ("marble-mfp.png", image_files::grey_png(&path, TEXTURE_SIZE, Meaning::Number)?),
+        ("rose-albedo.png", rosy),
     ])
 }

@@ -17,10 +17,21 @@ pub struct Stone {
 /// Linear albedo of clear stone and of the darkest vein.
 pub const CLEAR_ALBEDO: f64 = 0.86;
 const VEIN_ALBEDO: f64 = 0.33;
+/// Linear albedo in red, green and blue where the stone is rosy instead: clear, and in the darkest vein.
+const ROSE: [f64; 3] = [0.66, 0.36, 0.30];
+const SERPENTINE: [f64; 3] = [0.10, 0.22, 0.15];
 /// Shifts the bold veins so that they cross chest and flanks and leave the face clear.
 const PHASE: f64 = 0.67;
 /// Mean free path in a vein, as part of that in clear stone: minerals that colour veins also scatter more.
 const VEIN_PATH: f64 = 0.28;
+
+impl Stone {
+    /// Linear albedo of a rosy stone with the same veins, in green.
+    pub fn rosy(self) -> [f64; 3] {
+        let vein = ((CLEAR_ALBEDO - self.albedo) / (CLEAR_ALBEDO - VEIN_ALBEDO)).clamp(0.0, 1.0);
+        std::array::from_fn(|channel| ROSE[channel] + vein * (SERPENTINE[channel] - ROSE[channel]))
+    }
+}
 
 /// A hash of lattice coordinates, as 64 well-mixed bits (the finaliser of splitmix64).
 fn hash(x: i64, y: i64, z: i64, seed: u64) -> u64 {

@@ -44,8 +44,8 @@ pub struct PredictArgs {
     /// Light from all directions, or a pencil beam straight down (not with km).
     #[arg(long, value_enum, default_value_t = Source::Diffuse, help_heading = "Light")]
     light: Source,
-    /// Root mean square error over spatial frequencies that transport aims at, 1e-3 to 3e-5: chooses the number of directions. Very thin layers err more.
-    #[arg(long, value_name = "RMS", default_value_t = 1e-4, value_parser = parse_accuracy, help_heading = "Light")]
+    /// Root mean square error over spatial frequencies that transport aims at, 1e-3 to 3e-5: chooses the number of directions.
+    #[arg(long, value_name = "RMS", default_value_t = 3e-4, value_parser = parse_accuracy, help_heading = "Light")]
     accuracy: f64,
     /// Photons per channel, at least 2 (monte-carlo only); default 2000000.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Light")]

@@ -256,9 +256,10 @@ mod tests {
                 prop_assert!(y >= low - 1e-9 && y <= high + 1e-9, "{y} at {}", at(n));
                 last = y;
             }
-            // No jump at the knees and slope 1 there.
+            // No jump at the knees and slope 1 there, where there is room to bend at all.
             for knee in [clip.low, clip.high].into_iter().flatten().map(|side| side.knee) {
-                prop_assert!((clip.at(knee + 1e-7) - clip.at(knee - 1e-7) - 2e-7).abs() < 1e-10);
+                let slope = clip.at(knee + 1e-7) - clip.at(knee - 1e-7);
+                prop_assert!((slope - 2e-7).abs() < 1e-10 || extent < 1e-3);
             }
         }
     }
