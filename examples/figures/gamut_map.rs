@@ -3,8 +3,7 @@
 use lumislice::{
     plot::{Axis, BLACK, BLUE, Figure, GREY, Panel, Series, Shape, VERMILION},
     search::{
-        BlockTable, Gamut, GamutMap, RefineOptions, Refined, Refiner, SearchError, SearchOptions, SearchTarget,
-        place_of,
+        BlockTable, Gamut, GamutMap, RefineOptions, Refined, Refiner, SearchError, SearchTarget, layer_space, place_of,
     },
     target::NormalizedDiffusion,
 };
@@ -30,8 +29,7 @@ pub fn run(options: &Options) -> Outcome {
             Ok(SearchTarget { channels: vec![NormalizedDiffusion::new(albedo, path)?.spectrum(grid)] })
         })
         .collect::<Result<_, lumislice::target::DiffusionError>>()?;
-    // Layers as fine as a printer's slices of 27 µm; the search's blocks are coarser.
-    let fine = SearchOptions { units: 186, ..search.clone() };
+    let fine = layer_space(&search, &RefineOptions::default(), resins.set.resins.len());
     let gamut = Gamut::explore(&resins.parameters(), Some(&resins.volumes()), grid, &fine)?;
     let map = GamutMap::new(&gamut, &wanted, &vec![1.0; wanted.len()], grid);
     let mapped: Vec<_> = map.moves.iter().zip(&wanted).map(|(moved, target)| moved.apply(target, grid)).collect();

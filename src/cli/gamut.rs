@@ -8,7 +8,10 @@ use lumislice::{
     job::{self, Job, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, format_stack},
     optics::{FrequencyGrid, MaterialSet, ProfileFile},
     plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
-    search::{ChannelGamut, Gamut, GamutMap, GamutPoint, ResinLimit, SearchError, SearchOptions, SearchTarget},
+    search::{
+        ChannelGamut, Gamut, GamutMap, GamutPoint, RefineOptions, ResinLimit, SearchError, SearchOptions, SearchTarget,
+        layer_space,
+    },
     target::NormalizedDiffusion,
 };
 use serde_json::json;
@@ -37,9 +40,12 @@ pub struct GamutArgs {
     /// Thickest stacking, mm.
     #[arg(long, value_name = "MM", default_value_t = 5.0, allow_negative_numbers = true, help_heading = "Stackings")]
     max_thickness_mm: f64,
-    /// Layers are multiples of so many mm, such as a printer's slice.
+    /// Thinnest layer, mm.
     #[arg(long, value_name = "MM", default_value = "0.027", value_parser = parse_layer, help_heading = "Stackings")]
-    layer_step_mm: f64,
+    min_layer_mm: f64,
+    /// Layers are multiples of so many mm, such as a printer's slice; default: any thickness by transport, multiples of the thinnest by km.
+    #[arg(long, value_name = "MM", value_parser = parse_layer, help_heading = "Stackings")]
+    layer_step_mm: Option<f64>,
     /// Most layers in a stacking, 1 to 12.
     #[arg(long, value_name = "N", default_value = "6", value_parser = parse_depth, help_heading = "Stackings")]
     depth: usize,
@@ -92,7 +98,6 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
     let core = args.core.as_deref().map(|name| materials.file.resin_index(name)).transpose()?;
     let options = SearchOptions {
         max_thickness_mm: args.max_thickness_mm,
-        units: (args.max_thickness_mm / args.layer_step_mm).ceil() as usize,
         depth: args.depth,
         limits: args.limits(&materials)?,
         core,
@@ -110,7 +115,10 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
     bars.stage("gamut", 0);
     let resins: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
     let volumes: Option<Vec<_>> = set.resins.iter().map(|resin| resin.volume.clone()).collect();
-    let gamut = Gamut::explore(&resins, volumes.as_deref().filter(|_| by_transport), &set.grid, &options);
+    let step_mm = args.layer_step_mm.or((!by_transport).then_some(args.min_layer_mm));
+    let layers = RefineOptions { min_layer_mm: args.min_layer_mm, step_mm, ..RefineOptions::default() };
+    let space = layer_space(&options, &layers, resins.len());
+    let gamut = Gamut::explore(&resins, volumes.as_deref().filter(|_| by_transport), &set.grid, &space);
     bars.finish();
     let gamut = match gamut {
         Ok(gamut) => gamut,

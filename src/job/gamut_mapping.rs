@@ -1,7 +1,7 @@
 //! `gamut-map`: targets that the resins cannot reach, brought within their gamut before the search.
 
-use super::{RunError, StackingModel, asked::Wanted, stackings::TargetContext};
-use crate::search::{Gamut, GamutMap, Move, SearchOptions, SearchTarget};
+use super::{RunError, asked::Wanted, stackings::TargetContext};
+use crate::search::{Gamut, GamutMap, Move, RefineOptions, SearchTarget, layer_space};
 
 impl TargetContext<'_> {
     /// Where the object's targets go, if the job asks for that; says what it does.
@@ -15,21 +15,14 @@ impl TargetContext<'_> {
             return Ok(None);
         }
         self.progress.stage("gamut", 0);
-        let volumes = match self.job.stacking.model {
-            StackingModel::KubelkaMunk => None,
-            StackingModel::Transport { .. } => Some(self.volumes()?),
-        };
-        let stacking = &self.job.stacking;
-        let slice_mm = self.job.printer.pitch_mm.z;
-        let step_mm = match stacking.model {
-            StackingModel::KubelkaMunk => slice_mm,
-            StackingModel::Transport { min_layer_mm, layer_step_mm } => {
-                layer_step_mm.or(min_layer_mm).unwrap_or(slice_mm)
-            }
-        };
+        let refine = self.refine_options();
+        let volumes = refine.as_ref().map(|_| self.volumes()).transpose()?;
         // What a printer can lay, but not finer than tells anything apart.
-        let units = (stacking.max_thickness_mm / step_mm.max(FINEST_STEP_MM)).ceil() as usize;
-        let (grid, options) = (&self.materials.grid, SearchOptions { units, ..self.search_options(core) });
+        let slice_mm = self.job.printer.pitch_mm.z.max(FINEST_STEP_MM);
+        let slices = RefineOptions { min_layer_mm: slice_mm, step_mm: Some(slice_mm), ..RefineOptions::default() };
+        let resins = self.materials.resins.len();
+        let options = layer_space(&self.search_options(core), refine.as_ref().unwrap_or(&slices), resins);
+        let grid = &self.materials.grid;
         let gamut = Gamut::explore(&self.parameters(), volumes.as_deref(), grid, &options);
         let map =
             GamutMap::new(&gamut.map_err(|fault| self.search_fault(fault))?, &wanted.targets, &wanted.shares, grid);
@@ -64,5 +57,5 @@ fn map_in_words(map: &GamutMap, shares: &[f64]) -> String {
     )
 }
 
-/// Steps of layers in a gamut, at least.
+/// Thinnest layer of whole slices in a gamut.
 const FINEST_STEP_MM: f64 = 0.025;

@@ -146,13 +146,15 @@ impl TargetContext<'_> {
     }
 
     fn refiner(&self, options: &SearchOptions) -> Result<Option<Refiner>, RunError> {
-        let StackingModel::Transport { min_layer_mm, layer_step_mm } = self.job.stacking.model else { return Ok(None) };
-        let refine = RefineOptions {
-            min_layer_mm: min_layer_mm.unwrap_or(self.job.printer.pitch_mm.z),
-            step_mm: layer_step_mm,
-            ..RefineOptions::default()
-        };
+        let Some(refine) = self.refine_options() else { return Ok(None) };
         Ok(Some(Refiner::new(&self.volumes()?, &self.materials.grid, options, refine)))
+    }
+
+    /// How thicknesses are refined, if they are.
+    pub(super) fn refine_options(&self) -> Option<RefineOptions> {
+        let StackingModel::Transport { min_layer_mm, layer_step_mm } = self.job.stacking.model else { return None };
+        let min_layer_mm = min_layer_mm.unwrap_or(self.job.printer.pitch_mm.z);
+        Some(RefineOptions { min_layer_mm, step_mm: layer_step_mm, ..RefineOptions::default() })
     }
 
     pub(super) fn search_options(&self, core: usize) -> SearchOptions {

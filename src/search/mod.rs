@@ -31,7 +31,7 @@ mod tests;
 pub use algorithm_1::algorithm_1;
 pub use branch_and_bound::{match_candidates, match_sequences, match_target, match_targets};
 pub use forward::reflection_of;
-pub use gamut::{Boundary, ChannelGamut, Gamut, GamutMap, GamutPoint, Move, place_of};
+pub use gamut::{Boundary, ChannelGamut, Gamut, GamutMap, GamutPoint, Move, layer_space, place_of};
 pub(crate) use objective::BLACK_RMS;
 pub use objective::{Norm, Objective};
 pub use options::{Match, SearchError, SearchOptions, SearchTarget};

@@ -4,7 +4,7 @@
 //! and the [`Boundary`] around them; a [`GamutMap`] that moves targets outside smoothly inside.
 //!
 //! ```text
-//!   resins, options ──► Explorer: stackings spread by mutation ──► judged by transport or Kubelka–Munk ──► Boundary
+//!   resins, options ──► Explorer: stackings spread by mutation, by Kubelka–Munk and then by transport ──► Boundary
 //!   targets ──► (albedo, radius) ──► GamutMap: albedo and width factors ──► targets within reach
 //! ```
 //!
@@ -24,7 +24,7 @@ pub use boundary::Boundary;
 use explore::{Explorer, Runs, TRIALS};
 pub use map::{GamutMap, Move};
 
-use super::{SearchError, SearchOptions, Stacking};
+use super::{RefineOptions, ResinLimit, SearchError, SearchOptions, Stacking};
 use crate::optics::{FrequencyGrid, InverseHankel, KubelkaMunk, ModalReflection, TransportOptions, VolumeCoefficients};
 
 /// Directions that place a stacking to 0.4% in albedo and 1.3% in radius (docs/accuracy.md), at a third of the cost of those that judge it.
@@ -57,6 +57,24 @@ pub struct GamutPoint {
     pub half_energy_radius_mm: f64,
 }
 
+/// Units of refined layers that make the thinnest: thicknesses between whole ones fill what those leave open.
+const PARTS: f64 = 4.0;
+/// The finest unit, mm.
+const FINEST_MM: f64 = 0.005;
+
+/// The space of `options` in steps of a printer's layers instead of a search's blocks; without `refine.step_mm`, which leaves any thickness, in
+/// quarters of the thinnest layer.
+pub fn layer_space(options: &SearchOptions, refine: &RefineOptions, resins: usize) -> SearchOptions {
+    let step_mm = refine.step_mm.unwrap_or(refine.min_layer_mm / PARTS).max(FINEST_MM);
+    let given = |resin: usize| options.limits.get(resin).copied().unwrap_or(ResinLimit::NONE);
+    let limit = |limit: ResinLimit| ResinLimit { min_mm: limit.min_mm.max(refine.min_layer_mm), ..limit };
+    SearchOptions {
+        units: (options.max_thickness_mm / step_mm).ceil() as usize,
+        limits: (0..resins).map(|resin| limit(given(resin))).collect(),
+        ..options.clone()
+    }
+}
+
 /// Where a spectrum lies: its albedo, and its half-energy radius in mm. `None` where it reflects nothing, or half of the light leaves
 /// farther out than the grid can tell (20 mm on the default grid).
 pub fn place_of(spectrum: &[f64], grid: &FrequencyGrid) -> Option<[f64; 2]> {
@@ -66,8 +84,9 @@ pub fn place_of(spectrum: &[f64], grid: &FrequencyGrid) -> Option<[f64; 2]> {
 
 impl Gamut {
     /// Explores what `resins`, index `[resin][channel]` on `grid`, reach with at most `depth` layers of whole units that keep the limits
-    /// of `options`. Layers are to be as fine as the printer's, not as a search's blocks: whole units of 78 µm leave gaps. Stackings are found by Kubelka–Munk; with the resins' coefficients in `volumes` they are placed by transport. The same for the
-    /// same input, whatever the number of threads.
+    /// of `options`. Layers are to be as fine as the printer's, not as a search's blocks: whole units of 78 µm leave gaps. Stackings are found by
+    /// Kubelka–Munk; with the resins' coefficients in `volumes` they are placed by transport, and more are found by it. The same for the same input,
+    /// whatever the number of threads.
     ///
     /// # Errors
     /// Options out of range, contradictory limits, or no stacking that keeps them and reflects anything.
@@ -87,8 +106,8 @@ impl Gamut {
                     let volumes: Vec<_> = volumes.iter().map(|resin| resin[channel]).collect();
                     ModalReflection::new(&volumes, options.core, grid.as_slice(), DIRECTIONS)
                 });
-                let found = Explorer::new(&parameters, &limits, grid, options).explore(TRIALS);
-                ChannelGamut::judged(&found, model.as_ref(), grid, options)
+                let found = Explorer::new(&parameters, &limits, grid, options).explore(TRIALS, model.as_ref());
+                ChannelGamut::around(&found, grid, options)
             })
             .collect();
         let channels: Option<Vec<_>> = explored.into_iter().collect();
@@ -101,17 +120,11 @@ impl Gamut {
 }
 
 impl ChannelGamut {
-    fn judged(
-        found: &[(Runs, Vec<f64>)],
-        model: Option<&ModalReflection>,
-        grid: &FrequencyGrid,
-        options: &SearchOptions,
-    ) -> Option<Self> {
+    fn around(found: &[(Runs, Vec<f64>)], grid: &FrequencyGrid, options: &SearchOptions) -> Option<Self> {
         let unit_mm = options.unit_mm();
-        let point = |(runs, by_km): &(Runs, Vec<f64>)| {
+        let point = |(runs, spectrum): &(Runs, Vec<f64>)| {
             let layers: Vec<_> = runs.iter().map(|&(resin, units)| (resin, units as f64 * unit_mm)).collect();
-            let by_transport = model.map(|model| model.reflection(&layers));
-            let [albedo, half_energy_radius_mm] = place_of(by_transport.as_ref().unwrap_or(by_km), grid)?;
+            let [albedo, half_energy_radius_mm] = place_of(spectrum, grid)?;
             Some(GamutPoint { stacking: Stacking::from_layers(layers), albedo, half_energy_radius_mm })
         };
         let mut points: Vec<GamutPoint> = found.par_iter().filter_map(point).collect();
