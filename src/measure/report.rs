@@ -53,9 +53,10 @@ impl Measurement {
 }
 
 /// What the pictures' marks mean.
-const HOW_TO_READ: &str = "<p class=\"how\">Pictures: white where pixels are masked or no brighter than the dark; the circles are at a quarter and a \
-    half of the width. Profiles: dotted as the camera sees them, before stray light and blur are taken off. Asymmetry: what is left of each ring about \
-    its mean; a tilt or a gradient shows in the 1st harmonic, ellipses in the 2nd.</p>\n";
+const HOW_TO_READ: &str = "<p class=\"how\">Tilt below x°: none was seen, and a smaller one than x would not be; it is told by perspective, and not known \
+    without distance-mm. Pictures: white where pixels are masked or no brighter than the dark; circles a quarter and a half of the way to the edge. \
+    Profiles: dotted as the camera sees them, before stray light and blur are taken off. Asymmetry: what is left of each ring about its mean; a tilt or a \
+    gradient shows in the 1st harmonic, ellipses in the 2nd.</p>\n";
 
 /// What the slab's coefficients are, if any fit.
 fn coefficients(channel: &ChannelMeasurement) -> String {
@@ -70,7 +71,7 @@ fn coefficients(channel: &ChannelMeasurement) -> String {
 
 fn table(channel: &ChannelMeasurement) -> String {
     let mut text = String::from(
-        "<table><tr><th></th><th>albedo</th><th>centre, pixels</th><th>half of the light within</th><th>exposures</th>\
+        "<table><tr><th></th><th>albedo</th><th>centre, pixels</th><th>half of the light</th><th>exposures</th>\
          <th>tilt</th><th>electrons per DN</th><th>blur left</th></tr>\n",
     );
     for (name, series) in [("reflection", &channel.reflection), ("transmission", &channel.transmission)] {
@@ -104,9 +105,9 @@ fn exposures(seconds: &[f64]) -> String {
 
 fn tilt(seen: Option<SeenTilt>) -> String {
     match seen {
-        None => "not known without distance-mm".into(),
-        Some(tilt) if tilt.is_seen() => format!("{} degrees", plus_minus(tilt.degrees, tilt.error)),
-        Some(tilt) => format!("none seen; below {:.1} degrees none would be", tilt.least()),
+        None => "not known".into(),
+        Some(tilt) if tilt.is_seen() => format!("{}°", plus_minus(tilt.degrees, tilt.error)),
+        Some(tilt) => format!("below {:.1}°", tilt.least()),
     }
 }
 
