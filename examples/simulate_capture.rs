@@ -49,6 +49,7 @@ fn run(name: &str, folder: &Path, defects: bool) -> Result<String, String> {
         density_g_per_cm3: resin.density_g_per_cm3,
         print_as_background: resin.print_as_background,
         thickness_mm: resin.representative_thickness_mm[0],
+        refractive_index: 1.0,
         notes: String::new(),
     };
     let defects = if defects {

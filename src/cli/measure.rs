@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
-use lumislice::measure::{Capture, ChannelMeasurement, Measurement, SeriesMeasurement, measure};
+use lumislice::measure::{Capture, ChannelMeasurement, Measurement, SeriesMeasurement, measure, plus_minus};
 use serde_json::json;
 
 use super::{Answer, INTERRUPT, output_file::OutputFile, print, print_json, progress::Bars, say, table::table};
@@ -46,7 +46,7 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Answer> {
     for channel in &measurement.channels {
         channel
             .all_findings()
-            .for_each(|(series, finding)| say(&format!("note: {} {series}: {finding}", channel.name)));
+            .for_each(|(series, finding)| say(&format!("note: {}{series}: {finding}", measurement.prefix(channel))));
     }
     if args.json {
         print_json(&record(&measurement, &args.output))?;
@@ -95,17 +95,30 @@ fn summary(measurement: &Measurement, output: &Path) -> String {
             let reach = scan.extrapolated_from.map_or(series.profile.reach_mm(), |from| scan.edges_mm[from]);
             let half = series.profile.radius_of_energy(0.5);
             rows.push(vec![
-                format!("{name} {}", channel.name),
-                format!("{:.5} ± {:.5}", series.albedo.value, series.albedo.error),
+                format!("{}{name}", measurement.prefix(channel)),
+                plus_minus(series.albedo.value, series.albedo.error),
                 half.map_or("-".into(), |radius| format!("{radius:.3}")),
                 format!("{reach:.2}"),
-                format!("{:.2}, {:.2} ± {:.3}", scan.centre_px[0], scan.centre_px[1], scan.centre_error_px),
+                format!("{:.2}, {:.2} ± {:.4}", scan.centre_px[0], scan.centre_px[1], scan.centre_error_px),
                 scan.exposures_s.len().to_string(),
             ]);
         }
     }
     let head = ["profile", "albedo", "half within mm", "measured to mm", "centre px", "exposures"];
-    table(&head, &rows) + &format!("{}\n", output.display())
+    table(&head, &rows) + &coefficients(measurement) + &format!("{}\n", output.display())
+}
+
+/// What fits each channel's slab, if anything does.
+fn coefficients(measurement: &Measurement) -> String {
+    let row = |channel: &ChannelMeasurement| {
+        let residual = format!("{:.1e}", channel.fit.as_ref().ok()?.residual);
+        let found = channel.coefficients()?.map(|(value, error)| plus_minus(value, error));
+        let label = format!("{}coefficients", measurement.prefix(channel));
+        Some([label].into_iter().chain(found).chain([residual]).collect())
+    };
+    let rows: Vec<Vec<String>> = measurement.channels.iter().filter_map(row).collect();
+    let head = ["fitted", "scattering (1 - g) per mm", "absorption per mm", "g", "residual rms"];
+    if rows.is_empty() { String::new() } else { table(&head, &rows) }
 }
 
 fn record(measurement: &Measurement, output: &Path) -> serde_json::Value {
@@ -120,6 +133,9 @@ fn record(measurement: &Measurement, output: &Path) -> serde_json::Value {
             "centre_error_px": scan.centre_error_px,
             "gain_e_per_dn": scan.gain_e_per_dn,
             "blur_left": scan.blur_bound,
+            "tilt_degrees": scan.tilt.map(|tilt| tilt.degrees),
+            "tilt_error_degrees": scan.tilt.map(|tilt| tilt.error),
+            "least_tilt_seen_degrees": scan.tilt.map(|tilt| tilt.least()),
             "exposures_s": scan.exposures_s,
         })
     };
@@ -129,6 +145,12 @@ fn record(measurement: &Measurement, output: &Path) -> serde_json::Value {
             "channel": channel.name,
             "reflection": one(&channel.reflection),
             "transmission": one(&channel.transmission),
+            "fit": channel.fit.as_ref().ok().map(|fit| json!({
+                "scattering_per_mm": fit.coefficients.sigma_s,
+                "absorption_per_mm": fit.coefficients.sigma_a,
+                "g": fit.coefficients.g,
+                "residual_rms": fit.residual,
+            })),
             "findings": findings.map(|(series, finding)| format!("{series}: {finding}")).collect::<Vec<_>>(),
         })
     };

@@ -101,7 +101,7 @@ fn patch(
     let values = plane.crop(rect.x, rect.y, rect.width, rect.height).values;
     let saturated = values.iter().filter(|value| !(f64::from(**value) < sensor.clipped)).count();
     if saturated > values.len() / 1000 {
-        let found = format!("a {name} with {saturated} of {} pixels saturated", values.len());
+        let found = format!("a {name} with {saturated} of {} pixels saturated or no number", values.len());
         return Err(MeasureError::frame(file, found, "a shorter exposure"));
     }
     let (value, error) = average(plane, rect);

@@ -3,6 +3,11 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use super::figures::{percent, plus_minus};
+
+/// Places of hot pixels written out.
+const SHOWN: usize = 6;
+
 /// Something that was found in the pictures, and what was done about it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Finding {
@@ -108,7 +113,9 @@ impl fmt::Display for Finding {
             Self::NoDarkSeries => {
                 write!(f, "no dark series: only a constant level, told from the outskirts, is subtracted")
             }
-            Self::Estimated { what, value } => write!(f, "{what} is not given, estimated as {value:.4}"),
+            Self::Estimated { what, value } => {
+                write!(f, "{what} is not given, estimated as {}", plus_minus(*value, 0.0))
+            }
             Self::MislabelledExposure { file, label_s, measured_s } => write!(
                 f,
                 "{} is mislabelled: it says {label_s:.4} s, its light says {measured_s:.4} s; left out",
@@ -122,18 +129,18 @@ impl fmt::Display for Finding {
                 write!(f, "{} is shifted by {x:+.2}, {y:+.2} pixels against the others; left out", name(file))
             }
             Self::HotPixels { count, first } => {
-                let list: Vec<String> = first.iter().map(|[x, y]| format!("({x}, {y})")).collect();
-                let more = if *count > first.len() { ", …" } else { "" };
+                let list: Vec<String> = first.iter().take(SHOWN).map(|[x, y]| format!("({x}, {y})")).collect();
+                let more = if *count > list.len() { ", …" } else { "" };
                 write!(f, "{count} hot pixels masked: {}{more}", list.join(", "))
             }
             Self::Blemishes { count, pixels } => {
                 write!(f, "{count} blemishes of {pixels} pixels in all masked")
             }
             Self::Tilt { degrees, error } => {
-                write!(f, "sample tilted by {degrees:.2} ± {error:.2} degrees against the camera; averaged over")
+                write!(f, "sample tilted by {} degrees against the camera; averaged over", plus_minus(*degrees, *error))
             }
             Self::StrayLight { share, error } => {
-                write!(f, "stray light, {:.2} ± {:.2}% of the light, subtracted", 100.0 * share, 100.0 * error)
+                write!(f, "stray light, {}% of the light, subtracted", plus_minus(100.0 * share, 100.0 * error))
             }
             Self::Gradient { per_mm, significance } => {
                 write!(
@@ -144,13 +151,12 @@ impl fmt::Display for Finding {
             Self::Ellipticity { share, error } => {
                 write!(
                     f,
-                    "rings are ellipses: axes differ by {:.2} ± {:.2}%; averaged over",
-                    100.0 * share,
-                    100.0 * error
+                    "rings are ellipses: axes differ by {}%; averaged over",
+                    plus_minus(100.0 * share, 100.0 * error)
                 )
             }
             Self::Extrapolated { from_mm, share } => {
-                write!(f, "continued as a diffuse tail beyond {from_mm:.2} mm, {:.3}% of the light", 100.0 * share)
+                write!(f, "continued as a diffuse tail beyond {from_mm:.2} mm, {} of the light", percent(*share))
             }
             Self::EnergyExcess { excess } => {
                 write!(f, "reflection + transmission exceeded 1 by {excess:.4}; both were scaled")

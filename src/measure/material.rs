@@ -4,9 +4,13 @@ use std::fmt::Write as _;
 
 use super::albedo::{MeasuredAlbedo, albedo};
 use super::aperture::Centre;
+use super::figures::{percent, plus_minus};
 use super::scan::{ScannedProfile, scan};
-use super::{Capture, Finding, MeasureError, Series};
-use crate::optics::{FrequencyGrid, ProfileFile, RadialProfile, ResinSpectrum, Tail};
+use super::{Capture, Finding, MeasureError, ResinFacts, Series};
+use crate::optics::{
+    CoefficientFit, FitRefusal, FrequencyGrid, MeasuredSlab, ProfileFile, RadialProfile, ResinSpectrum, Tail,
+    fit_coefficients,
+};
 
 const REFLECTION: &str = "reflection";
 const TRANSMISSION: &str = "transmission";
@@ -32,6 +36,8 @@ pub struct ChannelMeasurement {
     pub transmission: SeriesMeasurement,
     /// What the two together brought up.
     pub findings: Vec<Finding>,
+    /// Coefficients of this slab alone, as `predict`, `match` and jobs will fit them to the material file for the transport model.
+    pub fit: Result<CoefficientFit, FitRefusal>,
 }
 
 /// One profile.
@@ -75,8 +81,10 @@ pub fn measure(capture: Capture, step: Step<'_>, stop: &dyn Fn() -> bool) -> Res
         };
         let reflection = series(&capture.reflection, REFLECTION, Centre::Pole, 0)?;
         let transmission = series(&capture.transmission, TRANSMISSION, Centre::Flat, 1)?;
-        let mut channel = ChannelMeasurement { name, reflection, transmission, findings: Vec::new() };
+        let unfitted = Err(FitRefusal { residual: f64::INFINITY });
+        let mut channel = ChannelMeasurement { name, reflection, transmission, findings: Vec::new(), fit: unfitted };
         channel.check_energy(capture.resin.thickness_mm)?;
+        channel.fit(&capture.resin);
         channels.push(channel);
     }
     Ok(Measurement { capture, channels })
@@ -107,12 +115,36 @@ impl ChannelMeasurement {
         }
         for (name, tail) in [(REFLECTION, spectrum.reflection_tail), (TRANSMISSION, spectrum.transmission_tail)] {
             if let Tail::Exponential { from_mm, share, .. } = tail {
-                let share = 100.0 * share;
-                let text = format!("{name}: {share:.2}% of the light is beyond {from_mm:.1} mm, out of the picture");
+                let share = percent(share);
+                let text = format!("{name}: {share} of the light is beyond {from_mm:.1} mm, out of the picture");
                 self.findings.push(Finding::Remark(text));
             }
         }
         Ok(())
+    }
+
+    fn fit(&mut self, resin: &ResinFacts) {
+        let slab = MeasuredSlab {
+            thickness_mm: resin.thickness_mm,
+            reflection: &self.reflection.profile,
+            transmission: &self.transmission.profile,
+        };
+        self.fit = fit_coefficients(&[slab], resin.refractive_index);
+        if let Err(refusal) = &self.fit {
+            self.findings.push(Finding::Remark(format!("{refusal}; only the model km will know this resin")));
+        }
+    }
+
+    /// The fitted coefficients with their uncertainties, per mm: scattering (1 − g), absorption, and g.
+    pub fn coefficients(&self) -> Option<[(f64, f64); 3]> {
+        let fit = self.fit.as_ref().ok()?;
+        let found = fit.coefficients;
+        let reduced = found.sigma_s * (1.0 - found.g);
+        Some([
+            (reduced, reduced * fit.reduced_scattering_share),
+            (found.sigma_a, found.sigma_a * fit.absorption_share),
+            (found.g, fit.g_uncertainty),
+        ])
     }
 
     /// Everything noticed, each with the series it was noticed in.
@@ -129,6 +161,11 @@ impl ChannelMeasurement {
 }
 
 impl Measurement {
+    /// What a line about a channel begins with: its name, if there are several.
+    pub fn prefix(&self, channel: &ChannelMeasurement) -> String {
+        if self.channels.len() > 1 { format!("{} ", channel.name) } else { String::new() }
+    }
+
     /// Names of the files that [`Measurement::files`] makes, in its order.
     pub fn file_names(capture: &Capture, stem: &str) -> Vec<String> {
         let channels = capture.channels();
@@ -164,22 +201,21 @@ impl Measurement {
         let resin = &self.capture.resin;
         let mut text = format!(
             "measured {} of {}, {} mm thick, channel {}, on {} with {}\n\
-             integral {:.6} +- {:.6}; means over rings; standard errors are those of the shape\n\
-             centre {:.2}, {:.2} +- {:.3} pixels\n",
+             integral {}; means over rings; standard errors are those of the shape\n\
+             centre {:.2}, {:.2}, each ± {:.4} pixels\n",
             word,
             resin.name,
             resin.thickness_mm,
             channel.name,
             self.capture.date,
             self.capture.camera.model,
-            series.albedo.value,
-            series.albedo.error,
+            plus_minus(series.albedo.value, series.albedo.error),
             series.scan.centre_px[0],
             series.scan.centre_px[1],
             series.scan.centre_error_px,
         );
         if let Some(from) = series.scan.extrapolated_from {
-            let _ = writeln!(text, "EXTRAPOLATED from r_lo_mm = {} on", series.scan.edges_mm[from]);
+            let _ = writeln!(text, "EXTRAPOLATED from r_lo_mm = {:.6} on", series.scan.edges_mm[from]);
         }
         series.scan.findings.iter().for_each(|finding| {
             let _ = writeln!(text, "{finding}");
@@ -198,7 +234,16 @@ impl Measurement {
         let mut text = String::from("# Written by `lumislice material measure`.\n");
         for channel in &self.channels {
             for (series, finding) in channel.all_findings() {
-                let _ = writeln!(text, "# {} {series}: {}", channel.name, finding.to_string().replace('\n', " "));
+                let _ =
+                    writeln!(text, "# {}{series}: {}", self.prefix(channel), finding.to_string().replace('\n', " "));
+            }
+            if let Some(found) = channel.coefficients() {
+                let [reduced, absorption, g] = found.map(|(value, error)| plus_minus(value, error));
+                let _ = writeln!(
+                    text,
+                    "# {}fitted to this slab: scattering (1 - g) {reduced}, absorption {absorption} per mm, g {g}",
+                    self.prefix(channel)
+                );
             }
         }
         let provenance = format!("measured on {} with {}", capture.date, capture.camera.model);
@@ -207,10 +252,8 @@ impl Measurement {
             .iter()
             .map(|channel| {
                 let (r, t) = (channel.reflection.albedo, channel.transmission.albedo);
-                format!(
-                    "{}: reflects {:.4} +- {:.4}, transmits {:.5} +- {:.5}",
-                    channel.name, r.value, r.error, t.value, t.error
-                )
+                let [r, t] = [r, t].map(|albedo| plus_minus(albedo.value, albedo.error));
+                format!("{}reflects {r}, transmits {t}", self.prefix(channel))
             })
             .collect();
         let notes = [resin.notes.clone(), albedos.join("; ")].into_iter().filter(|note| !note.is_empty());
@@ -228,6 +271,9 @@ impl Measurement {
             list(reflection),
             list(transmission),
         );
+        if resin.refractive_index != 1.0 {
+            let _ = writeln!(text, "refractive-index = {}", resin.refractive_index);
+        }
         if resin.print_as_background {
             text.push_str("print-as = \"background\"\n");
         }

@@ -1,6 +1,8 @@
 //! A measurement for human eyes: a page with every step's picture, and what was noticed.
 
+use super::figures::plus_minus;
 use super::material::{ChannelMeasurement, Measurement, SeriesMeasurement};
+use super::scan::SeenTilt;
 use crate::plot::{Axis, ColourBar, Figure, Format, GREY, Panel, PlotError, Raster, Scale, Series, VERMILION};
 
 /// Powers of ten shown.
@@ -20,7 +22,8 @@ impl Measurement {
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n<style>\
              body{{font:16px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}}\
              table{{border-collapse:collapse}}td,th{{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}}\
-             svg{{max-width:100%;height:auto}}</style></head><body>\n<h1>{title}</h1>\n<p>Photographed on {} with {}.</p>\n",
+             svg{{max-width:100%;height:auto}}td{{white-space:nowrap}}.how{{color:#666;font-size:.9em}}</style></head><body>\n\
+             <h1>{title}</h1>\n<p>Photographed on {} with {}; measured by lumislice.</p>\n",
             escape(&self.capture.date),
             escape(&self.capture.camera.model),
         );
@@ -29,6 +32,7 @@ impl Measurement {
                 page += &format!("<h2>Channel {}</h2>\n", escape(&channel.name));
             }
             page += &table(channel);
+            page += &coefficients(channel);
             page += "<h3>Noticed and corrected</h3>\n<ul>\n";
             let mut quiet = true;
             for (series, finding) in channel.all_findings() {
@@ -41,34 +45,70 @@ impl Measurement {
                 page += &String::from_utf8_lossy(&svg);
                 page.push('\n');
             }
+            page += HOW_TO_READ;
         }
         page += "</body></html>\n";
         Ok(page)
     }
 }
 
+/// What the pictures' marks mean.
+const HOW_TO_READ: &str = "<p class=\"how\">Tilt below x°: none was seen, and a smaller one than x would not be; it is told by perspective, and not known \
+    without distance-mm. Pictures: white where pixels are masked or no brighter than the dark; circles a quarter and a half of the way to the edge. \
+    Profiles: dotted as the camera sees them, before stray light and blur are taken off. Asymmetry: what is left of each ring about its mean; a tilt or a \
+    gradient shows in the 1st harmonic, ellipses in the 2nd.</p>\n";
+
+/// What the slab's coefficients are, if any fit.
+fn coefficients(channel: &ChannelMeasurement) -> String {
+    let (Some(found), Ok(fit)) = (channel.coefficients(), &channel.fit) else { return String::new() };
+    let [reduced, absorption, g] = found.map(|(value, error)| plus_minus(value, error));
+    format!(
+        "<p>Coefficients that fit this slab, for the transport model: scattering (1 − g) {reduced} per mm, absorption {absorption} per mm, g {g}; \
+         residual {:.1e} rms.</p>\n",
+        fit.residual
+    )
+}
+
 fn table(channel: &ChannelMeasurement) -> String {
     let mut text = String::from(
-        "<table><tr><th></th><th>albedo</th><th>centre, pixels</th><th>half of the light within</th><th>exposures</th>\
-         <th>electrons per DN</th><th>blur left</th></tr>\n",
+        "<table><tr><th></th><th>albedo</th><th>centre, pixels</th><th>half of the light</th><th>exposures</th>\
+         <th>tilt</th><th>electrons per DN</th><th>blur left</th></tr>\n",
     );
     for (name, series) in [("reflection", &channel.reflection), ("transmission", &channel.transmission)] {
         let scan = &series.scan;
         let half = series.profile.radius_of_energy(0.5).map_or("—".into(), |radius| format!("{radius:.3} mm"));
         text += &format!(
-            "<tr><th>{name}</th><td>{:.5} ± {:.5}</td><td>{:.2}, {:.2} ± {:.3}</td><td>{half}</td><td>{}</td><td>{:.2}</td>\
+            "<tr><th>{name}</th><td>{}</td><td>{:.2}, {:.2} ± {:.4}</td><td>{half}</td><td>{}</td><td>{}</td><td>{:.2}</td>\
              <td>{:.2}%</td></tr>\n",
-            series.albedo.value,
-            series.albedo.error,
+            plus_minus(series.albedo.value, series.albedo.error),
             scan.centre_px[0],
             scan.centre_px[1],
             scan.centre_error_px,
-            scan.exposures_s.len(),
+            exposures(&scan.exposures_s),
+            tilt(scan.tilt),
             scan.gain_e_per_dn,
             100.0 * scan.blur_bound,
         );
     }
     text + "</table>\n"
+}
+
+fn exposures(seconds: &[f64]) -> String {
+    let time = |seconds: f64| if seconds < 0.3 { format!("1/{:.0}", 1.0 / seconds) } else { format!("{seconds:.3}") };
+    let time = |seconds: f64| time(seconds).trim_end_matches('0').trim_end_matches('.').to_owned();
+    match seconds {
+        [] => "none".into(),
+        [one] => format!("{} s", time(*one)),
+        [shortest, .., longest] => format!("{}, {} to {} s", seconds.len(), time(*shortest), time(*longest)),
+    }
+}
+
+fn tilt(seen: Option<SeenTilt>) -> String {
+    match seen {
+        None => "not known".into(),
+        Some(tilt) if tilt.is_seen() => format!("{}°", plus_minus(tilt.degrees, tilt.error)),
+        Some(tilt) => format!("below {:.1}°", tilt.least()),
+    }
 }
 
 /// Picture, profile, harmonics.
@@ -114,15 +154,19 @@ fn profile(series: &SeriesMeasurement) -> Panel {
     let band = (0..r.len()).map(|i| [r[i], low(i), value[i] + error.get(i).unwrap_or(&0.0)]);
     let bin = scan.edges_mm.get(1).copied().unwrap_or(1.0);
     let seen = scan.seen.iter().enumerate().map(|(i, seen)| [(i as f64 + 0.5) * bin, seen * factor]);
-    Panel::new(
-        Axis::linear("r [mm]").range(0.0, r.last().copied().unwrap_or(1.0)),
-        Axis::log("per mm²").range(top * 10_f64.powf(-DECADES), 2.0 * top),
-    )
-    .title("Profile")
-    .with(Series::line("as seen", seen).colour(GREY).dotted())
-    .with(Series::band("± 1 σ", band))
-    .with(Series::line("measured", points(0..measured)))
-    .with(Series::line("extrapolated", points(measured..r.len())).dashed())
+    // As far as light is shown, and no farther down than it goes.
+    let least = value.iter().copied().filter(|value| *value > 0.0).fold(top, f64::min);
+    let bottom = (0.5 * least).max(top * 10_f64.powf(-DECADES));
+    let end = r.iter().zip(value).rev().find(|(_, value)| **value > bottom).map_or(1.0, |(r, _)| *r);
+    let panel = Panel::new(Axis::linear("r [mm]").range(0.0, end), Axis::log("per mm²").range(bottom, 2.0 * top))
+        .title("Profile")
+        .with(Series::line("as seen", seen).colour(GREY).dotted())
+        .with(Series::band("± 1 σ", band))
+        .with(Series::line("measured", points(0..measured)));
+    if measured == r.len() {
+        return panel;
+    }
+    panel.with(Series::line("extrapolated", points(measured..r.len())).dashed())
 }
 
 fn harmonics(series: &SeriesMeasurement) -> Panel {

@@ -43,6 +43,8 @@ pub struct ScannedProfile {
     pub centre_px: [f64; 2],
     /// Its standard error, pixels.
     pub centre_error_px: f64,
+    /// Tilt of the sample against the camera, seen or not; `None` where the lens' distance is not known.
+    pub tilt: Option<SeenTilt>,
     /// First and second harmonics of the rings over their means: amplitudes.
     pub harmonics: Vec<[f64; 2]>,
     /// Largest share by which blur changes the rings that were not deblurred.
@@ -56,6 +58,27 @@ pub struct ScannedProfile {
     /// The picture about the centre.
     pub preview: Preview,
     pub(super) sensor: Sensor,
+}
+
+/// What the rings' perspective says of a tilt.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeenTilt {
+    /// Angle in degrees, noise included.
+    pub degrees: f64,
+    /// One standard deviation in each direction.
+    pub error: f64,
+}
+
+impl SeenTilt {
+    /// Smallest tilt that would be named, degrees.
+    pub fn least(&self) -> f64 {
+        (NAMED_SIGMAS * self.error).max(NAMED_TILT)
+    }
+
+    /// Whether it is named.
+    pub fn is_seen(&self) -> bool {
+        self.degrees > self.least()
+    }
 }
 
 /// A small picture for human eyes.
@@ -112,7 +135,7 @@ pub(super) fn scan(
     let mut profile = Reckoning { grid, mean: filled(&rings.mean), error: filled(&rings.error) };
     let seen = profile.mean.clone();
     profile.subtract_level(series.dark.is_empty(), &mut findings);
-    name_asymmetry(&rings, &profile, series.camera_distance_mm, &mut findings);
+    let tilt = name_asymmetry(&rings, &profile, series.camera_distance_mm, &mut findings);
     let mut blur_bound = 0.0;
     if let Some(sharp) = deblur(&picture, &grid, series.aperture, centre_kind, &profile.mean, &profile.error) {
         profile.mean[..sharp.mean.len()].copy_from_slice(&sharp.mean);
@@ -137,6 +160,7 @@ pub(super) fn scan(
         extrapolated_from,
         centre_px: grid.centre,
         centre_error_px,
+        tilt,
         harmonics,
         blur_bound,
         gain_e_per_dn: checked.sensor.gain_e_per_dn,
@@ -198,15 +222,20 @@ impl Reckoning {
     }
 }
 
-fn name_asymmetry(rings: &Rings, profile: &Reckoning, distance_mm: Option<f64>, findings: &mut Vec<Finding>) {
+/// Names what is lopsided; the answer is the tilt, named or not.
+fn name_asymmetry(
+    rings: &Rings,
+    profile: &Reckoning,
+    distance_mm: Option<f64>,
+    findings: &mut Vec<Finding>,
+) -> Option<SeenTilt> {
     let asymmetry = Asymmetry::of(rings);
-    if let Some(distance) = distance_mm {
-        let degrees = |sine: f64| sine.min(1.0).asin().to_degrees();
-        let tilt = asymmetry.perspective;
-        let angle = degrees(tilt.length() * distance);
-        if tilt.significance() > NAMED_SIGMAS && angle > NAMED_TILT {
-            findings.push(Finding::Tilt { degrees: angle, error: degrees(tilt.error * distance) });
-        }
+    let tilt = distance_mm.filter(|_| asymmetry.perspective.error > 0.0).map(|distance| {
+        let degrees = |sine: f64| (sine * distance).min(1.0).asin().to_degrees();
+        SeenTilt { degrees: degrees(asymmetry.perspective.length()), error: degrees(asymmetry.perspective.error) }
+    });
+    if let Some(SeenTilt { degrees, error }) = tilt.filter(SeenTilt::is_seen) {
+        findings.push(Finding::Tilt { degrees, error });
     }
     let gradient = asymmetry.gradient;
     let edge = profile.grid.bins.saturating_sub(1);
@@ -219,6 +248,7 @@ fn name_asymmetry(rings: &Rings, profile: &Reckoning, distance_mm: Option<f64>, 
     if ellipticity.significance() > NAMED_SIGMAS && ellipticity.length() > NAMED_ELLIPTICITY {
         findings.push(Finding::Ellipticity { share: ellipticity.length(), error: ellipticity.error });
     }
+    tilt
 }
 
 /// The whole rings, brought down to a small picture by averaging blocks.

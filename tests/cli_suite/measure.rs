@@ -104,6 +104,92 @@ fn pictures_without_a_measurement_are_refused() {
     refused(&bench, "[resin]", "[resin]", &["reflection: saturated", "4096 pixels", "a shorter exposure"]);
 }
 
+/// A grey EXR of one value.
+fn exr(side: usize, value: f32) -> Vec<u8> {
+    use exr::prelude::*;
+    let channel = AnyChannel::new("Y", FlatSamples::F32(vec![value; side * side]));
+    let channels = AnyChannels::sort(vec![channel].into());
+    let layer = Layer::new((side, side), LayerAttributes::default(), Encoding::FAST_LOSSLESS, channels);
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    Image::from_layer(layer).write().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn damaged_and_empty_exr_files_are_refused() {
+    let bench = bench();
+    let whole = exr(64, 600.0);
+    let lacking = exr(64, f32::NAN);
+    let endless = exr(64, f32::INFINITY);
+    for (bytes, words) in [
+        (&whole[..0], "an empty file"),
+        (&whole[..6], "an EXR that cannot be read"),
+        (&whole[..whole.len() / 2], "an EXR that cannot be read"),
+        (&whole[..whole.len() - 9], "an EXR that cannot be read"),
+        (&lacking[..], "4096 of 4096 pixels that are infinite or not a number"),
+        (&endless[..], "4096 of 4096 pixels that are infinite or not a number"),
+    ] {
+        fs::write(bench.path("r-1.png"), bytes).unwrap();
+        refused(&bench, "[resin]", "[resin]", &["r-1.png", words]);
+    }
+}
+
+/// A header is whole, what it promises is not there.
+#[test]
+fn truncated_pictures_are_refused() {
+    let bench = bench();
+    let noise: Vec<u16> = (0..64 * 64).map(|i: u32| (600 + i.wrapping_mul(2_654_435_761) % 5000) as u16).collect();
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 64, 64);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let data: Vec<u8> = noise.iter().flat_map(|value| value.to_be_bytes()).collect();
+    encoder.write_header().unwrap().write_image_data(&data).unwrap();
+    fs::write(bench.path("r-1.png"), &bytes[..bytes.len() * 2 / 3]).unwrap();
+    refused(&bench, "[resin]", "[resin]", &["r-1.png", "a damaged PNG"]);
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let mut encoder = tiff::encoder::TiffEncoder::new(&mut bytes).unwrap();
+    encoder.write_image::<tiff::encoder::colortype::Gray16>(64, 64, &noise).unwrap();
+    // The directory comes last, so that a cut file has none.
+    let bytes = bytes.into_inner();
+    fs::write(bench.path("r-1.png"), &bytes[..bytes.len() / 2]).unwrap();
+    refused(&bench, "[resin]", "[resin]", &["r-1.png", "a damaged TIFF"]);
+}
+
+/// A material needs both profiles: what one of them leaves open no model can guess.
+#[test]
+fn one_profile_alone_is_no_material() {
+    let bench = bench();
+    let transmission = &CAPTURE[CAPTURE.find("[transmission]").unwrap()..];
+    refused(&bench, transmission, "", &["transmission", "found nothing", "both profiles"]);
+    let start = CAPTURE.find("[reflection]").unwrap();
+    let reflection = &CAPTURE[start..CAPTURE.find("[transmission]").unwrap()];
+    refused(&bench, reflection, "", &["reflection", "found nothing", "both profiles"]);
+}
+
+/// A measurement that fails leaves what an earlier one wrote as it was, `--overwrite` or not.
+#[test]
+fn a_failure_leaves_earlier_files_alone() {
+    let bench = bench();
+    fs::write(bench.path("capture.toml"), CAPTURE).unwrap();
+    let names = ["m.toml", "m-reflection.csv", "m-transmission.csv", "m-report.html"];
+    names.iter().for_each(|name| fs::write(bench.path(name), "mine").unwrap());
+    let before = fs::read_dir(bench.path(".")).unwrap().count();
+    for bytes in [b"\xff\xd8\xff\xe0 jpeg".to_vec(), exr(64, f32::NAN), png(64, 64, 16_383)] {
+        fs::write(bench.path("r-0.png"), bytes).unwrap();
+        bench.run(["material", "measure", "capture.toml", "-o", "m.toml", "--overwrite"]).refuses(2, &["r"]);
+        names.iter().for_each(|name| assert_eq!(fs::read_to_string(bench.path(name)).unwrap(), "mine"));
+        assert_eq!(fs::read_dir(bench.path(".")).unwrap().count(), before);
+    }
+}
+
+/// A patch outside of its picture, or a picture that is not there.
+#[test]
+fn a_card_that_cannot_be_seen_is_refused() {
+    let bench = bench();
+    refused(&bench, "sample = [20, 4, 10, 10]", "sample = [20, 60, 10, 10]", &["sample", "rows 60 to 70", "64 × 64"]);
+    refused(&bench, "\"card.png\"", "\"crad.png\"", &["crad.png"]);
+}
+
 #[test]
 fn nothing_is_replaced_unasked() {
     let bench = bench();

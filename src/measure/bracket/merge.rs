@@ -58,7 +58,7 @@ fn add(sums: &mut [f32], weights: &mut [f32], values: &[f32], seconds: f64, sens
     let quiet = sensor.variance(0.0) as f32;
     for ((sum, weight), &value) in sums.iter_mut().zip(weights).zip(values) {
         // Not the other way round: what is not a number is not used either.
-        if value < clipped {
+        if value < clipped && value.is_finite() {
             let radiance = (value - black) / t;
             let known = if *weight > 0.0 { *sum / *weight } else { radiance };
             let own = t * t / (known.max(0.0) * shot + quiet);
@@ -90,7 +90,8 @@ mod tests {
     /// The mean of many merged pixels is the true radiance within 1e-3, from far below the read noise to saturation.
     #[test]
     fn weights_leave_no_bias() {
-        let sensor = Sensor { black: 512.0, clipped: 15_600.0, gain_e_per_dn: 2.5, read_noise_dn: 2.0 };
+        let sensor =
+            Sensor { black: 512.0, clipped: 15_600.0, gain_e_per_dn: 2.5, read_noise_dn: 2.0, rounding: 1.0 / 12.0 };
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
         let times: Vec<f64> = (0..12).map(|i| 30.0 / 450_f64.powf(f64::from(i) / 11.0)).collect();
         for electrons_per_s in [4.0, 40.0, 4e3, 4e5] {

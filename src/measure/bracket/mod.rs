@@ -21,6 +21,8 @@ pub(super) use survey::Survey;
 
 /// Pictures decoded at the same time: each holds 4 bytes a pixel.
 const IN_FLIGHT: usize = 2;
+/// More pixels without a number than this share are no defects of a sensor.
+const MAX_NO_NUMBERS: f64 = 0.05;
 
 /// Decodes one plane of every picture, a few at a time, and hands them over in the order given.
 fn for_each(
@@ -36,9 +38,20 @@ fn for_each(
         let decoded: Vec<_> = group.par_iter().map(|exposure| frame::planes(&exposure.file, &[plane])).collect();
         for (i, planes) in decoded.into_iter().enumerate() {
             if let Some(plane) = planes?.pop() {
+                require_numbers(&group[i].file, &plane)?;
                 each(chunk * IN_FLIGHT + i, plane)?;
             }
         }
+    }
+    Ok(())
+}
+
+/// Refuses a picture of which a good part is not numbers, as floating-point files can have it; a few such pixels are only not used.
+fn require_numbers(file: &std::path::Path, plane: &Plane) -> Result<(), MeasureError> {
+    let bad = plane.values.par_iter().filter(|value| !value.is_finite()).count();
+    if bad as f64 > MAX_NO_NUMBERS * plane.values.len() as f64 {
+        let found = format!("{bad} of {} pixels that are infinite or not a number", plane.values.len());
+        return Err(MeasureError::frame(file, found, "at most 5% of such"));
     }
     Ok(())
 }

@@ -9,8 +9,12 @@ use crate::measure::{Camera, Finding, MeasureError};
 const CLIPPED_SHARE: f64 = 0.95;
 /// Variance of rounding to whole numbers, DN².
 const ROUNDING: f64 = 1.0 / 12.0;
-/// Without any statement and without pairs of exposures: a photographic sensor at base ISO in 14 bits.
+/// Without any statement and without pairs of exposures: a photographic sensor at base ISO in 14 bits…
 const TYPICAL_GAIN: f64 = 2.5;
+/// …or, where files are of floating point and their numbers of any size, this many electrons in the largest.
+const TYPICAL_WELL_E: f64 = 40_000.0;
+/// Numbers of floating point are no better than this share of the largest.
+const FLOAT_STEP: f64 = 1e-6;
 
 /// The sensor, in the numbers of the file (DN).
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +27,8 @@ pub(in crate::measure) struct Sensor {
     pub gain_e_per_dn: f64,
     /// Standard deviation of a value without light, DN.
     pub read_noise_dn: f64,
+    /// Variance of rounding, DN².
+    pub rounding: f64,
 }
 
 impl Sensor {
@@ -30,7 +36,8 @@ impl Sensor {
     pub fn of(survey: &Survey, camera: &Camera, what: &str, findings: &mut Vec<Finding>) -> Result<Self, MeasureError> {
         let border = survey.windows.first().map(|window| border(&window.plane));
         let quiet = survey.dark.as_ref().map(|plane| plane.values.as_slice()).or(border.as_deref()).unwrap_or(&[]);
-        let (level, noise) = level_and_noise(quiet, survey.dark.as_ref().map_or(0, |plane| plane.width));
+        let rounding = if survey.whole_numbers() { ROUNDING } else { (FLOAT_STEP * f64::from(survey.top())).powi(2) };
+        let (level, noise) = level_and_noise(quiet, survey.dark.as_ref().map_or(0, |plane| plane.width), rounding);
         let mut estimated = |what, value: f64| {
             findings.push(Finding::Estimated { what, value });
             value
@@ -44,13 +51,15 @@ impl Sensor {
             let expected = format!("more than the black level, {black}");
             return Err(MeasureError::scene(format!("{what}: saturation level"), full.to_string(), expected));
         }
-        let gain = camera.gain_e_per_dn.unwrap_or(TYPICAL_GAIN);
+        let range = full.min(f64::from(survey.top())) - black;
+        let typical = if survey.whole_numbers() || !(range > 0.0) { TYPICAL_GAIN } else { TYPICAL_WELL_E / range };
+        let gain = camera.gain_e_per_dn.unwrap_or(typical);
         let read_noise_dn = match camera.read_noise_e {
             Some(electrons) => electrons / gain,
             None => estimated("read noise (DN)", noise),
         };
         let clipped = black + CLIPPED_SHARE * (full - black);
-        Ok(Self { black, clipped, gain_e_per_dn: gain, read_noise_dn })
+        Ok(Self { black, clipped, gain_e_per_dn: gain, read_noise_dn, rounding })
     }
 
     /// The same with the gain read off the scatter between exposures, where the capture file does not say it.
@@ -75,7 +84,7 @@ impl Sensor {
 
     /// Variance of a value `signal` DN above black, DN².
     pub fn variance(&self, signal: f64) -> f64 {
-        signal.max(0.0) / self.gain_e_per_dn + self.read_noise_dn * self.read_noise_dn + ROUNDING
+        signal.max(0.0) / self.gain_e_per_dn + self.read_noise_dn * self.read_noise_dn + self.rounding
     }
 }
 
@@ -89,20 +98,21 @@ fn border(plane: &Plane) -> Vec<f32> {
     all.filter(|(x, y)| !inside(*x, *y)).map(|(x, y)| plane.at(x, y)).collect()
 }
 
-/// Mean, and standard deviation by differences of neighbours in a row, both without outliers.
-fn level_and_noise(values: &[f32], width: usize) -> (f64, f64) {
+/// Mean, and standard deviation by differences of neighbours in a row, both without outliers; the latter at least that of rounding.
+fn level_and_noise(values: &[f32], width: usize, rounding: f64) -> (f64, f64) {
+    let step = (rounding / ROUNDING).sqrt();
     let mut sorted: Vec<f64> = values.iter().map(|value| f64::from(*value)).filter(|value| value.is_finite()).collect();
     if sorted.len() < 4 {
-        return (0.0, 1.0);
+        return (0.0, step);
     }
     sorted.sort_by(f64::total_cmp);
     let quantile = |share: f64| sorted[((sorted.len() - 1) as f64 * share) as usize];
     // Whole numbers have coarse quartiles: two steps more are no outlier.
-    let reach = 3.0 * (quantile(0.75) - quantile(0.25)) + 2.0;
+    let reach = 3.0 * (quantile(0.75) - quantile(0.25)) + 2.0 * step;
     let core = sorted.iter().filter(|value| (**value - quantile(0.5)).abs() <= reach);
     let (sum, count) = core.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
     let neighbours = values.windows(2).enumerate().filter(|(i, _)| width == 0 || (i + 1) % width != 0);
     let squares = neighbours.map(|(_, pair)| f64::from(pair[1] - pair[0]).powi(2)).filter(|d| d.sqrt() <= 2.0 * reach);
     let (squared, pairs) = squares.fold((0.0, 0.0), |(sum, count), d| (sum + d, count + 1.0));
-    (sum / count, (squared / f64::max(pairs, 1.0) / 2.0).sqrt().max(ROUNDING.sqrt()))
+    (sum / count, (squared / f64::max(pairs, 1.0) / 2.0).sqrt().max(rounding.sqrt()))
 }

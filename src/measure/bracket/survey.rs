@@ -67,6 +67,11 @@ impl Survey {
         self.windows.iter().map(|window| window.top).fold(f32::MIN, f32::max)
     }
 
+    /// Whether values are whole numbers, as sensors give them; else the file is of floating point, and its numbers of any size.
+    pub fn whole_numbers(&self) -> bool {
+        self.windows.iter().all(|window| window.plane.values.iter().all(|value| value.fract() == 0.0 || value.is_nan()))
+    }
+
     /// The value that lit exposures of different times end at; `None` if brighter ones still grow.
     pub fn ceiling(&self, black: f64) -> Option<f64> {
         let [.., shorter, longest] = self.windows.as_slice() else { return None };

@@ -3,6 +3,7 @@
 //! **In:** `CAPTURE.toml`. **Out:** a [`Capture`] with every key known and in its range, every picture found, of one size, linear,
 //! and with an exposure time; or one line that says where it is wrong. Only headers are read here.
 
+mod albedo_table;
 mod files;
 mod read;
 
@@ -45,6 +46,8 @@ pub struct ResinFacts {
     pub print_as_background: bool,
     /// Thickness of the sample, mm.
     pub thickness_mm: f64,
+    /// Refractive index, which photographs do not tell; 1 for index-matched.
+    pub refractive_index: f64,
     /// Free text.
     pub notes: String,
 }

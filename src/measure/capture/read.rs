@@ -5,18 +5,20 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::DeValue;
 
+use super::albedo_table::ALBEDO_KEYS;
 use super::files::matching;
-use super::{Albedo, Aperture, Camera, Capture, Exposure, Rect, ResinFacts, Series};
+use super::{Aperture, Camera, Capture, Exposure, ResinFacts, Series};
 use crate::measure::MeasureError;
 use crate::measure::frame::{self, ColourPlane, Header};
-use crate::optics::OpticsError;
 use crate::optics::resin_table::{DENSITY, MAX_THICKNESS_MM, is_name, rgba};
 use crate::optics::toml_source::{At, Keys, Source, kind};
+use crate::optics::{MAX_REFRACTIVE_INDEX, OpticsError};
 
-type Result<T> = std::result::Result<T, MeasureError>;
+pub(super) type Result<T> = std::result::Result<T, MeasureError>;
 
 const TOP_KEYS: [&str; 5] = ["resin", "camera", "profile", "reflection", "transmission"];
-const RESIN_KEYS: [&str; 7] = ["name", "rgba", "density-g-per-cm3", "thickness-mm", "print-as", "notes", "date"];
+const RESIN_KEYS: [&str; 8] =
+    ["name", "rgba", "density-g-per-cm3", "thickness-mm", "refractive-index", "print-as", "notes", "date"];
 const CAMERA_KEYS: [&str; 9] = [
     "model",
     "channels",
@@ -42,28 +44,13 @@ const SERIES_KEYS: [&str; 11] = [
     "distance-mm",
     "albedo",
 ];
-const ALBEDO_KEYS: [&str; 13] = [
-    "value",
-    "error",
-    "picture",
-    "dark",
-    "card",
-    "sample",
-    "card-albedo",
-    "card-error",
-    "with",
-    "without",
-    "region",
-    "with-exposure-s",
-    "without-exposure-s",
-];
 /// Spacing of the profile in the paper, mm.
 const DEFAULT_BIN_MM: f64 = 0.044;
 /// Largest capture file accepted, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// Bounds that catch slips of unit.
-mod bounds {
+pub(super) mod bounds {
     use std::ops::RangeInclusive;
     pub(super) const LEVEL: RangeInclusive<f64> = -1e6..=1e9;
     pub(super) const GAIN: RangeInclusive<f64> = 1e-4..=1e7;
@@ -72,16 +59,16 @@ mod bounds {
     pub(super) const DISTANCE: RangeInclusive<f64> = 5.0..=1e4;
     pub(super) const BIN: RangeInclusive<f64> = 1e-3..=5.0;
     pub(super) const APERTURE: RangeInclusive<f64> = 1e-4..=10.0;
-    pub(super) const SECONDS: RangeInclusive<f64> = 1e-6..=1e5;
-    pub(super) const SHARE: RangeInclusive<f64> = 0.0..=1.0;
+    pub(in super::super) const SECONDS: RangeInclusive<f64> = 1e-6..=1e5;
+    pub(in super::super) const SHARE: RangeInclusive<f64> = 0.0..=1.0;
     pub(super) const RULER: RangeInclusive<f64> = 0.1..=1e4;
     pub(super) const PIXEL: RangeInclusive<f64> = 0.0..=1e6;
 }
 
 /// A table of the file and where its pictures are.
-struct Reader<'a, 't> {
-    keys: Keys<'a, 't>,
-    folder: &'t Path,
+pub(super) struct Reader<'a, 't> {
+    pub(super) keys: Keys<'a, 't>,
+    pub(super) folder: &'t Path,
 }
 
 /// Reads a capture file and the headers of its pictures.
@@ -111,7 +98,13 @@ pub(super) fn capture(path: &Path) -> Result<Capture> {
         Some(table) => table.number("bin-mm", bounds::BIN)?.unwrap_or(DEFAULT_BIN_MM),
         None => DEFAULT_BIN_MM,
     };
-    let series = |name| top.require(name, &SERIES_KEYS)?.series(&camera_table, &planes, name, &camera);
+    let series = |name| {
+        let expected = format!(
+            "a table [{name}]: a material needs both profiles, of the light that comes back and of what comes through"
+        );
+        let table = top.table(name, &SERIES_KEYS)?.ok_or_else(|| top.keys.missing(name, &expected))?;
+        table.series(&camera_table, &planes, name, &camera)
+    };
     let ((reflection, header), (transmission, _)) = (series("reflection")?, series("transmission")?);
     // What the file knows of its sensor, the user need not say.
     camera.black_level = camera.black_level.or(header.black_level);
@@ -138,7 +131,7 @@ impl<'a, 't> Reader<'a, 't> {
         self.table(name, known)?.ok_or_else(missing)
     }
 
-    fn number(&self, key: &str, range: std::ops::RangeInclusive<f64>) -> Result<Option<f64>> {
+    pub(super) fn number(&self, key: &str, range: std::ops::RangeInclusive<f64>) -> Result<Option<f64>> {
         match self.keys.number(key)? {
             Some(number) if !range.contains(&number.value) => {
                 let expected = format!("a number of {} to {}", range.start(), range.end());
@@ -148,7 +141,7 @@ impl<'a, 't> Reader<'a, 't> {
         }
     }
 
-    fn require_number(&self, key: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64> {
+    pub(super) fn require_number(&self, key: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64> {
         let expected = format!("a number of {} to {}", range.start(), range.end());
         self.number(key, range)?.ok_or_else(|| self.keys.missing(key, &expected).into())
     }
@@ -158,7 +151,7 @@ impl<'a, 't> Reader<'a, 't> {
         self.keys.get(key).map_or(self.keys.start, |value| value.span().start)
     }
 
-    fn refuse<T>(&self, key: &str, found: impl Into<String>, expected: impl Into<String>) -> Result<T> {
+    pub(super) fn refuse<T>(&self, key: &str, found: impl Into<String>, expected: impl Into<String>) -> Result<T> {
         Err(self.keys.error(self.at(key), key, found.into(), expected.into()).into())
     }
 
@@ -185,6 +178,7 @@ impl<'a, 't> Reader<'a, 't> {
             density_g_per_cm3: self.require_number("density-g-per-cm3", DENSITY)?,
             print_as_background,
             thickness_mm,
+            refractive_index: self.number("refractive-index", 1.0..=MAX_REFRACTIVE_INDEX)?.unwrap_or(1.0),
             notes: keys.string("notes")?.map(|notes| notes.value).unwrap_or_default(),
         })
     }
@@ -352,99 +346,18 @@ impl<'a, 't> Reader<'a, 't> {
         }
         Ok(Some(times))
     }
-
-    /// A single picture and its exposure, 1 s where nobody says, for pictures that are compared within themselves.
-    fn picture(&self, key: &str, time_key: Option<&str>, all: &Headers<'_>) -> Result<Option<(Exposure, Header)>> {
-        let Some(name) = self.keys.string(key)? else { return Ok(None) };
-        let file: PathBuf = self.folder.join(name.value);
-        let header = Headers { first: None, ..*all }.check(&file)?;
-        let seconds = match time_key {
-            None => 1.0,
-            Some(time_key) => match self.number(time_key, bounds::SECONDS)?.or(header.exposure_s) {
-                Some(seconds) => seconds,
-                None => {
-                    let expected = format!("one in EXIF, or `{time_key}` in the capture file");
-                    return Err(MeasureError::frame(&file, "no exposure time", expected));
-                }
-            },
-        };
-        Ok(Some((Exposure { file, seconds }, header)))
-    }
-
-    fn require_picture(&self, key: &str, time: Option<&str>, all: &Headers<'_>) -> Result<(Exposure, Header)> {
-        self.picture(key, time, all)?.ok_or_else(|| self.keys.missing(key, "the name of a picture").into())
-    }
-
-    fn albedo(&self, series: &str, all: &Headers<'_>) -> Result<Albedo> {
-        if let Some(values) = self.keys.per_channel("value", all.planes.len())? {
-            if let Some(out) = values.iter().find(|v| !(v.value > 0.0 && v.value <= 1.0)) {
-                return Err(self.keys.wrong("value", out, "a share of the light, above 0 and at most 1").into());
-            }
-            let value = values.into_iter().map(|value| value.value).collect();
-            return Ok(Albedo::Given { value, error: self.number("error", bounds::SHARE)?.unwrap_or(0.0) });
-        }
-        if self.keys.get("picture").is_some() {
-            let (picture, header) = self.require_picture("picture", None, all)?;
-            let dark = self.picture("dark", None, all)?.map(|(dark, _)| dark);
-            return Ok(Albedo::GreyCard {
-                picture,
-                dark,
-                card: self.rect("card", &header)?,
-                sample: self.rect("sample", &header)?,
-                card_albedo: self.require_number("card-albedo", 0.001..=1.0)?,
-                card_error: self.number("card-error", bounds::SHARE)?.unwrap_or(0.0),
-            });
-        }
-        if self.keys.get("with").is_some() {
-            let (with, header) = self.require_picture("with", Some("with-exposure-s"), all)?;
-            let (without, other) = self.require_picture("without", Some("without-exposure-s"), all)?;
-            if (header.width, header.height) != (other.width, other.height) {
-                let expected = format!("{} × {} as {}", header.width, header.height, with.file.display());
-                return Err(MeasureError::frame(
-                    &without.file,
-                    format!("{} × {}", other.width, other.height),
-                    expected,
-                ));
-            }
-            return Ok(Albedo::Screen { with, without, region: self.rect("region", &header)? });
-        }
-        let expected = format!(
-            "`value`, {}",
-            if series == "reflection" { "or `picture` with a grey card" } else { "or `with` and `without` the sample" }
-        );
-        Err(self.keys.error(self.keys.start, "keys", "none that says it".into(), expected).into())
-    }
-
-    fn rect(&self, key: &str, header: &Header) -> Result<Rect> {
-        let expected = "[left, top, width, height] in pixels";
-        let numbers = self.keys.numbers(key)?.ok_or_else(|| self.keys.missing(key, expected))?;
-        let whole = |number: &At<f64>| {
-            (number.value.fract() == 0.0 && (0.0..=1e6).contains(&number.value)).then_some(number.value as usize)
-        };
-        let values: Option<Vec<usize>> = numbers.value.iter().map(whole).collect();
-        let Some(&[x, y, width, height]) = values.as_deref() else {
-            let found: Vec<String> = numbers.value.iter().map(|number| number.value.to_string()).collect();
-            return self.refuse(key, format!("[{}]", found.join(", ")), expected);
-        };
-        if width == 0 || height == 0 || x + width > header.width || y + height > header.height {
-            let found = format!("columns {x} to {}, rows {y} to {}", x + width, y + height);
-            let expected = format!("a part of the picture, which is {} × {}", header.width, header.height);
-            return self.refuse(key, found, expected);
-        }
-        Ok(Rect { x, y, width, height })
-    }
 }
 
 /// What the pictures of a series have in common.
-struct Headers<'a> {
-    first: Option<(PathBuf, usize, usize)>,
-    planes: &'a [ColourPlane],
-    camera: &'a Camera,
+pub(super) struct Headers<'a> {
+    pub(super) first: Option<(PathBuf, usize, usize)>,
+    pub(super) planes: &'a [ColourPlane],
+    pub(super) camera: &'a Camera,
 }
 
 impl Headers<'_> {
     /// The header of a picture that fits those before it.
-    fn check(&mut self, file: &Path) -> Result<Header> {
+    pub(super) fn check(&mut self, file: &Path) -> Result<Header> {
         let header = frame::header(file)?;
         if let Some(curve) = header.curve.as_ref().filter(|_| !self.camera.linear) {
             let expected = "values proportional to light (`linear = true` under [camera] vouches for them)";

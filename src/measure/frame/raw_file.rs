@@ -13,14 +13,20 @@ use crate::measure::MeasureError;
 /// The raw image, without its pixels if `dummy`, and the exposure time.
 fn decode(path: &Path, dummy: bool) -> Result<(RawImage, Option<f64>), MeasureError> {
     let source = RawSource::new(path).map_err(|source| MeasureError::Read { file: path.to_path_buf(), source })?;
+    // The decoders panic at some damage.
+    std::panic::catch_unwind(|| decode_source(path, &source, dummy))
+        .unwrap_or_else(|_| Err(MeasureError::frame(path, "a raw file that its decoder fails on", "a whole one")))
+}
+
+fn decode_source(path: &Path, source: &RawSource, dummy: bool) -> Result<(RawImage, Option<f64>), MeasureError> {
     let unreadable = |error: rawler::RawlerError| {
         let words = error.to_string().lines().next().unwrap_or("no reason").to_owned();
         MeasureError::frame(path, format!("a raw file that cannot be read ({words})"), "one of a camera rawler knows")
     };
-    let decoder = rawler::get_decoder(&source).map_err(unreadable)?;
+    let decoder = rawler::get_decoder(source).map_err(unreadable)?;
     let params = RawDecodeParams::default();
-    let image = decoder.raw_image(&source, &params, dummy).map_err(unreadable)?;
-    let exposure = decoder.raw_metadata(&source, &params).ok().and_then(|metadata| metadata.exif.exposure_time);
+    let image = decoder.raw_image(source, &params, dummy).map_err(unreadable)?;
+    let exposure = decoder.raw_metadata(source, &params).ok().and_then(|metadata| metadata.exif.exposure_time);
     let seconds = exposure.map(|time| f64::from(time.n) / f64::from(time.d));
     Ok((image, seconds.filter(|seconds| seconds.is_finite() && *seconds > 0.0)))
 }

@@ -55,6 +55,7 @@ fn tiff_is_read_with_its_exposure_time() {
     image.encoder().write_tag(Tag::Unknown(0x829a), Rational { n: 1, d: 15 }).unwrap();
     image.write_data(&interleaved(3)).unwrap();
     check(&path, true);
+    assert_eq!(header(&path).unwrap().exposure_s, Some(1.0 / 15.0));
     let (_folder, path) = file("b.tif");
     let mut encoder = TiffEncoder::new(fs::File::create(&path).unwrap()).unwrap();
     let floats: Vec<f32> = interleaved(1).into_iter().map(f32::from).collect();
