@@ -105,7 +105,8 @@ fn what_random_stackings_reach_by_transport_lies_inside() {
     let volumes: Vec<Vec<VolumeCoefficients>> =
         world.set.resins.iter().map(|resin| resin.volume.clone().unwrap()).collect();
     let start = std::time::Instant::now();
-    let space = layer_space(&world.options, &RefineOptions::default(), world.resins.len());
+    let layers = RefineOptions { min_layer_mm: world.options.unit_mm(), ..RefineOptions::default() };
+    let space = layer_space(&world.options, &layers, world.resins.len());
     let gamut = Gamut::explore(&world.resins, Some(&volumes), &world.set.grid, &space).unwrap();
     let took = start.elapsed().as_secs_f64();
     let channel: Vec<_> = volumes.iter().map(|resin| resin[0]).collect();
