@@ -20,6 +20,7 @@ use crate::{
     },
 };
 
+pub(in crate::job) use record::entry;
 pub use record::{
     ChannelFit, ClusterRecord, FACTORED, FACTORED_VERSION, FactorSettings, Factored, RingResidual, RoundRecord,
     Simpler, TailRecord,
