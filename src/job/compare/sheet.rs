@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use super::{Comparison, Stage};
 use crate::plot::{Axis, Figure, Format, Panel, PlotError, Raster, Rgb, Series};
 
-/// Longer side of a picture, units of the plot.
-const PICTURE: f64 = 240.0;
+/// Longer side of a picture, units of the plot: room for three ticks.
+const PICTURE: f64 = 260.0;
 /// The share of texels that may be brighter than white.
 const OVEREXPOSED: f64 = 0.005;
 
