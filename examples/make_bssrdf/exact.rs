@@ -1,9 +1,13 @@
 //! A dataset that is exactly of the form of equation 7, plus noise: profiles of normalised diffusion whose albedo and mean free path
-//! vary. Pixels are point values but for the lit one, which is the mean over a disc of its area.
+//! vary. Pixels are point values but for the lit one, which is the mean over a disc of its area. `truth.npy` holds the profiles themselves as means
+//! over the rings of the window, [row][column][ring] per mm².
 
 use std::f64::consts::{PI, TAU};
 
-use lumislice::target::NormalizedDiffusion;
+use lumislice::target::{
+    NormalizedDiffusion,
+    bssrdf::{Rings, write_npy},
+};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
@@ -69,6 +73,19 @@ pub fn make(request: &Request) -> Result<(), String> {
             .collect();
         texels.iter().try_for_each(|window| windows.write(window))?;
     }
+    let rings = Rings::new(request.window, request.window, request.pitch_mm);
+    let truth: Vec<f32> = (0..rows as usize * columns as usize)
+        .into_par_iter()
+        .flat_map_iter(|i| {
+            let material = material((i % columns as usize) as isize, (i / columns as usize) as isize);
+            let roots = roots(material, &rings.distances_mm, request.pitch_mm);
+            let values: Vec<f64> = roots.iter().map(|root| f64::from(*root).powi(2)).collect();
+            rings.means(&values).into_iter().map(|mean| mean as f32)
+        })
+        .collect();
+    let path = request.folder.join("truth.npy");
+    std::fs::write(&path, write_npy(&[rows as usize, columns as usize, rings.len()], &truth))
+        .map_err(|error| format!("{}: {error}", path.display()))?;
     let albedo: Vec<f32> =
         (0..rows).flat_map(|y| (0..columns).map(move |x| material(x, y).hankel(0.0) as f32)).collect();
     files::finish(request, windows, &albedo, "")

@@ -1,5 +1,5 @@
 //! Datasets by Monte Carlo through a volume that varies: light enters by one texel after the other and is counted where it leaves. Nothing
-//! here knows of equation 7.
+//! here knows of equation 7. Beyond the patch the volume goes on as its own mirror image, as `lumislice compare` takes it to.
 //!
 //! - `chess`: squares of a dense white and of a dark, duller material, 1.6 mm wide and sharp-edged: high contrast.
 //! - `marble`: a bright, fairly translucent ground with soft dark veins that run into the depth.
@@ -29,7 +29,7 @@ const STEPS: usize = 32;
 /// Size of a voxel, mm.
 const VOXEL_MM: f64 = 0.1;
 
-/// Share of the second medium at a place, mm; the patch repeats after `size`.
+/// Share of the second medium at a place of the patch, mm, that is `size` wide and high.
 fn share(kind: &str, [x, y, z]: [f64; 3], size: [f64; 2], seed: u64) -> f64 {
     let wave = |i: u64, fx: f64, fy: f64, fz: f64| {
         // A phase from the seed: fractions of the golden ratio.
@@ -69,17 +69,26 @@ pub fn make(request: &Request) -> Result<(), String> {
     let counts = size.map(|mm| (mm / VOXEL_MM).round().max(1.0) as usize);
     let pitch = [size[0] / counts[0] as f64, size[1] / counts[1] as f64, VOXEL_MM];
     let layers = (depth / VOXEL_MM).round() as usize;
-    let mut ids = Vec::with_capacity(counts[0] * counts[1] * layers);
+    let mut patch = Vec::with_capacity(counts[0] * counts[1] * layers);
     for k in 0..layers {
         for j in 0..counts[1] {
             for i in 0..counts[0] {
                 let centre = [i, j, k].map(|n| n as f64 + 0.5);
                 let at = [centre[0] * pitch[0], centre[1] * pitch[1], centre[2] * pitch[2]];
-                ids.push((share(&request.kind, at, size, request.seed) * STEPS as f64).round() as u8);
+                patch.push((share(&request.kind, at, size, request.seed) * STEPS as f64).round() as u8);
             }
         }
     }
-    let grid = VoxelGrid::new([counts[0], counts[1], layers], pitch, ids).map_err(|error| error.to_string())?;
+    // Patch and mirror image together repeat without a seam.
+    let mut ids = Vec::with_capacity(4 * patch.len());
+    for layer in patch.chunks(counts[0] * counts[1]) {
+        let rows: Vec<&[u8]> = layer.chunks(counts[0]).collect();
+        for row in rows.iter().chain(rows.iter().rev()) {
+            ids.extend(row.iter().chain(row.iter().rev()));
+        }
+    }
+    let dims = [2 * counts[0], 2 * counts[1], layers];
+    let grid = VoxelGrid::new(dims, pitch, ids).map_err(|error| error.to_string())?;
     let scene = VoxelScene { grid: &grid, media: &coefficients, sides: Sides::Periodic, base: None };
     let windows = Windows {
         texels: TexelGrid { origin_mm: [0.0; 2], pitch_mm: [request.pitch_mm; 2], dims: request.texels },

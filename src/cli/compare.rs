@@ -4,11 +4,18 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lumislice::{
-    job::{CompareError, CompareRequest, Comparison, compare_into},
+    job::{CompareError, CompareRequest, Comparison, JobFit, Spread, compare_into},
     slice::{Existing, OutputFolder},
 };
 
-use super::{Answer, INTERRUPT, materials::Materials, print, print_json, progress::Bars, say, table::table};
+use super::{
+    Answer, INTERRUPT,
+    materials::Materials,
+    print, print_json,
+    progress::Bars,
+    say,
+    table::{number, table},
+};
 
 /// Compare printed slabs with the factored dataset they were made from: under even light, a shadow edge and a projected spot.
 #[derive(Debug, Args)]
@@ -83,11 +90,26 @@ fn summary(comparison: &Comparison, page: &str) -> String {
                     (*light).to_owned(),
                     format!("{:+.4}", apart.bias),
                     format!("{:.4}", apart.rms),
-                    apart.correlation.map_or("-".to_owned(), |value| format!("{value:.4}")),
+                    number(apart.correlation, 4),
                 ]);
             }
         }
     }
     let header = ["stage", "against", "light", "bias", "rms", "correlation"];
-    format!("{} × {} texels, {page}\n{}", comparison.width, comparison.height, table(&header, &rows))
+    let pictures = table(&header, &rows);
+    format!("{} × {} texels, {page}\n{pictures}{}", comparison.width, comparison.height, fits(comparison))
+}
+
+/// How well each job's stackings fit the clusters.
+fn fits(comparison: &Comparison) -> String {
+    if comparison.jobs.is_empty() {
+        return String::new();
+    }
+    let row = |job: &JobFit| {
+        let spread = |of: Spread| [of.mean, of.worst].map(|value| format!("{value:.1e}"));
+        let ([mean, worst], [scalar, scalar_worst]) = (spread(job.transport), spread(job.kubelka_munk));
+        vec![job.name.clone(), mean, worst, scalar, scalar_worst, number(Some(job.albedo_rms), 4)]
+    };
+    let header = ["stackings of", "objective", "worst", "by Kubelka–Munk", "worst", "albedo rms"];
+    format!("\n{}", table(&header, &comparison.jobs.iter().map(row).collect::<Vec<_>>()))
 }

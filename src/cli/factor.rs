@@ -53,6 +53,9 @@ pub struct FactorArgs {
     json: bool,
 }
 
+/// The most that a window can leave over and still tell a profile. The clearest of the Monte Carlo sets leaves 39%.
+const MOST_BEYOND: f64 = 0.9;
+
 fn parse_weight(text: &str) -> Result<f64, String> {
     let valid = |weight: &f64| (0.0..=1e6).contains(weight);
     text.parse().ok().filter(valid).ok_or_else(|| "expected a number from 0 to 1000000".to_owned())
@@ -100,6 +103,13 @@ fn warn(factored: &Factored) {
             say(&format!(
                 "warning: {channel}: {count} texels have no measured albedo, their light beyond {:.2} mm is a guess",
                 tail.from_mm
+            ));
+        }
+        let all = tail.mean_energy_in_window + tail.mean_energy_in_tail;
+        if tail.fitted + tail.stretched > 0 && tail.mean_energy_in_tail > MOST_BEYOND * all {
+            let (share, from) = (100.0 * tail.mean_energy_in_tail / all, tail.from_mm);
+            say(&format!(
+                "warning: {channel}: {share:.1}% of the albedo lies beyond the windows, which end at {from:.4} mm: is the pitch in mm?"
             ));
         }
         if tail.none > 0 && tail.none > factored.width * factored.height / 100 {

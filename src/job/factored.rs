@@ -1,33 +1,12 @@
 //! What `lumislice factor` wrote, as a target: a profile for each cluster, and the cluster of each texel.
 
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
-
-use super::{FACTORED, FACTORED_VERSION, LABELS, RunError, images::read_labels};
+use super::{FACTORED, Factored, LABELS, RunError, factoring::entry, images::read_labels};
 use crate::{
-    optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile},
+    optics::{FrequencyGrid, ProfileFile, RadialProfile},
     target::bssrdf::LUMINANCE,
 };
-
-/// What of the record a job needs.
-#[derive(Debug, Deserialize)]
-struct Record {
-    version: u32,
-    pitch_mm: f64,
-    width: u32,
-    height: u32,
-    channels: Vec<String>,
-    #[serde(default)]
-    ring_edges_mm: Vec<f64>,
-    clusters: Vec<Cluster>,
-}
-
-#[derive(Debug, Deserialize)]
-struct Cluster {
-    /// Paths in the folder, one per channel.
-    profiles: Vec<String>,
-}
 
 /// A factored dataset.
 #[derive(Debug)]
@@ -55,7 +34,7 @@ impl FactoredMap {
     /// # Errors
     /// A record that is missing or says what it may not.
     pub fn files(folder: &Path) -> Result<Vec<String>, RunError> {
-        let record = Record::read(&folder.join(FACTORED))?;
+        let record = Factored::read(&folder.join(FACTORED))?;
         let profiles = record.clusters.into_iter().flat_map(|cluster| cluster.profiles);
         Ok([FACTORED, LABELS].map(String::from).into_iter().chain(profiles).collect())
     }
@@ -66,11 +45,11 @@ impl FactoredMap {
     /// A file that is missing or damaged, or that does not fit the record.
     pub fn read(folder: &Path) -> Result<Self, RunError> {
         let path = folder.join(FACTORED);
-        let record = Record::read(&path)?;
+        let record = Factored::read(&path)?;
         let labels_path = folder.join(LABELS);
         let (width, height, labels) = read_labels(&labels_path)?;
         let fault = |found: String, expected| RunError::Texture { path: labels_path.clone(), found, expected };
-        if (width, height) != (record.width, record.height) {
+        if [width, height].map(|texels| texels as usize) != [record.width, record.height] {
             let found = format!("{width} × {height} texels, not {} × {}", record.width, record.height);
             return Err(fault(found, "as many as factored.json says"));
         }
@@ -82,12 +61,12 @@ impl FactoredMap {
             let file = folder.join(name);
             ProfileFile::read(&file)?.reflection.ok_or_else(|| {
                 let (element, found, expected) = ("header", "no reflection_per_mm2", "that column");
-                entry(&file, element, found, expected)
+                entry(&file, element, found, expected).into()
             })
         };
         let profiles = record.clusters.iter().map(|cluster| cluster.profiles.iter().map(profile).collect());
         let profiles = profiles.collect::<Result<_, _>>()?;
-        let Record { pitch_mm, channels, ring_edges_mm, .. } = record;
+        let Factored { pitch_mm, channels, ring_edges_mm, .. } = record;
         Ok(Self { pitch_mm, ring_edges_mm, width, height, channels, labels, profiles, record: path })
     }
 
@@ -99,7 +78,9 @@ impl FactoredMap {
         let (held, wanted) = (self.channels.len(), channels.len());
         if held != 1 && held != wanted && (held, wanted) != (3, 1) {
             let found = format!("{held} channels for resins with {wanted}");
-            return Err(entry(&self.record, "channels", &found, "one, as many as the resins have, or three for one"));
+            return Err(
+                entry(&self.record, "channels", &found, "one, as many as the resins have, or three for one").into()
+            );
         }
         let of_cluster = |profiles: &Vec<RadialProfile>| {
             let mut spectra: Vec<_> = profiles.iter().map(|profile| profile.hankel(grid).values).collect();
@@ -112,46 +93,4 @@ impl FactoredMap {
         };
         Ok(self.profiles.iter().map(of_cluster).collect())
     }
-}
-
-impl Record {
-    fn read(path: &Path) -> Result<Self, RunError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| OpticsError::File { file: path.to_owned(), source })?;
-        let record: Self = serde_json::from_str(&text).map_err(|error| OpticsError::Entry {
-            file: path.to_owned(),
-            line: Some(error.line()),
-            element: "record".into(),
-            found: error.to_string(),
-            expected: "what `lumislice factor` writes".into(),
-        })?;
-        let refuse = |element: &str, found: String, expected: &str| Err(entry(path, element, &found, expected));
-        if record.version != FACTORED_VERSION {
-            return refuse("version", record.version.to_string(), "1");
-        }
-        if !(record.pitch_mm > 0.0 && record.pitch_mm.is_finite()) {
-            return refuse("pitch_mm", record.pitch_mm.to_string(), "finite millimetres above 0");
-        }
-        let channels = record.channels.len();
-        if channels == 0 || record.clusters.is_empty() || record.clusters.len() > usize::from(u16::MAX) {
-            let found = format!("{channels} channels, {} clusters", record.clusters.len());
-            return refuse("clusters", found, "at least one channel and 1 to 65535 clusters");
-        }
-        for (index, cluster) in record.clusters.iter().enumerate() {
-            let place = || format!("clusters[{index}].profiles");
-            if cluster.profiles.len() != channels {
-                return refuse(&place(), format!("{} paths", cluster.profiles.len()), "one for each channel");
-            }
-            let inside = |path: &&String| Path::new(path).components().all(|part| matches!(part, Component::Normal(_)));
-            if let Some(odd) = cluster.profiles.iter().find(|path| !inside(path)) {
-                return refuse(&place(), format!("`{odd}`"), "the path of a file in the folder");
-            }
-        }
-        Ok(record)
-    }
-}
-
-fn entry(file: &Path, element: &str, found: &str, expected: &str) -> RunError {
-    let [element, found, expected] = [element, found, expected].map(String::from);
-    OpticsError::Entry { file: file.to_owned(), line: None, element, found, expected }.into()
 }

@@ -44,7 +44,7 @@ use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
-pub use compare::{CompareError, CompareRequest, Comparison, Difference, Stage, compare, compare_into};
+pub use compare::{CompareError, CompareRequest, Comparison, Difference, JobFit, Spread, Stage, compare, compare_into};
 pub use error::{JobError, Place};
 pub use estimate::Estimate;
 pub use factoring::{

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use super::{Comparison, Stage};
 use crate::plot::{Axis, Figure, Format, Panel, PlotError, Raster, Rgb, Series};
 
-/// Longer side of a picture, units of the plot.
-const PICTURE: f64 = 240.0;
+/// Longer side of a picture, units of the plot: room for three ticks.
+const PICTURE: f64 = 260.0;
 /// The share of texels that may be brighter than white.
 const OVEREXPOSED: f64 = 0.005;
 
@@ -96,7 +96,8 @@ impl Comparison {
             escaped(&self.name),
             escaped(&self.words()),
         );
-        let _ = write!(page, "<figure>{}</figure>\n<h2>Numbers</h2>\n{}", svg(&self.pictures())?, self.table());
+        let _ = write!(page, "<figure>{}</figure>\n{}", svg(&self.pictures())?, self.fits());
+        let _ = write!(page, "<h2>Pictures in numbers</h2>\n{}", self.table());
         for warning in &self.warnings {
             let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(warning));
         }
@@ -117,15 +118,15 @@ impl Comparison {
         );
         let mut row = |stage: &str, against: &str, lamp: &str, apart: &super::Difference| {
             let correlation = apart.correlation.map_or("–".to_owned(), |value| format!("{value:.4}"));
+            let noise = if apart.noise > 0.0 { format!("{:.4}", apart.noise) } else { "–".to_owned() };
             let _ = writeln!(
                 rows,
-                "<tr><td>{}</td><td>{}</td><td>{lamp}</td><td>{:+.4}</td><td>{:.4}</td><td>{:.2}%</td><td>{correlation}</td><td>{:.4}</td></tr>",
+                "<tr><td>{}</td><td>{}</td><td>{lamp}</td><td>{:+.4}</td><td>{:.4}</td><td>{:.2}%</td><td>{correlation}</td><td>{noise}</td></tr>",
                 escaped(stage),
                 escaped(against),
                 apart.bias,
                 apart.rms,
                 100.0 * apart.relative_rms,
-                apart.noise,
             );
         };
         for stage in &self.stages {
@@ -135,6 +136,32 @@ impl Comparison {
             for (against, apart) in &stage.against {
                 self.lamps.iter().zip(apart).for_each(|(lamp, apart)| row(&stage.name, against, lamp.name, apart));
             }
+        }
+        rows + "</table>\n"
+    }
+
+    /// How well each job's stackings fit.
+    fn fits(&self) -> String {
+        if self.jobs.is_empty() {
+            return String::new();
+        }
+        let mut rows = String::from(
+            "<h2>Stackings against clusters</h2>\n<p>Σ (R̂ − R̂<sub>t</sub>)² over the Hankel coefficients, with the cluster's profile as its job scaled it.</p>\n\
+             <table><tr><th>job</th><th>by transport: mean</th><th>worst</th><th>by Kubelka–Munk: mean</th><th>worst</th><th>albedo rms</th><th>target scaled by</th></tr>\n",
+        );
+        for job in &self.jobs {
+            let (transport, scalar) = (job.transport, job.kubelka_munk);
+            let _ = writeln!(
+                rows,
+                "<tr><td>{}</td><td>{:.2e}</td><td>{:.2e}</td><td>{:.2e}</td><td>{:.2e}</td><td>{:.4}</td><td>{:.3}</td></tr>",
+                escaped(&job.name),
+                transport.mean,
+                transport.worst,
+                scalar.mean,
+                scalar.worst,
+                job.albedo_rms,
+                job.scale
+            );
         }
         rows + "</table>\n"
     }

@@ -20,6 +20,7 @@ use crate::{
     },
 };
 
+pub(in crate::job) use record::entry;
 pub use record::{
     ChannelFit, ClusterRecord, FACTORED, FACTORED_VERSION, FactorSettings, Factored, RingResidual, RoundRecord,
     Simpler, TailRecord,
@@ -167,7 +168,8 @@ pub fn factor_into(
         ("clusters.png".into(), pictures::clusters(&records, &clusters.labels, &dataset)?),
         ("palette.png".into(), pictures::palette(&records, &means, &edges_mm)?),
         (slab::MESH.into(), slab::mesh(&dataset).into_bytes()),
-        (slab::JOB.into(), slab::job().into_bytes()),
+        (slab::JOB.into(), slab::paper(request.dc_weight).into_bytes()),
+        (slab::REFINED.into(), slab::refined(request.dc_weight).into_bytes()),
     ]);
     let factored = Factored {
         generator: GENERATOR.to_owned(),

@@ -77,6 +77,9 @@ pub(super) fn clusters(records: &[ClusterRecord], labels: &[u32], dataset: &Data
     figure(&format!("{} clusters", records.len()), dataset).with(albedo).with(radius).encode(Format::Png)
 }
 
+/// Profiles are shown down to this share of the brightest value.
+const DARKEST: f64 = 1e-9;
+
 /// The clusters' profiles, coloured by albedo, and where they lie in albedo and translucency.
 pub(super) fn palette(records: &[ClusterRecord], means: &[Vec<f64>], edges_mm: &[f64]) -> Result<Vec<u8>, PlotError> {
     let range = span(records.iter().map(|record| record.albedo[0]));
@@ -85,12 +88,14 @@ pub(super) fn palette(records: &[ClusterRecord], means: &[Vec<f64>], edges_mm: &
         Panel::new(Axis::log("r [mm]"), Axis::log("R(r) [mm⁻²]")).title("Profiles, brighter for more albedo");
     let mut places = Panel::new(Axis::linear("albedo"), Axis::log("half-energy radius [mm]"))
         .title("Clusters, larger for more texels");
+    let mut brightest = 0.0_f64;
     for (record, energies) in records.iter().zip(means) {
         let ring = |(energy, edge): (&f64, &[f64])| {
             let area = std::f64::consts::PI * (edge[1] * edge[1] - edge[0] * edge[0]);
             [0.5 * (edge[0] + edge[1]), energy / area]
         };
-        let line = energies.iter().zip(edges_mm.windows(2)).map(ring);
+        let line: Vec<_> = energies.iter().zip(edges_mm.windows(2)).map(ring).collect();
+        brightest = line.iter().fold(brightest, |most, point| most.max(point[1]));
         profiles = profiles.with(Series::line("", line).size(1.2).colour(colour(record)).opacity(0.8));
         if let Some(radius) = record.half_energy_radius_mm[0] {
             let size = 4.0 + 60.0 * record.share.sqrt() / 2.0;
@@ -98,6 +103,9 @@ pub(super) fn palette(records: &[ClusterRecord], means: &[Vec<f64>], edges_mm: &
             places = places.with(point.opacity(0.8));
         }
     }
+    // A tail goes on for ever; what is left of it there is no light.
+    let line_top = if brightest > 0.0 { brightest } else { 1.0 };
+    profiles.y = profiles.y.range(line_top * DARKEST, 2.0 * line_top);
     let title = format!("Palette of {} clusters", records.len());
     Figure::new(title).columns(2).panel_size(480.0, 380.0).with(profiles).with(places).encode(Format::Png)
 }

@@ -1,9 +1,15 @@
-//! `factored.json`: what was factored, how well, and what is measured and what fitted.
+//! `factored.json`: what was factored, how well, and what is measured and what fitted. A target is made of a few of its fields, and a record that
+//! another program wrote may leave the others out.
+
+use std::path::{Component, Path};
 
 use serde::{Deserialize, Serialize};
 
 use super::FactorRequest;
-use crate::target::bssrdf::{ClusterCount, Factors, Freedom, Misses, Rings};
+use crate::{
+    optics::OpticsError,
+    target::bssrdf::{ClusterCount, Factors, Freedom, Misses, Rings},
+};
 
 /// Name of the record in its folder.
 pub const FACTORED: &str = "factored.json";
@@ -14,6 +20,7 @@ pub const FACTORED_VERSION: u32 = 1;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Factored {
     /// Program and version that wrote it.
+    #[serde(default)]
     pub generator: String,
     /// [`FACTORED_VERSION`].
     pub version: u32,
@@ -26,25 +33,79 @@ pub struct Factored {
     /// Names.
     pub channels: Vec<String>,
     /// Columns and rows of the response windows.
+    #[serde(default)]
     pub window: [usize; 2],
     /// Edges of the profiles' rings, mm, one more than rings.
+    #[serde(default)]
     pub ring_edges_mm: Vec<f64>,
     /// The first so many rings were measured; those beyond are the fitted tail.
+    #[serde(default)]
     pub window_rings: usize,
     /// What was asked for.
+    #[serde(default)]
     pub settings: FactorSettings,
     /// Per channel.
+    #[serde(default)]
     pub fits: Vec<ChannelFit>,
     /// Texels that were masked and have their nearest neighbour's profile.
+    #[serde(default)]
     pub texels_without_data: usize,
     /// Root mean square error of R̂ by putting clusters in place of texels.
+    #[serde(default)]
     pub cluster_rms: f64,
     /// In the order of the labels.
     pub clusters: Vec<ClusterRecord>,
 }
 
+impl Factored {
+    /// Reads a record and checks what a target is made of.
+    ///
+    /// # Errors
+    /// A file that is missing, of another form, or says what it may not.
+    pub fn read(path: &Path) -> Result<Self, OpticsError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| OpticsError::File { file: path.to_owned(), source })?;
+        let record: Self = serde_json::from_str(&text).map_err(|error| OpticsError::Entry {
+            file: path.to_owned(),
+            line: Some(error.line()),
+            element: "record".into(),
+            found: error.to_string(),
+            expected: "what `lumislice factor` writes".into(),
+        })?;
+        let refuse = |element: &str, found: String, expected: &str| Err(entry(path, element, &found, expected));
+        if record.version != FACTORED_VERSION {
+            return refuse("version", record.version.to_string(), "1");
+        }
+        if !(record.pitch_mm > 0.0 && record.pitch_mm.is_finite()) {
+            return refuse("pitch_mm", record.pitch_mm.to_string(), "finite millimetres above 0");
+        }
+        let channels = record.channels.len();
+        if channels == 0 || record.clusters.is_empty() || record.clusters.len() > usize::from(u16::MAX) {
+            let found = format!("{channels} channels, {} clusters", record.clusters.len());
+            return refuse("clusters", found, "at least one channel and 1 to 65535 clusters");
+        }
+        for (index, cluster) in record.clusters.iter().enumerate() {
+            let place = || format!("clusters[{index}].profiles");
+            if cluster.profiles.len() != channels {
+                return refuse(&place(), format!("{} paths", cluster.profiles.len()), "one for each channel");
+            }
+            let inside = |path: &&String| Path::new(path).components().all(|part| matches!(part, Component::Normal(_)));
+            if let Some(odd) = cluster.profiles.iter().find(|path| !inside(path)) {
+                return refuse(&place(), format!("`{odd}`"), "the path of a file in the folder");
+            }
+        }
+        Ok(record)
+    }
+}
+
+/// A fault of the record.
+pub(in crate::job) fn entry(file: &Path, element: &str, found: &str, expected: &str) -> OpticsError {
+    let [element, found, expected] = [element, found, expected].map(String::from);
+    OpticsError::Entry { file: file.to_owned(), line: None, element, found, expected }
+}
+
 /// What was asked for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct FactorSettings {
     /// Clusters asked for; more than there are where texels are too much alike.
     pub clusters: usize,
@@ -171,14 +232,19 @@ pub struct TailRecord {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClusterRecord {
     /// Share of the texels.
+    #[serde(default)]
     pub share: f64,
     /// Albedo per channel.
+    #[serde(default)]
     pub albedo: Vec<f64>,
     /// Radius inside which half of the light leaves, mm, per channel.
+    #[serde(default)]
     pub half_energy_radius_mm: Vec<Option<f64>>,
     /// Root mean square error of R̂ over its texels.
+    #[serde(default)]
     pub rms: f64,
     /// That of the texel it describes worst.
+    #[serde(default)]
     pub worst: f64,
     /// Profile CSV per channel.
     pub profiles: Vec<String>,

@@ -1,11 +1,13 @@
-//! A flat slab of the patch's size and the job that prints it.
+//! A flat slab of the patch's size and the jobs that print it.
 
 use crate::target::bssrdf::Dataset;
 
 /// Name of the mesh.
 pub(super) const MESH: &str = "slab.obj";
-/// Name of the job.
+/// Name of the job with the paper's settings.
 pub(super) const JOB: &str = "slab.toml";
+/// Name of the job with ours.
+pub(super) const REFINED: &str = "refined.toml";
 /// Height, mm: the search's 5 mm of layers and a floor.
 const HEIGHT_MM: f64 = 6.0;
 
@@ -27,10 +29,30 @@ pub(super) fn mesh(dataset: &Dataset) -> String {
     text
 }
 
-/// The job, with the paper's settings where it gives any.
-pub(super) fn job() -> String {
+/// The job with the settings of the paper's section 8.3.
+pub(super) fn paper(dc_weight: f64) -> String {
+    job(
+        JOB,
+        "with the settings of Hašan et al. 2010, section 8.3",
+        "",
+        &format!("max-thickness-mm = 5.0\nunits = 64\ndepth = 6\ndc-weight = {dc_weight:?}\n"),
+    )
+}
+
+/// The same with all that was found since: layers of any thickness, fitted in the transport model to targets that the resins can reach.
+pub(super) fn refined(dc_weight: f64) -> String {
+    job(
+        REFINED,
+        "with stackings refined in the transport model; `lumislice compare` holds it against the other",
+        "gamut-map = true\n",
+        &format!("model = \"transport\"\ndc-weight = {dc_weight:?}\n"),
+    )
+}
+
+fn job(name: &str, how: &str, target: &str, stacking: &str) -> String {
     format!(
-        r#"# Prints the factored patch as a slab, seen from above:  lumislice slice {JOB}
+        r#"# Prints the factored patch as a slab, seen from above, {how}:
+#     lumislice slice {name}
 
 [[object]]
 mesh = "{MESH}"
@@ -47,10 +69,10 @@ set = "synthetic"
 kind = "bssrdf"
 map = "."
 max-albedo = 0.6
-
+{target}
 [stacking]
 core = "black"
-
+{stacking}
 [output]
 formats = ["png", "preview", "heights"]
 "#

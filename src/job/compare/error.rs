@@ -1,0 +1,93 @@
+//! Why there is no comparison.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::{
+    job::{Blame, RunError, verify::VerifyError},
+    optics::OpticsError,
+    plot::PlotError,
+    slice::OutputError,
+    target::bssrdf::BssrdfError,
+};
+
+/// Why there is no comparison.
+#[derive(Debug, Error)]
+pub enum CompareError {
+    /// A job's folder.
+    #[error("{}: found {found}, expected {expected}", folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// What is there.
+        found: String,
+        /// What should be.
+        expected: &'static str,
+    },
+    /// A slice.
+    #[error("{}: found {found}, expected a slice of the job", path.display())]
+    Slice {
+        /// The slice.
+        path: PathBuf,
+        /// What is wrong with it.
+        found: String,
+    },
+    /// Profiles of texels.
+    #[error("{}: found {found}, expected what factored.json says of it", path.display())]
+    Profiles {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        found: String,
+    },
+    /// A resin whose photons cannot be traced.
+    #[error(
+        "material set {set}: resin {resin}: found no coefficients, expected scattering-per-mm and absorption-per-mm to trace photons by"
+    )]
+    NoCoefficients {
+        /// The set.
+        set: String,
+        /// The resin.
+        resin: String,
+    },
+    /// The dataset is of another patch than the map.
+    #[error("{}: found {found}, expected the dataset that the map was factored from", path.display())]
+    OtherPatch {
+        /// The dataset.
+        path: PathBuf,
+        /// Its size.
+        found: String,
+    },
+    /// A job's folder without a manifest.
+    #[error(transparent)]
+    Verify(#[from] VerifyError),
+    /// The map.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// The resins.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+    /// The dataset.
+    #[error(transparent)]
+    Dataset(#[from] BssrdfError),
+    /// The output folder.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// A picture.
+    #[error(transparent)]
+    Plot(#[from] PlotError),
+}
+
+impl CompareError {
+    /// Who is to blame.
+    pub fn blame(&self) -> Blame {
+        match self {
+            Self::Optics(OpticsError::Cancelled) => Blame::Interrupt,
+            Self::Output(error) if error.is_io() => Blame::Disk,
+            Self::Verify(error) => error.blame(),
+            Self::Run(error) => error.blame(),
+            _ => Blame::Input,
+        }
+    }
+}
