@@ -77,6 +77,11 @@ impl Prepared {
         let mut warnings = Vec::new();
         let mut inputs = read_inputs(&job)?;
         let draft = read_materials(&job)?;
+        if let (MaterialDraft::File(file), MaterialSource::File(named)) = (&draft, &job.materials) {
+            for path in file.profile_files() {
+                add_input(&mut inputs, named.beside(path), path)?;
+            }
+        }
         progress.stage("meshes", job.objects.len() as u64);
         let mut solids = Vec::new();
         for (index, object) in job.objects.iter().enumerate() {

@@ -113,3 +113,28 @@ fn every_file_that_was_read_is_an_input() {
     let paths: Vec<_> = inputs.as_array().unwrap().iter().map(|input| input["path"].as_str().unwrap()).collect();
     assert_eq!(paths, ["models/corner.obj", "models/look.mtl"]);
 }
+
+#[test]
+fn profiles_that_a_material_file_names_are_inputs() {
+    let bench = Bench::new();
+    bench.write("measured/resins.toml", b"");
+    let predict = ["predict", "--materials", "synthetic", "--model", "km", "--csv"];
+    for (resin, mm) in [("white", 3.0), ("support", 3.0), ("black", 0.5)] {
+        let (csv, stack) = (format!("measured/{resin}.csv"), format!("{resin}:{mm}"));
+        bench.run(predict.iter().chain(&[&*csv, "--stack", &stack])).exits(0);
+    }
+    let resin = |name: &str, red: u8, mm: f64| {
+        format!(
+            "[[resin]]\nname = \"{name}\"\nrgba = [{red}, 9, 9]\ndensity-g-per-cm3 = 1.1\n\
+             reflection = \"{name}.csv\"\nthickness-mm = {mm}\n"
+        )
+    };
+    let resins = resin("white", 1, 3.0) + &resin("support", 2, 3.0) + &resin("black", 3, 0.5);
+    bench.write("measured/resins.toml", resins.as_bytes());
+    bench.job_with("set = \"synthetic\"", "file = \"measured/resins.toml\"");
+    bench.slice("out");
+    let inputs = bench.manifest("out")["inputs"].clone();
+    let paths: Vec<_> = inputs.as_array().unwrap().iter().map(|input| input["path"].as_str().unwrap()).collect();
+    let measured = ["measured/black.csv", "measured/resins.toml", "measured/support.csv", "measured/white.csv"];
+    assert_eq!(paths, ["cube.stl"].into_iter().chain(measured).collect::<Vec<_>>());
+}

@@ -28,6 +28,7 @@
 //! Coefficients and profiles may both be given: Kubelka–Munk parameters then come from the profiles, of the first slab if there are several, and
 //! whoever needs coefficients has them. Where only profiles are given, [`MaterialFile::fit`] finds coefficients for all slabs together.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -53,6 +54,7 @@ pub struct MaterialFile {
     pub(super) channels: Vec<String>,
     pub(super) provenance: String,
     pub(super) resins: Vec<Draft>,
+    profile_files: Vec<PathBuf>,
     /// Seed of the first resin's first channel where slabs are simulated.
     pub(super) first_seed: u64,
     /// What fits had to say.
@@ -96,8 +98,17 @@ impl MaterialFile {
     pub fn read(path: &Path) -> Result<Self, OpticsError> {
         let text =
             std::fs::read_to_string(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?;
-        let folder = Folder::Disk(path.parent().unwrap_or(Path::new("")).to_path_buf());
-        Self::parse(&text, path, &folder)
+        let folder = Folder::Disk(path.parent().unwrap_or(Path::new("")).to_path_buf(), RefCell::default());
+        let mut file = Self::parse(&text, path, &folder)?;
+        if let Folder::Disk(_, read) = folder {
+            file.profile_files = read.into_inner();
+        }
+        Ok(file)
+    }
+
+    /// The files of profiles that it names, as often as they are named.
+    pub fn profile_files(&self) -> &[PathBuf] {
+        &self.profile_files
     }
 
     pub(super) fn parse(text: &str, path: &Path, folder: &Folder<'_>) -> Result<Self, OpticsError> {
@@ -112,6 +123,7 @@ impl MaterialFile {
             channels: channels(&top)?,
             provenance: top.string("provenance")?.map_or("not stated".into(), |text| text.value),
             resins: Vec::new(),
+            profile_files: Vec::new(),
             first_seed: DEFAULT_SEED,
             remarks: Vec::new(),
         };

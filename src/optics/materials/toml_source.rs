@@ -1,5 +1,6 @@
 //! TOML tables read key by key, so that every complaint has its line.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use toml::Spanned;
@@ -171,8 +172,8 @@ pub(crate) fn kind(value: &DeValue<'_>) -> String {
 
 /// Where the files a material file names come from.
 pub(crate) enum Folder<'a> {
-    /// The folder of the material file.
-    Disk(PathBuf),
+    /// The folder of the material file, and what was read from it.
+    Disk(PathBuf, RefCell<Vec<PathBuf>>),
     /// Texts compiled in, by name.
     Embedded(&'a [(&'a str, &'a str)]),
 }
@@ -181,10 +182,13 @@ impl Folder<'_> {
     /// Path for messages, and the text.
     pub(crate) fn read(&self, name: &str) -> Result<(PathBuf, String), OpticsError> {
         match self {
-            Self::Disk(folder) => {
+            Self::Disk(folder, read) => {
                 let file = folder.join(name);
                 match std::fs::read_to_string(&file) {
-                    Ok(text) => Ok((file, text)),
+                    Ok(text) => {
+                        read.borrow_mut().push(file.clone());
+                        Ok((file, text))
+                    }
                     Err(source) => Err(OpticsError::File { file, source }),
                 }
             }
