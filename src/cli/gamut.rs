@@ -1,11 +1,14 @@
 //! `lumislice gamut`: what a set of resins can reach, and whether targets lie within.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use clap::Args;
 use lumislice::{
-    job::{self, Job, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, format_stack},
+    job::{
+        self, Job, MaterialSource, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
+        format_stack,
+    },
     optics::{FrequencyGrid, MaterialSet, ProfileFile},
     plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
     search::{
@@ -31,28 +34,30 @@ use super::{
 /// Show what albedos and half-energy radii a set of resins can reach, and where targets lie.
 #[derive(Debug, Args)]
 pub struct GamutArgs {
-    /// Resins: a material file (TOML), or the name of a built-in set.
-    #[arg(long, value_name = "FILE|SET", help_heading = "Stackings")]
-    materials: PathBuf,
-    /// Resin of the half-space below the stackings; default: nothing lies there and no light returns.
+    /// Resins: a material file (TOML), or the name of a built-in set; default: the job's.
+    #[arg(long, value_name = "FILE|SET", required_unless_present = "job", help_heading = "Stackings")]
+    materials: Option<PathBuf>,
+    /// Resin of the half-space below the stackings; default: the job's, else nothing lies there and no light returns.
     #[arg(long, value_name = "RESIN", help_heading = "Stackings")]
     core: Option<String>,
-    /// Thickest stacking, mm.
-    #[arg(long, value_name = "MM", default_value_t = 5.0, allow_negative_numbers = true, help_heading = "Stackings")]
-    max_thickness_mm: f64,
-    /// Thinnest layer, mm.
-    #[arg(long, value_name = "MM", default_value = "0.027", value_parser = parse_layer, help_heading = "Stackings")]
-    min_layer_mm: f64,
-    /// Layers are multiples of so many mm, such as a printer's slice; default: any thickness by transport, multiples of the thinnest by km.
+    /// Thickest stacking, mm; default: the job's, else 5.
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, help_heading = "Stackings")]
+    max_thickness_mm: Option<f64>,
+    /// Thinnest layer, mm; default: the job's, else 0.027.
+    #[arg(long, value_name = "MM", value_parser = parse_layer, help_heading = "Stackings")]
+    min_layer_mm: Option<f64>,
+    /// Layers are multiples of so many mm, such as a printer's slice; default: the job's, else any thickness by transport, multiples of the thinnest
+    /// by km.
     #[arg(long, value_name = "MM", value_parser = parse_layer, help_heading = "Stackings")]
     layer_step_mm: Option<f64>,
-    /// Most layers in a stacking, 1 to 12.
-    #[arg(long, value_name = "N", default_value = "6", value_parser = parse_depth, help_heading = "Stackings")]
-    depth: usize,
-    /// Least depth of a resin below the surface, RESIN:MM; support keeps 0.2 mm unless given. Repeatable.
+    /// Most layers in a stacking, 1 to 12; default: the job's depth, else 6.
+    #[arg(long, value_name = "N", value_parser = parse_depth, help_heading = "Stackings")]
+    depth: Option<usize>,
+    /// Least depth of a resin below the surface, RESIN:MM, in place of the job's limits; support keeps 0.2 mm unless given. Repeatable.
     #[arg(long, value_name = "RESIN:MM", value_parser = parse_min_depth, help_heading = "Stackings")]
     min_depth: Vec<(String, f64)>,
-    /// Who places the stackings: transport (needs volume coefficients, given or fitted; the default where all resins have them) or km.
+    /// Who places the stackings: transport (needs volume coefficients, given or fitted; the default where all resins have them) or km; default: the
+    /// job's.
     #[arg(long, value_enum, help_heading = "Stackings")]
     model: Option<Judge>,
     /// A profile whose place to show, CSV with r_mm,reflection_per_mm2, the same in all channels. Repeatable.
@@ -64,7 +69,7 @@ pub struct GamutArgs {
     /// Their mean free paths 1/σt, mm: one for all, or one each.
     #[arg(long, value_name = "MM", value_delimiter = ',', requires = "albedo", help_heading = "Targets")]
     mean_free_path_mm: Vec<f64>,
-    /// Show the targets of a job: its clusters, or its profiles.
+    /// Show the targets of a job, its clusters or its profiles, in the gamut of its resins and its stackings.
     #[arg(long, value_name = "JOB.toml", help_heading = "Targets")]
     job: Option<PathBuf>,
     /// The plot, F.png or F.svg.
@@ -94,12 +99,26 @@ struct Named {
 
 /// Runs the command. The answer is no if a target lies outside.
 pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
-    let mut materials = Materials::read(&args.materials)?;
-    let core = args.core.as_deref().map(|name| materials.file.resin_index(name)).transpose()?;
+    let job = args.job.as_deref().map(Job::load).transpose()?;
+    let named = job.as_ref().map(|job| match &job.materials {
+        MaterialSource::Set(name) => PathBuf::from(name),
+        MaterialSource::File(path) => path.as_ref().to_path_buf(),
+    });
+    let Some(named) = args.materials.clone().or(named) else { bail!("--materials: found none, expected one") };
+    let mut materials = Materials::read(&named)?;
+    let of_job = |pick: fn(&StackingOptions) -> usize| job.as_ref().map(|job| pick(&job.stacking));
+    let core_name = args.core.as_deref().or(job.as_ref().map(|job| job.stacking.core_name()));
+    let core = core_name.map(|name| materials.file.resin_index(name)).transpose()?;
+    let thickest = job.as_ref().map_or(5.0, |job| job.stacking.max_thickness_mm);
+    let names: Vec<_> = materials.file.resin_names().collect();
+    let limits = match &job {
+        Some(job) if args.min_depth.is_empty() => job.stacking.resin_limits(&names),
+        _ => args.limits(&materials)?,
+    };
     let options = SearchOptions {
-        max_thickness_mm: args.max_thickness_mm,
-        depth: args.depth,
-        limits: args.limits(&materials)?,
+        max_thickness_mm: args.max_thickness_mm.unwrap_or(thickest),
+        depth: args.depth.or(of_job(|stacking| stacking.depth)).unwrap_or(6),
+        limits,
         core,
         ..SearchOptions::default()
     };
@@ -107,16 +126,19 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
     let csv = args.csv.as_deref().map(OutputFile::open).transpose()?;
     let mut targets = args.targets(materials.file.channels().len())?;
     let bars = Bars::new(args.json);
-    let by_transport = args.fit(&mut materials, &bars)?;
-    if let Some(path) = &args.job {
-        targets.extend(job_targets(path, materials.file.channels(), &bars)?);
+    let by_job = job.as_ref().map(|job| match job.stacking.model {
+        StackingModel::KubelkaMunk => Judge::Km,
+        StackingModel::Transport { .. } => Judge::Transport,
+    });
+    let by_transport = args.fit(&mut materials, args.model.or(by_job), &named, &bars)?;
+    let layers = args.layers(job.as_ref(), by_transport);
+    if let (Some(path), Some(job)) = (&args.job, job) {
+        targets.extend(job_targets(path, job, materials.file.channels(), &bars)?);
     }
     let set = materials.load(&bars)?;
     bars.stage("gamut", 0);
     let resins: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
     let volumes: Option<Vec<_>> = set.resins.iter().map(|resin| resin.volume.clone()).collect();
-    let step_mm = args.layer_step_mm.or((!by_transport).then_some(args.min_layer_mm));
-    let layers = RefineOptions { min_layer_mm: args.min_layer_mm, step_mm, ..RefineOptions::default() };
     let space = layer_space(&options, &layers, resins.len());
     let gamut = Gamut::explore(&resins, volumes.as_deref().filter(|_| by_transport), &set.grid, &space);
     bars.finish();
@@ -131,7 +153,7 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
     let plain: Vec<_> = targets.iter().map(|named| named.target.clone()).collect();
     let weights: Vec<_> = targets.iter().map(|named| named.weight).collect();
     let map = GamutMap::new(&gamut, &plain, &weights, &set.grid);
-    let shown = Shown { args, set: &set, gamut: &gamut, targets: &targets, map: &map, by_transport };
+    let shown = Shown { options: &options, set: &set, gamut: &gamut, targets: &targets, map: &map, by_transport };
     if let Some(plot) = plot {
         plot.finish(&shown.figure())?;
     }
@@ -147,8 +169,8 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
 }
 
 /// The targets of a job.
-fn job_targets(path: &std::path::Path, channels: &[String], bars: &Bars) -> anyhow::Result<Vec<Named>> {
-    let found = job::targets(Job::load(path)?, bars, &INTERRUPT)?;
+fn job_targets(path: &Path, job: Job, channels: &[String], bars: &Bars) -> anyhow::Result<Vec<Named>> {
+    let found = job::targets(job, bars, &INTERRUPT)?;
     let named = found.into_iter().map(|found| {
         if found.target.channels.len() != channels.len() {
             let (has, expected) = (found.target.channels.len(), channels.len());
@@ -160,16 +182,24 @@ fn job_targets(path: &std::path::Path, channels: &[String], bars: &Bars) -> anyh
 }
 
 impl GamutArgs {
+    /// The layers of stackings: the job's first object's, unless options say otherwise.
+    fn layers(&self, job: Option<&Job>, by_transport: bool) -> RefineOptions {
+        let by_default = job.map_or_else(RefineOptions::default, |job| job.layer_options(0));
+        let min_layer_mm = self.min_layer_mm.unwrap_or(by_default.min_layer_mm);
+        let whole = (!by_transport).then_some(min_layer_mm);
+        RefineOptions { min_layer_mm, step_mm: self.layer_step_mm.or(by_default.step_mm).or(whole), ..by_default }
+    }
+
     /// Fits coefficients to resins given by profiles, for the transport model; whether it can be asked.
-    fn fit(&self, materials: &mut Materials, bars: &Bars) -> anyhow::Result<bool> {
-        if self.model == Some(Judge::Km) {
+    fn fit(&self, materials: &mut Materials, model: Option<Judge>, named: &Path, bars: &Bars) -> anyhow::Result<bool> {
+        if model == Some(Judge::Km) {
             return Ok(false);
         }
         // Loading says what was refused, and why.
         materials.fit(None, bars)?;
         let lacking = materials.file.resin_names().find(|name| materials.file.volume(name).is_none());
         match lacking {
-            Some(name) if self.model == Some(Judge::Transport) => Err(no_coefficients(name, &self.materials)),
+            Some(name) if model == Some(Judge::Transport) => Err(no_coefficients(name, named)),
             lacking => Ok(lacking.is_none()),
         }
     }
@@ -228,7 +258,7 @@ impl GamutArgs {
 
 /// Everything that is shown.
 struct Shown<'a> {
-    args: &'a GamutArgs,
+    options: &'a SearchOptions,
     set: &'a MaterialSet,
     gamut: &'a Gamut,
     targets: &'a [Named],
@@ -263,8 +293,8 @@ impl Shown<'_> {
     }
 
     fn title(&self) -> String {
-        let below = self.args.core.as_ref().map_or("nothing".to_owned(), |core| core.clone());
-        format!("Gamut of {}, up to {} mm over {below}", self.set.name, self.args.max_thickness_mm)
+        let below = self.options.core.map_or("nothing", |core| &self.set.resins[core].name);
+        format!("Gamut of {}, up to {} mm over {below}", self.set.name, self.options.max_thickness_mm)
     }
 
     fn figure(&self) -> Figure {

@@ -1,6 +1,6 @@
 //! What the user should know of a job that is otherwise in order.
 
-use super::{Job, JobError, PreparedObject};
+use super::{DepthFrom, Job, JobError, PreparedObject};
 use crate::voxel::Lattice;
 
 /// Refuses objects that are shorter than a voxel along every axis, most likely for want of a unit: of such an object next to nothing
@@ -27,22 +27,32 @@ pub(super) fn tiny_objects(
     Ok(())
 }
 
-/// Counts layers thinner than the coarsest voxel: on walls that face that axis such a layer comes out thicker than it should
-/// be, or not at all. `None` if there are none.
-pub(super) fn thin_layers(objects: &[PreparedObject], lattice: &Lattice) -> Option<String> {
-    let pitch = lattice.pitch.max_element();
-    // Named where it is one axis that is coarser than the others.
-    let coarsest: Vec<_> =
-        ['x', 'y', 'z'].into_iter().zip(lattice.pitch.to_array()).filter(|(_, along)| *along == pitch).collect();
-    let place = match coarsest.as_slice() {
-        [(axis, _)] => format!("along {axis} ({pitch:.4} mm), not resolved on walls that face {axis}"),
-        _ => format!("({pitch:.4} mm), not resolved"),
-    };
+/// Counts layers thinner than a voxel is long along an axis: on faces that look along it such a layer comes out thicker than it should be, or
+/// not at all. Layers laid from the top look along z only. `None` if there are none.
+pub(super) fn thin_layers(job: &Job, objects: &[PreparedObject], lattice: &Lattice) -> Option<String> {
+    let axes = ['x', 'y', 'z'].into_iter().zip(lattice.pitch.to_array());
+    let mut pitches: Vec<f64> = axes.clone().map(|(_, pitch)| pitch).collect();
+    pitches.sort_by(|a, b| b.total_cmp(a));
+    pitches.dedup();
+    let mut parts = Vec::new();
+    for pitch in pitches {
+        let here = || axes.clone().filter(|(_, along)| *along == pitch);
+        let layered = |from: DepthFrom| from == DepthFrom::Surface || here().any(|(axis, _)| axis == 'z');
+        let looked_at = job.objects.iter().zip(objects).filter(|(object, _)| layered(object.depth_from));
+        let layers = looked_at.flat_map(|(_, object)| &object.stackings.stackings).flat_map(|found| &found.layers);
+        let thin = layers.filter(|layer| layer.thickness_mm < pitch - ROUNDING_MM).count();
+        if thin > 0 {
+            let names: Vec<_> = here().map(|(axis, _)| axis.to_string()).collect();
+            parts.push(format!("{thin} along {} ({pitch:.4} mm)", names.join(", ")));
+        }
+    }
     let stackings = || objects.iter().flat_map(|object| &object.stackings.stackings);
-    let layers = || stackings().flat_map(|stacking| &stacking.layers);
-    let thin = layers().filter(|layer| layer.thickness_mm < pitch).count();
-    let (layers, stackings) = (layers().count(), stackings().count());
-    (thin > 0).then(|| {
-        format!("layers thinner than a voxel {place}: {thin} of {layers}, counted over all stackings ({stackings})")
+    let (layers, stackings) = (stackings().flat_map(|stacking| &stacking.layers).count(), stackings().count());
+    (!parts.is_empty()).then(|| {
+        let parts = parts.join(", ");
+        format!("layers thinner than a voxel, not resolved on faces that look along it: {parts} of {layers} in {stackings} stackings")
     })
 }
+
+/// Thicknesses are no better than this.
+const ROUNDING_MM: f64 = 1e-9;

@@ -1,7 +1,27 @@
 //! `gamut-map`: targets that the resins cannot reach, brought within their gamut before the search.
 
-use super::{RunError, asked::Wanted, stackings::TargetContext};
+use super::{DepthFrom, Job, RunError, StackingModel, asked::Wanted, stackings::TargetContext};
 use crate::search::{Gamut, GamutMap, Move, RefineOptions, SearchTarget, layer_space};
+
+impl Job {
+    /// The layers that the stackings of an object may have: by transport at least as thick as a voxel is long in any direction that a surface
+    /// faces, unless the job says otherwise; by Kubelka–Munk whole slices, though not finer than tells anything apart.
+    pub fn layer_options(&self, object: usize) -> RefineOptions {
+        let pitch = self.printer.pitch_mm;
+        let from_top = self.objects.get(object).is_some_and(|object| object.depth_from == DepthFrom::Top);
+        let (min_layer_mm, step_mm) = match self.stacking.model {
+            StackingModel::KubelkaMunk => {
+                let slice_mm = pitch.z.max(FINEST_STEP_MM);
+                (slice_mm, Some(slice_mm))
+            }
+            StackingModel::Transport { min_layer_mm, layer_step_mm } => {
+                let voxel_mm = if from_top { pitch.z } else { pitch.max_element() };
+                (min_layer_mm.unwrap_or(voxel_mm), layer_step_mm)
+            }
+        };
+        RefineOptions { min_layer_mm, step_mm, ..RefineOptions::default() }
+    }
+}
 
 impl TargetContext<'_> {
     /// Where the object's targets go, if the job asks for that; says what it does.
@@ -15,13 +35,10 @@ impl TargetContext<'_> {
             return Ok(None);
         }
         self.progress.stage("gamut", 0);
-        let refine = self.refine_options();
-        let volumes = refine.as_ref().map(|_| self.volumes()).transpose()?;
-        // What a printer can lay, but not finer than tells anything apart.
-        let slice_mm = self.job.printer.pitch_mm.z.max(FINEST_STEP_MM);
-        let slices = RefineOptions { min_layer_mm: slice_mm, step_mm: Some(slice_mm), ..RefineOptions::default() };
-        let resins = self.materials.resins.len();
-        let options = layer_space(&self.search_options(core), refine.as_ref().unwrap_or(&slices), resins);
+        let by_transport = self.job.stacking.model != StackingModel::KubelkaMunk;
+        let volumes = by_transport.then(|| self.volumes()).transpose()?;
+        let layers = self.job.layer_options(self.object);
+        let options = layer_space(&self.search_options(core), &layers, self.materials.resins.len());
         let grid = &self.materials.grid;
         let gamut = Gamut::explore(&self.parameters(), volumes.as_deref(), grid, &options);
         let map =

@@ -148,7 +148,7 @@ impl Prepared {
             objects.push(PreparedObject { mesh, transform, health, bounds, stackings });
         }
         checks::tiny_objects(&job, &objects, &lattice, &mut warnings)?;
-        warnings.extend(checks::thin_layers(&objects, &lattice));
+        warnings.extend(checks::thin_layers(&job, &objects, &lattice));
         let inputs = inputs.into_iter().map(|(path, sha256)| InputFile { path, sha256 }).collect();
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);

@@ -77,6 +77,7 @@ pub(super) fn object_layers(
         }
         entries.push(entry);
     }
+    warnings.extend(out_of_reach(&entries).map(|words| format!("object {}: {words}", context.object + 1)));
     match &wanted.surface {
         Surface::Uniform => {
             let entry = entries.remove(0);
@@ -84,6 +85,28 @@ pub(super) fn object_layers(
         }
         Surface::Labelled { atlas, labels } => context.textured(wanted.kind, atlas, labels, &matches, entries, core),
     }
+}
+
+/// Albedos that differ by less look much alike.
+const ALIKE: f64 = 0.05;
+
+/// How much of the surface comes out lighter or darker than asked, if any does.
+fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
+    let off = |entry: &StackingEntry| {
+        let asked = entry.target_albedo.iter().flatten();
+        let pairs = asked.zip(&entry.predicted_albedo);
+        pairs.map(|(asked, found)| (*asked, *found)).max_by(|a, b| (a.0 - a.1).abs().total_cmp(&(b.0 - b.1).abs()))
+    };
+    let far = entries.iter().filter_map(|entry| Some((entry.share, off(entry)?)));
+    let far: Vec<_> = far.filter(|(_, (asked, found))| (asked - found).abs() > ALIKE).collect();
+    let share: f64 = far.iter().map(|(share, _)| share).sum();
+    let (_, (asked, found)) =
+        far.into_iter().max_by(|(_, a), (_, b)| (a.0 - a.1).abs().total_cmp(&(b.0 - b.1).abs()))?;
+    Some(format!(
+        "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: the resins reach no \
+         nearer, see `lumislice gamut --job`, gamut-map and dc-weight",
+        100.0 * share
+    ))
 }
 
 fn reflection(context: &TargetContext<'_>, stacking: &Stacking, core: usize) -> Result<Vec<Vec<f64>>, RunError> {
@@ -151,10 +174,8 @@ impl TargetContext<'_> {
     }
 
     /// How thicknesses are refined, if they are.
-    pub(super) fn refine_options(&self) -> Option<RefineOptions> {
-        let StackingModel::Transport { min_layer_mm, layer_step_mm } = self.job.stacking.model else { return None };
-        let min_layer_mm = min_layer_mm.unwrap_or(self.job.printer.pitch_mm.z);
-        Some(RefineOptions { min_layer_mm, step_mm: layer_step_mm, ..RefineOptions::default() })
+    fn refine_options(&self) -> Option<RefineOptions> {
+        (self.job.stacking.model != StackingModel::KubelkaMunk).then(|| self.job.layer_options(self.object))
     }
 
     pub(super) fn search_options(&self, core: usize) -> SearchOptions {

@@ -22,6 +22,9 @@ const COLUMNS: [&str; 7] =
 /// Rings in a file touch if their edges agree to this share: edges are printed with four decimals or six digits.
 const EDGE_TOLERANCE: f64 = 1e-5;
 
+/// No light comes back more than once; coarse samples of a profile that peaks at the centre may integrate to a little more.
+const MOST_ENERGY: f64 = 1.05;
+
 /// What a profile file holds; at least one of the two.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProfileFile {
@@ -197,10 +200,16 @@ impl<'a> Table<'a> {
                 RadialProfile::from_points(radii, values.clone(), errors)
             }
         };
-        result.map(Some).map_err(|ProfileError { index, found, expected }| {
+        let profile = result.map_err(|ProfileError { index, found, expected }| {
             let line = self.lines.get(index).or(self.lines.last()).copied().unwrap_or(self.header_line);
             self.entry(Some(line), name, found, expected)
-        })
+        })?;
+        let energy = profile.energy();
+        if energy > MOST_ENERGY {
+            let expected = "at most 1: values are per mm², radii in mm".to_owned();
+            return Err(self.entry(Some(self.header_line), name, format!("an albedo of {energy:.4}"), expected));
+        }
+        Ok(Some(profile))
     }
 
     fn entry(&self, line: Option<usize>, element: &str, found: String, expected: String) -> OpticsError {

@@ -65,7 +65,7 @@ fn layers_thinner_than_a_voxel_are_counted() {
     assert_eq!(thin("white:0.5,support:0.6"), Vec::<String>::new());
     let found = thin("white:0.15,support:0.6,white:0.19");
     let expected =
-        "warning: layers thinner than a voxel along y (0.2000 mm), not resolved on walls that face y: 2 of 3";
+        "warning: layers thinner than a voxel, not resolved on faces that look along it: 2 along y (0.2000 mm) of 3";
     assert!(found.len() == 1 && found[0].starts_with(expected), "{found:?}");
 }
 
