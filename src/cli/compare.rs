@@ -111,5 +111,10 @@ fn fits(comparison: &Comparison) -> String {
         vec![job.name.clone(), mean, worst, scalar, scalar_worst, number(Some(job.albedo_rms), 4)]
     };
     let header = ["stackings of", "objective", "worst", "by Kubelka–Munk", "worst", "albedo rms"];
-    format!("\n{}", table(&header, &comparison.jobs.iter().map(row).collect::<Vec<_>>()))
+    let rows: Vec<_> = comparison.jobs.iter().map(row).collect();
+    format!(
+        "\n{}objective: squared difference from the clusters' profiles as they are, summed over frequencies, mean over texels; \
+         a job with gamut-map or another dc-weight aims elsewhere\n",
+        table(&header, &rows)
+    )
 }

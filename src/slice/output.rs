@@ -30,7 +30,7 @@ pub enum Existing {
 #[derive(Debug, Error)]
 pub enum OutputError {
     /// The folder holds something and the caller did not ask to replace it.
-    #[error("{}: found a folder that is not empty, expected a new or empty one (--overwrite replaces an earlier job's files, --resume goes on with an interrupted one)", path.display())]
+    #[error("{}: found a folder that is not empty, expected a new or empty one (--overwrite replaces files written earlier, slice --resume goes on with an interrupted job)", path.display())]
     NotEmpty {
         /// The folder.
         path: PathBuf,

@@ -108,6 +108,8 @@ fn a_job_brings_targets_into_the_gamut_and_says_so() {
     let plain = mapped_job(&bench, "");
     assert!(plain["stackings"][0]["stackings"][0].get("gamut_map").is_none());
     assert_eq!(plain["job"]["object"][0]["target"]["gamut-map"], false);
+    let out_of_reach = "object 1: 100% of the surface comes out with another albedo than asked, at most ";
+    assert!(plain["warnings"].as_array().unwrap().iter().any(|text| text.as_str().unwrap().starts_with(out_of_reach)));
     let mapped = mapped_job(&bench, "gamut-map = true");
     let entry = &mapped["stackings"][0]["stackings"][0];
     let map = &entry["gamut_map"];
@@ -121,8 +123,15 @@ fn a_job_brings_targets_into_the_gamut_and_says_so() {
     assert!(warnings.iter().any(|warning| warning.as_str().unwrap().contains("gamut-map: moved 1 of 1 targets")));
     let report = fs::read_to_string(bench.path("out").join("stackings.json")).unwrap();
     assert!(report.contains("objective_as_asked"));
-    let shown = bench.run(SMALL.iter().chain(&["--job", "job.toml"])).exits(1).json();
+    // What the job will do is shown beforehand, in the job's own gamut.
+    let shown = bench.run(["gamut", "--job", "job.toml", "--json"]).exits(1).json();
     assert_eq!(shown["targets"][0]["target"], "cluster 0");
+    for factor in ["albedo_factor", "width_factor"] {
+        assert_eq!(shown["targets"][0]["gamut_map"][factor], map[factor], "{factor}");
+    }
+    // Options go before the job's keys.
+    let thin = bench.run(["gamut", "--job", "job.toml", "--json", "--max-thickness-mm", "0.5"]).exits(1).json();
+    assert!(thin["targets"][0]["gamut_map"]["albedo_factor"].as_f64() < map["albedo_factor"].as_f64());
 
     bench.job_with("kind = \"stacking\"", "gamut-map = true\nkind = \"stacking\"");
     bench.run(["slice", "job.toml", "-o", "out2"]).refuses(2, &["job.toml", "gamut-map", "stacking"]);

@@ -89,6 +89,19 @@ fn what_cannot_be_refined_is_refused() {
 }
 
 #[test]
+fn more_light_than_fell_is_refused() {
+    let bench = Bench::new();
+    let bright = no_resins_profile().lines().skip(1).fold("r_mm,reflection_per_mm2\n".to_owned(), |text, line| {
+        let mut columns = line.split(',').map(|column| column.parse::<f64>().unwrap());
+        let (r, value) = (columns.next().unwrap(), columns.next().unwrap());
+        text + &format!("{r},{}\n", 100.0 * value)
+    });
+    bench.write("bright.csv", bright.as_bytes());
+    let target = ["match", "--materials", "synthetic", "--target", "bright.csv"];
+    bench.run(target).refuses(2, &["bright.csv:1: reflection_per_mm2: found an albedo of 31", "expected at most 1"]);
+}
+
+#[test]
 fn an_albedo_and_a_mean_free_path_are_a_target() {
     let args = ["--albedo", "0.5", "--mean-free-path-mm", "0.3", "--core", "black", "--dc-weight", "100"];
     let ran = find(&args).exits(0);

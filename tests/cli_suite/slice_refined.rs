@@ -40,6 +40,21 @@ fn a_job_may_ask_for_refined_stackings() {
     bench.run(["verify", "transport"]).exits(0);
 }
 
+/// Faces look along x and y as well as along z.
+#[test]
+fn no_layer_is_thinner_than_a_voxel_is_long() {
+    let bench = Bench::new();
+    job(&bench, FOUND, "model = \"transport\"");
+    let uneven = fs::read_to_string(bench.path("job.toml")).unwrap().replace("0.2, 0.2, 0.2", "0.1, 0.25, 0.05");
+    bench.write("job.toml", uneven.as_bytes());
+    let ran = bench.slice("out");
+    let found = stacking(&bench, "out");
+    for layer in found["layers"].as_array().unwrap() {
+        assert!(layer["thickness_mm"].as_f64().unwrap() > 0.25 - 1e-9, "{found}");
+    }
+    assert!(!ran.stderr.contains("thinner"), "{}", ran.stderr);
+}
+
 #[test]
 fn a_given_stacking_is_predicted_by_the_model_asked_for() {
     let bench = Bench::new();

@@ -82,6 +82,8 @@ fn without_a_manifest_there_is_nothing_to_verify() {
     let bench = Bench::new();
     fs::create_dir(bench.path("empty")).unwrap();
     bench.run(["verify", "empty"]).refuses(2, &["empty: found no manifest.json"]);
+    bench.write("factored/manifest.json", br#"{ "generator": "lumislice", "version": 1, "files": [] }"#);
+    bench.run(["verify", "factored"]).refuses(2, &["factored/manifest.json", "without slices", "factor"]);
     bench.run(["verify", "none"]).refuses(2, &["none: found nothing"]);
     bench.run(["verify", "cube.stl"]).refuses(2, &["expected the folder"]);
     run(["verify"]).exits(2);

@@ -93,6 +93,12 @@ pub enum VerifyError {
         /// The folder.
         path: PathBuf,
     },
+    /// The manifest is that of another command.
+    #[error("{}: found the manifest of a folder without slices, as factor and compare write, expected a finished job's", path.display())]
+    NoJob {
+        /// The manifest.
+        path: PathBuf,
+    },
     /// The manifest is of another time.
     #[error("{}: found version {found}, expected {MANIFEST_VERSION}, the one this program knows", path.display())]
     Version {
@@ -198,9 +204,12 @@ pub(super) fn read_manifest(folder: &Path) -> Result<Result<Manifest, Finding>, 
     #[derive(serde::Deserialize)]
     struct Versioned {
         version: u64,
+        job: Option<serde::de::IgnoredAny>,
+        lattice: Option<serde::de::IgnoredAny>,
     }
     match serde_json::from_slice::<Versioned>(&bytes) {
-        Ok(Versioned { version }) if version != u64::from(MANIFEST_VERSION) => {
+        Ok(Versioned { job: None, lattice: None, .. }) => Err(VerifyError::NoJob { path }),
+        Ok(Versioned { version, .. }) if version != u64::from(MANIFEST_VERSION) => {
             Err(VerifyError::Version { path, found: version })
         }
         _ => {
