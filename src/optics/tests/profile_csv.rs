@@ -45,9 +45,9 @@ fn a_target_needs_no_transmission_and_may_carry_comments() {
 
 #[test]
 fn a_profile_starting_at_zero_is_a_row_of_rings() {
-    let text = (0..10).fold("r_mm,reflection_per_mm2\n".to_string(), |text, i| text + &format!("{i},1\n"));
+    let text = (0..10).fold("r_mm,reflection_per_mm2\n".to_string(), |text, i| text + &format!("{i},0.001\n"));
     let profile = parse(&text).unwrap().reflection.unwrap();
-    assert!((profile.energy() - std::f64::consts::PI * 9.5 * 9.5).abs() < 1e-9);
+    assert!((profile.energy() - 1e-3 * std::f64::consts::PI * 9.5 * 9.5).abs() < 1e-12);
 }
 
 #[test]
@@ -62,6 +62,7 @@ fn what_is_wrong_is_named_with_its_line() {
         (&with_line(4, "0.3,NaN"), "p.csv:4: reflection_per_mm2: found NaN"),
         (&with_line(4, "0.3,-0.5"), "p.csv:4: reflection_per_mm2: found -0.5"),
         (&with_line(4, "0.05,0.1"), "p.csv:4: reflection_per_mm2: found radius 0.05"),
+        (&with_line(4, "0.3,50"), "p.csv:1: reflection_per_mm2: found an albedo of"),
         ("r_mm,reflection_per_mm2\n1,1\n", "found 1 samples in all, expected at least 8"),
     ];
     for (text, expected) in cases {
