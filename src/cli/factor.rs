@@ -126,19 +126,19 @@ fn warn(factored: &Factored) {
 fn summary(factored: &Factored, folder: &str) -> String {
     let [width, height] = factored.window;
     let mut text = format!(
-        "{} × {} texels of {} mm, windows of {width} × {height}, {} clusters in {folder}\n",
+        "{} × {} texels of {} mm, windows of {width} × {height}, {} in {folder}\n",
         factored.width,
         factored.height,
         factored.pitch_mm,
-        factored.clusters.len()
+        counted(factored.clusters.len(), "cluster")
     );
     for fit in &factored.fits {
         let (tail, percent) = (&fit.tail, |share: f64| 100.0 * share);
         text += &format!(
-            "  {}: equation 7 misses {:.2}% of the data in {} rounds, {:.2}% beyond the lit texel (noise {:.2}%)",
+            "  {}: equation 7 misses {:.2}% of the data in {}, {:.2}% beyond the lit texel (noise {:.2}%)",
             fit.channel,
             percent(fit.relative_error),
-            fit.rounds.len(),
+            counted(fit.rounds.len(), "round"),
             percent(fit.relative_error_beyond_centre),
             percent(fit.noise_beyond_centre)
         );
@@ -161,4 +161,8 @@ fn summary(factored: &Factored, folder: &str) -> String {
         text.push('\n');
     }
     text + &format!("  clusters in place of texels change R̂ by {:.1e} (rms)\n", factored.cluster_rms)
+}
+
+fn counted(count: usize, noun: &str) -> String {
+    if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
 }
