@@ -52,19 +52,7 @@ fn run(name: &str, folder: &Path, defects: bool) -> Result<String, String> {
         refractive_index: 1.0,
         notes: String::new(),
     };
-    let defects = if defects {
-        Defects {
-            tilt_degrees: 1.0,
-            tilt_direction_degrees: 30.0,
-            stray_share: 0.02,
-            stray_gradient: 0.5,
-            hot_pixels: 20,
-            mislabelled: Some((7, 2.0)),
-            ..Defects::default()
-        }
-    } else {
-        Defects::default()
-    };
+    let defects = if defects { Defects::together() } else { Defects::default() };
     let laboratory = Laboratory { defects, ..Laboratory::default() };
     let spot = Scene::around(&r, Aperture::Square { side_mm: 0.1 }, FARTHEST_MM);
     let pinhole = Scene::around(&t, Aperture::Disc { diameter_mm: 0.5 }, FARTHEST_MM);

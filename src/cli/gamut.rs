@@ -106,27 +106,30 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
     });
     let Some(named) = args.materials.clone().or(named) else { bail!("--materials: found none, expected one") };
     let mut materials = Materials::read(&named)?;
-    let of_job = |pick: fn(&StackingOptions) -> usize| job.as_ref().map(|job| pick(&job.stacking));
-    let core_name = args.core.as_deref().or(job.as_ref().map(|job| job.stacking.core_name()));
+    let stacking = job.as_ref().map(|job| &job.stacking);
+    let core_name = args.core.as_deref().or(stacking.map(StackingOptions::core_name));
     let core = core_name.map(|name| materials.file.resin_index(name)).transpose()?;
-    let thickest = job.as_ref().map_or(5.0, |job| job.stacking.max_thickness_mm);
-    let names: Vec<_> = materials.file.resin_names().collect();
-    let limits = match &job {
-        Some(job) if args.min_depth.is_empty() => job.stacking.resin_limits(&names),
+    let limits = match stacking {
+        Some(stacking) if args.min_depth.is_empty() => {
+            stacking.resin_limits(&materials.file.resin_names().collect::<Vec<_>>())
+        }
         _ => args.limits(&materials)?,
     };
+    let default = SearchOptions::default();
+    let thickest = stacking.map_or(default.max_thickness_mm, |stacking| stacking.max_thickness_mm);
+    let deepest = stacking.map_or(default.depth, |stacking| stacking.depth);
     let options = SearchOptions {
         max_thickness_mm: args.max_thickness_mm.unwrap_or(thickest),
-        depth: args.depth.or(of_job(|stacking| stacking.depth)).unwrap_or(6),
+        depth: args.depth.unwrap_or(deepest),
         limits,
         core,
-        ..SearchOptions::default()
+        ..default
     };
     let plot = args.output.as_deref().map(PlotFile::open).transpose()?;
     let csv = args.csv.as_deref().map(OutputFile::open).transpose()?;
     let mut targets = args.targets(materials.file.channels().len())?;
     let bars = Bars::new(args.json);
-    let by_job = job.as_ref().map(|job| match job.stacking.model {
+    let by_job = stacking.map(|stacking| match stacking.model {
         StackingModel::KubelkaMunk => Judge::Km,
         StackingModel::Transport { .. } => Judge::Transport,
     });

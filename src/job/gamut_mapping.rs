@@ -1,27 +1,7 @@
 //! `gamut-map`: targets that the resins cannot reach, brought within their gamut before the search.
 
-use super::{DepthFrom, Job, RunError, StackingModel, asked::Wanted, stackings::TargetContext};
-use crate::search::{Gamut, GamutMap, Move, RefineOptions, SearchTarget, layer_space};
-
-impl Job {
-    /// The layers that the stackings of an object may have: by transport at least as thick as a voxel is long in any direction that a surface
-    /// faces, unless the job says otherwise; by Kubelka–Munk whole slices, though not finer than tells anything apart.
-    pub fn layer_options(&self, object: usize) -> RefineOptions {
-        let pitch = self.printer.pitch_mm;
-        let from_top = self.objects.get(object).is_some_and(|object| object.depth_from == DepthFrom::Top);
-        let (min_layer_mm, step_mm) = match self.stacking.model {
-            StackingModel::KubelkaMunk => {
-                let slice_mm = pitch.z.max(FINEST_STEP_MM);
-                (slice_mm, Some(slice_mm))
-            }
-            StackingModel::Transport { min_layer_mm, layer_step_mm } => {
-                let voxel_mm = if from_top { pitch.z } else { pitch.max_element() };
-                (min_layer_mm.unwrap_or(voxel_mm), layer_step_mm)
-            }
-        };
-        RefineOptions { min_layer_mm, step_mm, ..RefineOptions::default() }
-    }
-}
+use super::{RunError, StackingModel, asked::Wanted, stackings::TargetContext};
+use crate::search::{Gamut, GamutMap, Move, SearchTarget, layer_space};
 
 impl TargetContext<'_> {
     /// Where the object's targets go, if the job asks for that; says what it does.
@@ -73,6 +53,3 @@ fn map_in_words(map: &GamutMap, shares: &[f64]) -> String {
         range(|moved| moved.width_factor),
     )
 }
-
-/// Thinnest layer of whole slices in a gamut.
-const FINEST_STEP_MM: f64 = 0.025;

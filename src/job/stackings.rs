@@ -92,16 +92,16 @@ const ALIKE: f64 = 0.05;
 
 /// How much of the surface comes out lighter or darker than asked, if any does.
 fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
+    let gap = |(asked, found): (f64, f64)| (asked - found).abs();
+    let wider = |a: &(f64, f64), b: &(f64, f64)| gap(*a).total_cmp(&gap(*b));
     let off = |entry: &StackingEntry| {
-        let asked = entry.target_albedo.iter().flatten();
-        let pairs = asked.zip(&entry.predicted_albedo);
-        pairs.map(|(asked, found)| (*asked, *found)).max_by(|a, b| (a.0 - a.1).abs().total_cmp(&(b.0 - b.1).abs()))
+        let asked = entry.target_albedo.iter().flatten().copied();
+        asked.zip(entry.predicted_albedo.iter().copied()).max_by(wider)
     };
     let far = entries.iter().filter_map(|entry| Some((entry.share, off(entry)?)));
-    let far: Vec<_> = far.filter(|(_, (asked, found))| (asked - found).abs() > ALIKE).collect();
+    let far: Vec<_> = far.filter(|(_, pair)| gap(*pair) > ALIKE).collect();
     let share: f64 = far.iter().map(|(share, _)| share).sum();
-    let (_, (asked, found)) =
-        far.into_iter().max_by(|(_, a), (_, b)| (a.0 - a.1).abs().total_cmp(&(b.0 - b.1).abs()))?;
+    let (asked, found) = far.into_iter().map(|(_, pair)| pair).max_by(wider)?;
     Some(format!(
         "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: the resins reach no \
          nearer, see `lumislice gamut --job`, gamut-map and dc-weight",
@@ -122,6 +122,29 @@ fn reflection(context: &TargetContext<'_>, stacking: &Stacking, core: usize) -> 
         model.spectra(&context.materials.grid).reflection
     };
     Ok((0..context.materials.channels.len()).map(channel).collect())
+}
+
+/// Thinnest layer of whole slices in a gamut.
+const FINEST_STEP_MM: f64 = 0.025;
+
+impl Job {
+    /// The layers that the stackings of an object may have: by transport at least as thick as a voxel is long in any direction that a surface
+    /// faces, unless the job says otherwise; by Kubelka–Munk whole slices, though not finer than tells anything apart.
+    pub fn layer_options(&self, object: usize) -> RefineOptions {
+        let pitch = self.printer.pitch_mm;
+        let from_top = self.objects.get(object).is_some_and(|object| object.depth_from == DepthFrom::Top);
+        let (min_layer_mm, step_mm) = match self.stacking.model {
+            StackingModel::KubelkaMunk => {
+                let slice_mm = pitch.z.max(FINEST_STEP_MM);
+                (slice_mm, Some(slice_mm))
+            }
+            StackingModel::Transport { min_layer_mm, layer_step_mm } => {
+                let voxel_mm = if from_top { pitch.z } else { pitch.max_element() };
+                (min_layer_mm.unwrap_or(voxel_mm), layer_step_mm)
+            }
+        };
+        RefineOptions { min_layer_mm, step_mm, ..RefineOptions::default() }
+    }
 }
 
 impl TargetContext<'_> {

@@ -157,7 +157,7 @@ pub(super) struct UnitLimit {
 /// Rounding slack, in units, when a limit is a whole number of units.
 const UNIT_SLACK: f64 = 1e-9;
 /// The largest n: beyond it h₀ is far below any printer's layer.
-const MAX_UNITS: usize = 4096;
+pub(super) const MAX_UNITS: usize = 4096;
 /// The deepest search: no stacking of n ≤ 4096 units that anyone prints takes more blocks.
 const MAX_DEPTH: usize = 24;
 

@@ -35,15 +35,7 @@ fn support_comes_back() {
 #[test]
 fn defects_are_named_and_do_little() {
     let round = Round::new("white", 22.0);
-    let defects = Defects {
-        tilt_degrees: 1.0,
-        tilt_direction_degrees: 30.0,
-        stray_share: 0.02,
-        stray_gradient: 0.5,
-        hot_pixels: 20,
-        mislabelled: Some((7, 2.0)),
-        ..Defects::default()
-    };
+    let defects = Defects::together();
     let measurement = round.measure(&Laboratory { defects, ..Laboratory::default() });
     let channel = &measurement.channels[0];
     let reflection = errors(&channel.reflection, &round.reflection);

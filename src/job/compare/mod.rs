@@ -25,7 +25,10 @@ mod sheet;
 mod stage;
 mod texels;
 
-use std::path::{Path, PathBuf};
+use std::{
+    ops::ControlFlow,
+    path::{Path, PathBuf},
+};
 
 use serde::Serialize;
 
@@ -142,9 +145,13 @@ pub fn compare(
                 .warnings
                 .push("photons meet no boundary of resin and air: refractive indices are left out".to_owned());
         }
+        if jobs.is_empty() {
+            return Ok(comparison);
+        }
+        let set = file.clone().into_set(|_, _| ControlFlow::Continue(()))?;
         for job in &jobs {
             let prefix = if jobs.len() > 1 { format!("{}: ", job.manifest.name) } else { String::new() };
-            let promise = Promise { patch: &patch, file, job, scale: job.scale(&first_albedo), prefix };
+            let promise = Promise { patch: &patch, file, set: &set, job, scale: job.scale(&first_albedo), prefix };
             promise.add_to(&mut comparison, request, progress, interrupt)?;
         }
     }

@@ -42,6 +42,8 @@ pub struct Spread {
 pub(super) struct Promise<'a> {
     pub patch: &'a Patch,
     pub file: &'a MaterialFile,
+    /// What the file's resins are to Kubelka–Munk.
+    pub set: &'a MaterialSet,
     pub job: &'a Printed,
     /// By how much the job scaled the target.
     pub scale: f64,
@@ -105,15 +107,14 @@ impl Promise<'_> {
     }
 
     fn by_kubelka_munk(&self) -> Result<Spectra, CompareError> {
-        let set: MaterialSet = self.file.clone().into_set(|_, _| ControlFlow::Continue(()))?;
         let index = |name: &str| -> Result<usize, OpticsError> { self.file.resin_index(name) };
         let Some(report) = self.job.manifest.stackings.first() else { return Ok(Vec::new()) };
         let core = index(&report.core)?;
-        let mut spectra = vec![Vec::new(); set.channels.len()];
+        let mut spectra = vec![Vec::new(); self.set.channels.len()];
         for entry in &report.stackings {
             let layers = entry.layers.iter().map(|layer| Ok((index(&layer.resin)?, layer.thickness_mm)));
             let layers = layers.collect::<Result<Vec<_>, OpticsError>>()?;
-            let light = Prediction::kubelka_munk(&set, &layers, Some(core)).light;
+            let light = Prediction::kubelka_munk(self.set, &layers, Some(core)).light;
             spectra.iter_mut().zip(light).for_each(|(spectra, light)| spectra.push(light.reflection_hankel));
         }
         Ok(spectra)

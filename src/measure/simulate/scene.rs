@@ -122,6 +122,21 @@ pub struct Defects {
     pub shifted: Option<(usize, [f64; 2])>,
 }
 
+impl Defects {
+    /// Tilt, stray light, hot pixels and a mislabelled exposure together; nothing is shifted.
+    pub fn together() -> Self {
+        Self {
+            tilt_degrees: 1.0,
+            tilt_direction_degrees: 30.0,
+            stray_share: 0.02,
+            stray_gradient: 0.5,
+            hot_pixels: 20,
+            mislabelled: Some((7, 2.0)),
+            shifted: None,
+        }
+    }
+}
+
 impl Scene {
     /// The paper's camera, 44 µm a pixel, over a square field that reaches to 1e-6 of the innermost light, but no farther than
     /// `farthest_mm`.

@@ -24,7 +24,7 @@ pub use boundary::Boundary;
 use explore::{Explorer, Runs, TRIALS};
 pub use map::{GamutMap, Move};
 
-use super::{RefineOptions, ResinLimit, SearchError, SearchOptions, Stacking};
+use super::{RefineOptions, ResinLimit, SearchError, SearchOptions, Stacking, options::MAX_UNITS};
 use crate::optics::{FrequencyGrid, InverseHankel, KubelkaMunk, ModalReflection, TransportOptions, VolumeCoefficients};
 
 /// Directions that place a stacking to 0.4% in albedo and 1.3% in radius (docs/accuracy.md), at a third of the cost of those that judge it.
@@ -59,17 +59,15 @@ pub struct GamutPoint {
 
 /// Units of refined layers that make the thinnest: a quarter of 27 µm of black at the surface changes an albedo by 0.04 and leaves a notch.
 const PARTS: f64 = 16.0;
-/// Most units.
-const MOST_UNITS: f64 = 4096.0;
 
 /// The space of `options` in steps of a printer's layers instead of a search's blocks; without `refine.step_mm`, which leaves any thickness, in
-/// sixteenths of the thinnest layer.
+/// sixteenths of the thinnest layer. Where these would be more units than a search may have, they are coarser.
 pub fn layer_space(options: &SearchOptions, refine: &RefineOptions, resins: usize) -> SearchOptions {
     let step_mm = refine.step_mm.unwrap_or(refine.min_layer_mm / PARTS);
     let given = |resin: usize| options.limits.get(resin).copied().unwrap_or(ResinLimit::NONE);
     let limit = |limit: ResinLimit| ResinLimit { min_mm: limit.min_mm.max(refine.min_layer_mm), ..limit };
     SearchOptions {
-        units: (options.max_thickness_mm / step_mm).ceil().min(MOST_UNITS) as usize,
+        units: (options.max_thickness_mm / step_mm).ceil().min(MAX_UNITS as f64) as usize,
         limits: (0..resins).map(|resin| limit(given(resin))).collect(),
         ..options.clone()
     }
