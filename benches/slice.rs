@@ -14,10 +14,10 @@ use std::{
 
 use glam::DVec3;
 use lumislice::{
+    appearance::{LayerField, LayerStack},
     job::{Interrupt, Job, Prepared, Scaling, Silent},
     mesh::{LoadOptions, Placement, Size, TriangleMesh, close, load, place},
     slice::{ObjectField, Palette, RowBuffers, Slicer, encode_rgba},
-    target::{LayerField, LayerStack},
     voxel::{Lattice, MaterialId, Printer},
 };
 use rayon::prelude::*;

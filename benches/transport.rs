@@ -7,9 +7,9 @@
 use std::time::Instant;
 
 use lumislice::{
+    appearance::NormalizedDiffusion,
     optics::{KubelkaMunk, Light, MaterialSet, ModalReflection, Transport, TransportOptions, VolumeCoefficients},
     search::{BlockTable, RefineOptions, Refiner, SearchOptions, SearchTarget, match_sequences, match_targets},
-    target::NormalizedDiffusion,
 };
 
 fn best_ms(mut run: impl FnMut()) -> f64 {

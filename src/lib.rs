@@ -9,7 +9,7 @@
 //!   job.toml ──► job      parse, resolve paths and presets, validate before work starts
 //!                 │
 //!   ┌─────────────┼───────────────────┐
-//! mesh          optics              target
+//! mesh          optics              appearance
 //! triangles,    resins: profiles,   what each surface point should reflect:
 //! UVs,          Hankel transform,   profiles per texel, k-means clusters
 //! textures      slabs, stacking
@@ -17,7 +17,7 @@
 //!   │             └──► search ◄───────┘
 //!   │                  one stacking per cluster
 //!   │                    │
-//!   │                  target           layer table: layer boundaries at every texel
+//!   │                  appearance       layer table: layer boundaries at every texel
 //!   ▼                    │
 //! sdf   closest surface point, signed distance (exact)
 //!   │                    │
@@ -27,7 +27,7 @@
 //! ```
 //!
 //! One idea carries it: **depth and nearest surface point at any position in space**. [`sdf`] answers that query,
-//! [`target`] turns it into a material. Voxels and meshes are two samplings of that one field.
+//! [`appearance`] turns it into a material. Voxels and meshes are two samplings of that one field.
 //!
 //! # Conventions
 //!
@@ -43,14 +43,17 @@
 //!   voxel (i, j, k) has its centre at origin + (index + ½) · pitch, pitch per axis
 //! ```
 
+pub mod appearance;
 pub mod job;
+pub mod look;
 pub mod measure;
 pub mod mesh;
 pub mod optics;
+pub mod output;
 pub mod plot;
+pub mod preview;
 pub mod sdf;
 pub mod search;
 pub mod slice;
 mod suggest;
-pub mod target;
 pub mod voxel;

@@ -6,7 +6,7 @@ mod common;
 use common::*;
 use glam::{DMat3, DVec3};
 use lumislice::{
-    target::LayerStack,
+    appearance::LayerStack,
     voxel::{Lattice, MaterialId},
 };
 

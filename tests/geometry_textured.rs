@@ -6,11 +6,11 @@ mod common;
 use common::*;
 use glam::{DVec3, Vec2};
 use lumislice::{
+    appearance::{Atlas, LabelMap, LayerField, SlotTable, TexturedLayers, align, enforce_limits},
     mesh::{Solid, TriangleMesh, close},
     sdf::{DepthRange, Surface},
     search::{ResinLimit, Stacking},
     slice::{ObjectField, Slicer},
-    target::{Atlas, LabelMap, LayerField, SlotTable, TexturedLayers, align, enforce_limits},
     voxel::{Lattice, MaterialId},
 };
 use proptest::prelude::*;

@@ -5,12 +5,10 @@ use std::{fs, path::PathBuf, time::Instant};
 
 use glam::DVec3;
 use lumislice::{
+    appearance::{LayerField, LayerStack},
     mesh::{LoadOptions, Placement, Solid, load, place},
-    slice::{
-        ObjectField, Slicer,
-        preview::{PreviewBuilder, PreviewFile, PreviewMaterial, from_folder},
-    },
-    target::{LayerField, LayerStack},
+    preview::{PreviewBuilder, PreviewFile, PreviewMaterial, from_folder},
+    slice::{ObjectField, Slicer},
     voxel::{Lattice, MaterialId},
 };
 use rayon::prelude::*;

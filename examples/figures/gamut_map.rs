@@ -1,11 +1,11 @@
 //! Targets out of reach, matched as they are and brought into the gamut first: does what was distinct stay distinct?
 
 use lumislice::{
+    appearance::NormalizedDiffusion,
     plot::{Axis, BLACK, BLUE, Figure, GREY, Panel, Series, Shape, VERMILION},
     search::{
         BlockTable, Gamut, GamutMap, RefineOptions, Refined, Refiner, SearchError, SearchTarget, layer_space, place_of,
     },
-    target::NormalizedDiffusion,
 };
 
 use super::{Options, Outcome, models::Resins};
@@ -28,7 +28,7 @@ pub fn run(options: &Options) -> Outcome {
         .map(|(albedo, path)| {
             Ok(SearchTarget { channels: vec![NormalizedDiffusion::new(albedo, path)?.spectrum(grid)] })
         })
-        .collect::<Result<_, lumislice::target::DiffusionError>>()?;
+        .collect::<Result<_, lumislice::appearance::DiffusionError>>()?;
     let fine = layer_space(&search, &RefineOptions::default(), resins.set.resins.len());
     let gamut = Gamut::explore(&resins.parameters(), Some(&resins.volumes()), grid, &fine)?;
     let map = GamutMap::new(&gamut, &wanted, &vec![1.0; wanted.len()], grid);

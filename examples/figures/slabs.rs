@@ -9,9 +9,9 @@ use std::{fmt::Write, fs};
 use lumislice::{
     job::{self, Interrupt, Job, Prepared, RunOptions, Silent},
     optics::{ChannelPrediction, EdgeResponse},
+    output::Existing,
     plot::{Axis, Figure, Panel, Raster, Rgb, Series, Shape, viridis},
     search::{BlockTable, Match, RefineOptions, Refined, Refiner, SearchTarget, place_of},
-    slice::Existing,
 };
 
 use super::{

@@ -4,7 +4,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use lumislice::target::{
+use lumislice::appearance::{
     NormalizedDiffusion,
     bssrdf::{Rings, write_npy},
 };

@@ -7,7 +7,7 @@ use std::{
 };
 
 use half::f16;
-use lumislice::target::bssrdf::write_npy;
+use lumislice::appearance::bssrdf::write_npy;
 
 use super::Request;
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use lumislice::{
     job::{CompareError, CompareRequest, Comparison, JobFit, Spread, compare_into},
-    slice::{Existing, OutputFolder},
+    output::{Existing, OutputFolder},
 };
 
 use super::{

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lumislice::{
+    appearance::bssrdf::{ClusterCount, FactorOptions},
     job::{FactorError, FactorRequest, Factored, factor_into},
-    slice::{Existing, OutputFolder},
-    target::bssrdf::{ClusterCount, FactorOptions},
+    output::{Existing, OutputFolder},
 };
 
 use super::{Answer, INTERRUPT, print, print_json, progress::Bars, say};

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use clap::Args;
 use lumislice::{
+    appearance::NormalizedDiffusion,
     job::{
         self, Job, MaterialSource, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
         format_stack,
@@ -15,7 +16,6 @@ use lumislice::{
         ChannelGamut, Gamut, GamutMap, GamutPoint, RefineOptions, ResinLimit, SearchError, SearchOptions, SearchTarget,
         layer_space,
     },
-    target::NormalizedDiffusion,
 };
 use serde_json::json;
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 use lumislice::{
+    appearance::NormalizedDiffusion,
     job::{
         NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions, srgb_to_linear,
         to_channels,
@@ -18,7 +19,6 @@ use lumislice::{
         BlockTable, Match, Norm, Objective, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget, Stacking,
         match_target, reflection_of,
     },
-    target::NormalizedDiffusion,
 };
 use serde_json::json;
 

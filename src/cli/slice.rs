@@ -7,7 +7,7 @@ use lumislice::{
     job::{
         self, Estimate, Finished, Job, Manifest, MaterialRecord, MaterialSource, Prepared, REPORT, RunError, RunOptions,
     },
-    slice::{Existing, OutputFolder},
+    output::{Existing, OutputFolder},
 };
 use serde_json::json;
 

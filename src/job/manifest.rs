@@ -3,14 +3,14 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{StackingReport, prepare::Prepared};
-use crate::slice::FileEntry;
+use super::{Prepared, StackingReport};
+use crate::output::{FileEntry, GENERATOR};
 
 /// Version of the manifest's form; raised when readers must change.
 pub const MANIFEST_VERSION: u32 = 1;
 
-/// Program and version, as manifests and journals have it.
-pub(super) const GENERATOR: &str = concat!("lumislice ", env!("CARGO_PKG_VERSION"));
+/// Name of the file that holds the stackings.
+pub const STACKINGS: &str = "stackings.json";
 
 /// A finished job.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,267 +1,42 @@
-//! Jobs: what to print, on which printer, from which resins, to look like what.
+//! Jobs: what to print, on which printer, from which resins, to look like what; and doing it.
 //!
-//! **In:** a job file, TOML. **Out:** a [`Job`]: typed, with every default filled in, every number in its range, every
-//! input file found; or a [`JobError`] that says in one line where the job is wrong, what was found and what was
-//! expected. Nothing slow happens here and nothing is read but the job: whether the resins it names exist is asked
-//! later ([`Job::check_resins`]), when the materials are known. `docs/job.md` lists every key.
+//! | room | request | record |
+//! | --- | --- | --- |
+//! | `file`    | a job file, TOML | a [`Job`], checked, with every default filled in |
+//! | `plan`    | a [`Job`] | a [`Prepared`] job: resins, targets, stackings, fields on a lattice |
+//! | `run`     | a [`Prepared`] job | the output folder and its [`Manifest`] |
+//! | [`verify`](mod@verify) | a finished folder | what is not as its manifest has it |
+//! | `factor`  | a measured BSSRDF | a folder of profiles and clusters to print from |
+//! | `compare` | factored data and finished jobs | what each step to the print costs in appearance |
 
-mod asked;
-mod checks;
 mod compare;
-mod error;
-mod estimate;
-mod factored;
-mod factoring;
-mod gamut_mapping;
-mod heights;
-mod images;
-mod job_targets;
+mod factor;
+mod file;
 mod manifest;
-mod object;
-mod options;
-mod paths;
-mod prepare;
+mod plan;
 mod progress;
-mod ranges;
-mod read;
-mod redraw;
-mod report;
-mod resolved;
 mod run;
 mod run_error;
-mod source;
-mod stack;
-mod stacking_report;
-mod stackings;
-mod target;
-#[cfg(test)]
-mod tests;
 pub mod verify;
 
-use std::fs::File;
-use std::io::Read;
-use std::path::{Path, PathBuf};
-
-use toml::de::DeTable;
-
 pub use compare::{CompareError, CompareRequest, Comparison, Difference, JobFit, Spread, Stage, compare, compare_into};
-pub use error::{JobError, Place};
-pub use estimate::Estimate;
-pub use factoring::{
+pub use factor::{
     ChannelFit, ClusterRecord, FACTORED, FACTORED_VERSION, FactorError, FactorRequest, FactorSettings, Factored,
     LABELS, PROFILES, RingResidual, RoundRecord, Simpler, TailRecord, factor_into,
 };
-pub use images::{srgb_to_linear, to_channels};
-pub use job_targets::{JobTarget, targets};
+pub use file::{
+    AlbedoSource, ClusterOptions, DepthFrom, Distance, FieldOptions, InputPath, Job, JobError, MAX_JOB_BYTES,
+    MaterialSource, NamedLimit, ObjectJob, OutputFormat, OutputOptions, Place, ResolvedJob, SUPPORT,
+    SUPPORT_MIN_DEPTH_MM, Scaling, StackError, StackingModel, StackingOptions, TargetSpec, Unit, format_stack,
+    parse_stack,
+};
 pub use manifest::{
-    LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord,
+    LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord, STACKINGS,
 };
-pub use object::{DepthFrom, ObjectJob, Scaling};
-pub use options::{
-    ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
-    SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
+pub use plan::{
+    GamutMapEntry, InputFile, JobTarget, LayerEntry, Prepared, PreparedObject, SearchEntry, StackingEntry,
+    StackingReport, TransportEntry, srgb_to_linear, targets, to_channels,
 };
-pub use paths::InputPath;
-pub use prepare::{InputFile, Prepared, PreparedObject};
 pub use progress::{Interrupt, Progress, Silent};
-pub use redraw::{RedrawError, redraw};
-pub use report::{REPORT, draw_again, report_data};
-pub use resolved::ResolvedJob;
-pub use run::{Finished, RunOptions, STACKINGS, run};
+pub use run::{Estimate, Finished, REPORT, RedrawError, RunOptions, draw_again, redraw, report_data, run};
 pub use run_error::{Blame, RunError};
-pub use stack::{StackError, format_stack, parse_stack};
-pub use stacking_report::{GamutMapEntry, LayerEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};
-pub use target::{AlbedoSource, TargetSpec};
-
-pub use crate::mesh::Unit;
-
-use crate::suggest::hint;
-use crate::voxel::Printer;
-use error::{one_line, one_line_path};
-use source::{Places, Source};
-
-/// Largest job file that is read, bytes. A job that lists 10 000 profiles stays below it.
-pub const MAX_JOB_BYTES: u64 = 1 << 20;
-
-/// A checked job.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Job {
-    /// The job file's stem, fit to be part of a file name: no separators, never empty, `.` or `..`.
-    pub name: String,
-    /// The job file as it was named.
-    pub path: PathBuf,
-    /// Objects on the tray, at least one.
-    pub objects: Vec<ObjectJob>,
-    /// The machine.
-    pub printer: Printer,
-    /// The resins.
-    pub materials: MaterialSource,
-    /// Grouping of texels.
-    pub clusters: ClusterOptions,
-    /// Search for stackings.
-    pub stacking: StackingOptions,
-    /// Measure of depth.
-    pub field: FieldOptions,
-    /// What is written.
-    pub output: OutputOptions,
-    /// Where each key stands, for errors found later.
-    places: Places,
-}
-
-/// The tables of a job.
-const ROOT_KEYS: &[&str] = &["object", "printer", "materials", "target", "clusters", "stacking", "field", "output"];
-
-impl Job {
-    /// Reads and checks the job at `path`. Its paths are relative to its folder.
-    ///
-    /// # Errors
-    /// [`JobError`]: the file cannot be read or is larger than [`MAX_JOB_BYTES`], or anything of
-    /// [`Job::from_toml`].
-    pub fn load(path: impl AsRef<Path>) -> Result<Self, JobError> {
-        let path = path.as_ref();
-        let file_name = || one_line_path(path);
-        let unreadable = |found: String| JobError::Unreadable { file: file_name(), found };
-        let disk = |error: std::io::Error| match error.kind() {
-            std::io::ErrorKind::NotFound => unreadable("no such file".to_owned()),
-            _ => unreadable(one_line(&error.to_string())),
-        };
-        let metadata = std::fs::metadata(path).map_err(disk)?;
-        if metadata.is_dir() {
-            return Err(unreadable("a folder".to_owned()));
-        }
-        if !metadata.is_file() {
-            return Err(unreadable("something that is not a regular file".to_owned()));
-        }
-        let mut bytes = Vec::new();
-        File::open(path).and_then(|file| file.take(MAX_JOB_BYTES + 1).read_to_end(&mut bytes)).map_err(disk)?;
-        if bytes.len() as u64 > MAX_JOB_BYTES {
-            let found = metadata.len().max(bytes.len() as u64);
-            return Err(JobError::TooLarge { file: file_name(), found, limit: MAX_JOB_BYTES });
-        }
-        let text = std::str::from_utf8(&bytes)
-            .map_err(|error| unreadable(format!("bytes that are not UTF-8 at offset {}", error.valid_up_to())))?;
-        Self::from_toml(text, path, path.parent().unwrap_or(Path::new("")))
-    }
-
-    /// Checks a job's text. `path` names it in errors and gives it its name; relative paths in it start from
-    /// `base_dir`.
-    ///
-    /// # Errors
-    /// [`JobError`]: the text is no TOML or too long, a key is unknown, missing, of the wrong type or out of range, or
-    /// an input file is not there. The first mistake found is reported, unknown keys before others of their table.
-    pub fn from_toml(text: &str, path: impl AsRef<Path>, base_dir: impl AsRef<Path>) -> Result<Self, JobError> {
-        let path = path.as_ref();
-        if text.len() as u64 > MAX_JOB_BYTES {
-            let (file, found) = (one_line_path(path), text.len() as u64);
-            return Err(JobError::TooLarge { file, found, limit: MAX_JOB_BYTES });
-        }
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let source = Source::new(path, text, base_dir.as_ref());
-        let document = DeTable::parse(text).map_err(|error| JobError::Syntax {
-            place: source.place(error.span().map_or(0, |span| span.start)),
-            message: syntax_message(error.message()),
-        })?;
-        let root = read::Table::root(&source, &document);
-        root.allow_only(ROOT_KEYS)?;
-        // A table with defaults reads the same whether it is empty or left out.
-        let empty = toml::Spanned::new(0..0, DeTable::new());
-        let table = |key: &str| root.get(key).map_or_else(|| Ok(read::Table::root(&source, &empty)), |t| t.table());
-        let common = root.get("target").map(|target| target::read_with_map(&target.table()?)).transpose()?;
-        let objects = object::read_all(&root, common.as_ref())?;
-        let printer = options::read_printer(&root)?;
-        let materials = options::read_materials(&root)?;
-        let clusters = options::read_clusters(&table("clusters")?)?;
-        let stacking = options::read_stacking(&table("stacking")?)?;
-        let field = options::read_field(&table("field")?)?;
-        let output = options::read_output(&table("output")?)?;
-        let (name, path) = (paths::job_name(path), path.to_owned());
-        let places = source.into_places();
-        Ok(Self { name, path, objects, printer, materials, clusters, stacking, field, output, places })
-    }
-
-    /// Checks that every resin the job names is one of `names`: in stacks, limits, core and background.
-    ///
-    /// # Errors
-    /// [`JobError::UnknownName`] for the first that is not, with the nearest name.
-    pub fn check_resins(&self, names: &[&str]) -> Result<(), JobError> {
-        for (index, object) in self.objects.iter().enumerate() {
-            if let TargetSpec::Stacking { layers } = &object.target {
-                let own = format!("object[{index}].target.stack");
-                let key = if self.places.contains_key(&own) { own } else { "target.stack".to_owned() };
-                layers.iter().try_for_each(|(resin, _)| self.check_name("resin", &key, resin, names))?;
-            }
-        }
-        for (index, limit) in self.stacking.limits.iter().enumerate() {
-            let key = format!("stacking.limit[{index}].resin");
-            // Support's default limit stands in no job, and a set without support has no use for it.
-            if self.places.contains_key(&key) {
-                self.check_name("resin", &key, &limit.resin, names)?;
-            }
-        }
-        let core = self.stacking.core_name();
-        if self.places.contains_key("stacking.core") {
-            self.check_name("resin", "stacking.core", core, names)?;
-        } else if !names.contains(&core) {
-            return Err(self.refuse_core());
-        }
-        let mut background = self.output.map_background.iter();
-        background.try_for_each(|resin| self.check_name("resin", "output.background-as", resin, names))
-    }
-
-    /// The error of a job that leaves the core to its default where there is no such resin.
-    fn refuse_core(&self) -> JobError {
-        let found = format!("no core, and no resin called `{}` to stand in for it", self.stacking.core_name());
-        self.refuse("stacking.core", found, "the resin that fills the inside below the stacking")
-    }
-
-    /// Checks that the built-in set the job asks for, if it does, is one of `names`.
-    ///
-    /// # Errors
-    /// [`JobError::UnknownName`] with the nearest name.
-    pub fn check_material_set(&self, names: &[&str]) -> Result<(), JobError> {
-        match &self.materials {
-            MaterialSource::Set(set) => self.check_name("material set", "materials.set", set, names),
-            MaterialSource::File(_) => Ok(()),
-        }
-    }
-
-    fn check_name(&self, kind: &'static str, key: &str, name: &str, names: &[&str]) -> Result<(), JobError> {
-        if names.contains(&name) {
-            return Ok(());
-        }
-        let hint = hint(name, names.iter().copied());
-        Err(JobError::UnknownName { place: self.place(key), key: key.to_owned(), kind, found: one_line(name), hint })
-    }
-
-    /// Where `key` (as `output.mesh-pitch-mm` or `object[0].mesh`) stands in the job file; for one that the job leaves to
-    /// its default the nearest table around it, else the file's start.
-    pub fn place(&self, key: &str) -> Place {
-        let mut around = key;
-        loop {
-            if let Some(place) = self.places.get(around) {
-                return place.clone();
-            }
-            match around.rfind(['.', '[']) {
-                Some(end) => around = &around[..end],
-                None => return Place { file: one_line_path(&self.path).into(), line: 1, column: 1 },
-            }
-        }
-    }
-
-    /// An error about `key` that shows only once the inputs are read, as a mesh too large for the tray.
-    pub fn refuse(&self, key: &str, found: impl Into<String>, expected: impl Into<String>) -> JobError {
-        JobError::Value { place: self.place(key), key: key.to_owned(), found: found.into(), expected: expected.into() }
-    }
-
-    /// The job with every default spelt out, for the manifest. Paths stay as written; an absolute one is shown by its
-    /// file name alone.
-    pub fn resolved(&self) -> ResolvedJob {
-        resolved::resolve(self)
-    }
-}
-
-/// The parser's message on one line.
-fn syntax_message(message: &str) -> String {
-    let parts: Vec<&str> = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-    error::escaped(parts.join(", ").chars())
-}

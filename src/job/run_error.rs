@@ -6,11 +6,8 @@ use thiserror::Error;
 
 use super::JobError;
 use crate::{
-    mesh::MeshError,
-    optics::OpticsError,
-    search::SearchError,
-    slice::{OutputError, meshes::MeshingError, preview::PreviewError},
-    voxel::LatticeError,
+    mesh::MeshError, optics::OpticsError, output::OutputError, preview::PreviewError, search::SearchError,
+    slice::meshes::MeshingError, voxel::LatticeError,
 };
 
 /// Why a job was not done.

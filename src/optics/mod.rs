@@ -22,7 +22,7 @@ mod hankel;
 mod inverse;
 mod kubelka_munk;
 mod materials;
-mod monte_carlo;
+pub(crate) mod monte_carlo;
 mod prediction;
 mod profile;
 mod profile_csv;
@@ -45,7 +45,6 @@ pub use materials::{
     SimulatedProfile, SlabPlan, SpectrumError, regenerate_builtin, simulate_profile,
 };
 pub(crate) use materials::{resin_table, toml_source};
-pub use monte_carlo::voxels;
 pub use monte_carlo::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges};
 pub use prediction::{ChannelPrediction, PhotonOptions, PredictedRing, Prediction};
 pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERANCE, ProfileError, RadialProfile};

@@ -9,12 +9,12 @@ use glam::{DVec3, Vec2};
 
 use super::depth::{DistanceKind, Measure, MeasureScratch, SlabField};
 use crate::{
+    appearance::{BrickQuery, LayerField},
     mesh::Solid,
     sdf::{
         BlockBox, BrickOffsets, BrickSurface, CullScratch, DepthRange, Face, InsideRows, SliceRuns, Surface,
         closest_point, cull, nearest_in_parts,
     },
-    target::{BrickQuery, LayerField},
     voxel::{BRICK, BRICK_VOXELS, Block, BlockShape, Lattice, MaterialId},
 };
 

@@ -4,7 +4,7 @@ use std::fs;
 
 use serde_json::Value;
 
-use lumislice::target::bssrdf::write_npy;
+use lumislice::appearance::bssrdf::write_npy;
 
 use crate::slice_bssrdf::bench;
 use crate::support::{Bench, keys};

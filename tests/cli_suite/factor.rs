@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use lumislice::target::bssrdf::write_npy;
+use lumislice::appearance::bssrdf::write_npy;
 
 use super::support::{Bench, keys};
 

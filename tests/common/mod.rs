@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
 use lumislice::{
+    appearance::{LayerField, LayerStack},
     mesh::{Solid, TriangleMesh, close},
     sdf::closest_point,
     slice::{ObjectField, Slicer},
-    target::{LayerField, LayerStack},
     voxel::{Lattice, MM_PER_INCH, MaterialId},
 };
 use rand_xoshiro::Xoshiro256PlusPlus;

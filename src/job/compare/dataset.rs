@@ -1,7 +1,7 @@
 //! Light by the measured 4D data themselves.
 
 use super::CompareError;
-use crate::target::{
+use crate::appearance::{
     bssrdf::{Channel, Dataset},
     mirrored, spread,
 };

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::{
+    appearance::bssrdf::BssrdfError,
     job::{Blame, RunError, verify::VerifyError},
     optics::OpticsError,
+    output::OutputError,
     plot::PlotError,
-    slice::OutputError,
-    target::bssrdf::BssrdfError,
 };
 
 /// Why there is no comparison.

@@ -32,11 +32,11 @@ use std::{
 
 use serde::Serialize;
 
-use super::{Interrupt, Progress, factored::FactoredMap, manifest::GENERATOR, run::pretty};
+use super::{Interrupt, Progress, plan::FactoredMap};
 use crate::{
     optics::MaterialFile,
+    output::{Existing, GENERATOR, OutputFolder, pretty},
     plot::Format,
-    slice::{Existing, OutputFolder},
 };
 pub use error::CompareError;
 use lights::{Lamp, lamps};

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use super::{CompareError, dataset, texels};
 use crate::{
-    job::factored::FactoredMap,
-    optics::{FrequencyGrid, InverseHankel},
-    target::{
+    appearance::{
         LocalProfiles, TexelRings,
         bssrdf::{Channel, Dataset, LUMINANCE},
     },
+    job::plan::FactoredMap,
+    optics::{FrequencyGrid, InverseHankel},
 };
 
 /// Rings end where this share of the light of all clusters is within them…

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use super::CompareError;
 use crate::{
     job::{Manifest, verify::read_manifest},
-    optics::{MaterialFile, VolumeCoefficients, voxels::VoxelGrid},
+    look::VoxelGrid,
+    optics::{MaterialFile, VolumeCoefficients},
     voxel::MaterialId,
 };
 

@@ -7,10 +7,8 @@ use serde::Serialize;
 use super::{CompareError, CompareRequest, Comparison, Patch, Printed, Stage};
 use crate::{
     job::{Interrupt, Progress},
-    optics::{
-        Light, MaterialFile, MaterialSet, OpticsError, Prediction, Transport, TransportOptions,
-        voxels::{Pattern, Photons, Sides, TexelGrid, VoxelScene},
-    },
+    look::{Pattern, Photons, Sides, TexelGrid, VoxelScene},
+    optics::{Light, MaterialFile, MaterialSet, OpticsError, Prediction, Transport, TransportOptions},
 };
 
 /// How well the stackings of a job fit the clusters they stand for. Objectives are the paper's, Σ (R̂ − R̂_t)² over coefficients and channels,

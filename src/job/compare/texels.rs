@@ -3,7 +3,7 @@
 use std::{fs::File, io::Read, path::Path};
 
 use super::CompareError;
-use crate::target::{TexelRings, bssrdf::NpyHeader};
+use crate::appearance::{TexelRings, bssrdf::NpyHeader};
 
 /// Reads `profiles.npy`, `[row][column][channel][ring]` per mm² over rings between `edges_mm`, and returns for each texel the light within each edge of `rings`
 /// and the albedo. `weights` say how the channels are mixed.

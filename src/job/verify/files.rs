@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::{Check, Finding, Verification, VerifyError};
-use crate::slice::{FileEntry, MANIFEST, TIMINGS, hex, is_plain};
+use crate::output::{FileEntry, MANIFEST, TIMINGS, hex, is_plain};
 
 /// Bytes read at a time.
 const BUFFER: usize = 1 << 16;

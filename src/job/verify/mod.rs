@@ -30,8 +30,8 @@ use std::{
 use serde::Serialize;
 use thiserror::Error;
 
-use super::{Blame, Interrupt, MANIFEST_VERSION, Manifest, Progress, error::escaped};
-use crate::slice::MANIFEST;
+use super::{Blame, Interrupt, MANIFEST_VERSION, Manifest, Progress, file::escaped};
+use crate::output::MANIFEST;
 
 /// Longest manifest that is read, bytes: a full tray of 14 µm layers with six masks each lists 100 000 files in 20 MB.
 pub const MAX_MANIFEST_BYTES: u64 = 256 << 20;

@@ -9,7 +9,7 @@ use tempfile::TempDir;
 use super::{Verification, VerifyError, layers::gaps, verify};
 use crate::{
     job::{Interrupt, Silent},
-    slice::hex,
+    output::hex,
 };
 
 const WHITE: [u8; 4] = [240, 240, 235, 255];

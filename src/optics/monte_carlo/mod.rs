@@ -10,9 +10,9 @@
 //! come in batches of fixed size, each with a random stream of its own, summed in their order.
 //! *Not covered:* polarisation, time of flight; lateral inhomogeneity is [`voxels`]' task, which is index-matched.
 
+pub(crate) mod photon;
 mod rings;
 mod tally;
-pub mod voxels;
 mod walk;
 
 use std::ops::ControlFlow;
@@ -27,9 +27,9 @@ use tally::Tally;
 use walk::Stack;
 
 /// Photons per batch: some 10 ms of work, long against the cost of merging a tally, short against a user's patience.
-const BATCH: u64 = 16_384;
+pub(crate) const BATCH: u64 = 16_384;
 /// Batches between two calls of the progress callback; bounds the memory of unmerged tallies too.
-const GROUP: usize = 64;
+pub(crate) const GROUP: usize = 64;
 
 /// One plane layer of resin.
 #[derive(Debug, Clone, Copy, PartialEq)]

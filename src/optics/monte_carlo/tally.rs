@@ -3,35 +3,9 @@
 //! A photon leaves the stack once at most, so the contributions to one sum are independent between photons, and the second
 //! moment gives the standard error without batches: var = (⟨w²⟩ − ⟨w⟩²)/(N − 1).
 
-use super::{Estimate, MonteCarloResult, RingEdges};
+use super::photon::Moments;
+use super::{MonteCarloResult, RingEdges};
 use crate::optics::RadialProfile;
-
-/// First and second moment of weights.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Moments {
-    weight: f64,
-    squared: f64,
-}
-
-impl Moments {
-    #[inline]
-    pub(super) fn score(&mut self, weight: f64) {
-        self.weight += weight;
-        self.squared += weight * weight;
-    }
-
-    pub(super) fn add(&mut self, other: &Self) {
-        self.weight += other.weight;
-        self.squared += other.squared;
-    }
-
-    pub(super) fn estimate(&self, photons: u64) -> Estimate {
-        let n = photons as f64;
-        let mean = self.weight / n;
-        let variance = (self.squared / n - mean * mean).max(0.0);
-        Estimate { mean, standard_error: (variance / (n - 1.0)).sqrt() }
-    }
-}
 
 /// One face's exits: in total, and by ring.
 #[derive(Debug, Clone)]

@@ -6,9 +6,9 @@ use rayon::prelude::*;
 
 use super::{explore::Explorer, width::RadiusTable, *};
 use crate::{
+    appearance::NormalizedDiffusion,
     optics::MaterialSet,
     search::{ResinLimit, SearchTarget, reflection_of},
-    target::NormalizedDiffusion,
 };
 
 struct Synthetic {

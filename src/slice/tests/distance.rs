@@ -5,11 +5,11 @@ use std::{collections::BTreeSet, ops::Range};
 use glam::{DVec3, IVec3, Vec2};
 
 use crate::{
+    appearance::{Atlas, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers, align},
     mesh::{HealthReport, Solid, TriangleMesh},
     sdf::{Cells, RELATIVE_ERROR, cell_centre, for_cells},
     search::{ResinLimit, Stacking},
     slice::{DistanceKind, ObjectField, Slicer},
-    target::{Atlas, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers, align},
     voxel::{Lattice, MaterialId},
 };
 

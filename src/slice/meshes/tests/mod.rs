@@ -12,10 +12,10 @@ use glam::{DVec3, Vec2};
 
 use super::{MaterialMesher, MaterialMeshes};
 use crate::{
+    appearance::{LayerField, LayerStack, SlotTable, align},
     mesh::{HealthReport, Solid, TriangleMesh},
     search::Stacking,
     slice::{ObjectField, Slicer},
-    target::{LayerField, LayerStack, SlotTable, align},
     voxel::{Lattice, MaterialId},
 };
 

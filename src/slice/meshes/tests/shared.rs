@@ -7,9 +7,9 @@ use std::{
 
 use super::*;
 use crate::{
+    appearance::{Atlas, LabelMap, TexturedLayers},
     mesh::{LoadOptions, Placement, Size, close, load, place},
     slice::meshes::{write_3mf, write_stl},
-    target::{Atlas, LabelMap, TexturedLayers},
 };
 
 /// A file of the shared folder, or `None` with a message.

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::*;
-use crate::target::{Atlas, LabelMap, TexturedLayers};
+use crate::appearance::{Atlas, LabelMap, TexturedLayers};
 
 /// A sphere with three stackings in patches: interpolated thicknesses, layers that end, another core's neighbourhood.
 fn patched_sphere(labels: impl Fn(u32, u32) -> u16) -> Slicer {

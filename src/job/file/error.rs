@@ -1,0 +1,174 @@
+//! What can be wrong with a job, each said in one line: place, key, found, expected.
+
+use std::fmt;
+use std::sync::Arc;
+
+use super::stack::StackError;
+
+/// A place in a job file. Lines and columns count from 1; a column is a character, not a byte.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Place {
+    /// The job file as it was named.
+    pub file: Arc<str>,
+    /// Line, from 1.
+    pub line: u32,
+    /// Character in the line, from 1.
+    pub column: u32,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}:{}", self.file, self.line, self.column)
+    }
+}
+
+/// Why a job is refused. Every message is one line.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum JobError {
+    /// The disk: the job file cannot be read.
+    #[error("{file}: found {found}, expected a readable job file")]
+    Unreadable {
+        /// The job file.
+        file: String,
+        /// What stands in the way.
+        found: String,
+    },
+    /// The file: it is too large to be a job.
+    #[error("{file}: found {found} bytes or more, expected a job of at most {limit}")]
+    TooLarge {
+        /// The job file.
+        file: String,
+        /// Bytes seen.
+        found: u64,
+        /// Bytes allowed.
+        limit: u64,
+    },
+    /// The file: it is not TOML.
+    #[error("{place}: found text that is not valid TOML: {message}")]
+    Syntax {
+        /// Where the parser stumbled.
+        place: Place,
+        /// The parser's words.
+        message: String,
+    },
+    /// A key that no job has.
+    #[error("{place}: {key}: found an unknown key; {hint}")]
+    UnknownKey {
+        /// Where it stands.
+        place: Place,
+        /// Its full path.
+        key: String,
+        /// "did you mean `…`?", or the keys there are.
+        hint: String,
+    },
+    /// A key that must be there and is not.
+    #[error("{place}: {key}: found nothing, expected {expected}")]
+    Missing {
+        /// The table that lacks it.
+        place: Place,
+        /// Its full path.
+        key: String,
+        /// What it should hold.
+        expected: String,
+    },
+    /// Two keys that exclude each other.
+    #[error("{place}: {key}: found together with `{other}`, expected only one of the two")]
+    Conflict {
+        /// The later one.
+        place: Place,
+        /// Its full path.
+        key: String,
+        /// The other one's name in the same table.
+        other: String,
+    },
+    /// A value of the wrong type or out of range.
+    #[error("{place}: {key}: found {found}, expected {expected}")]
+    Value {
+        /// Where the value stands.
+        place: Place,
+        /// The key's full path.
+        key: String,
+        /// The value.
+        found: String,
+        /// What would do.
+        expected: String,
+    },
+    /// A stack that cannot be read.
+    #[error("{place}: {key}: {error}")]
+    Stack {
+        /// Where the text stands.
+        place: Place,
+        /// The key's full path.
+        key: String,
+        /// Which layer, what was found, what was expected.
+        error: StackError,
+    },
+    /// An input file or folder that is not there, or is not what it should be.
+    #[error("{place}: {key}: found \"{found}\", {problem}, expected {expected} (looked at {looked_at})")]
+    Input {
+        /// Where the path stands.
+        place: Place,
+        /// The key's full path.
+        key: String,
+        /// The path as written.
+        found: Box<str>,
+        /// What is wrong with it.
+        problem: String,
+        /// What should be there.
+        expected: &'static str,
+        /// The path after resolving it against the job file's folder.
+        looked_at: Box<str>,
+    },
+    /// A resin, set or printer of that name does not exist.
+    #[error("{place}: {key}: found the unknown {kind} \"{found}\"; {hint}")]
+    UnknownName {
+        /// Where the name stands.
+        place: Place,
+        /// The key's full path.
+        key: String,
+        /// What it should name.
+        kind: &'static str,
+        /// The name.
+        found: String,
+        /// "did you mean `…`?", or the names there are.
+        hint: String,
+    },
+    /// A part of lumislice that the job asks for and that does not exist yet.
+    #[error("{place}: {key}: found \"{found}\", which is not built yet; expected {expected}")]
+    NotBuilt {
+        /// Where it is asked for.
+        place: Place,
+        /// The key's full path.
+        key: String,
+        /// What was asked for.
+        found: String,
+        /// What there is instead.
+        expected: String,
+    },
+}
+
+/// Most characters of a found text that a message repeats.
+const MAX_QUOTED: usize = 60;
+
+/// `text` on one line and of a length that suits a message, without quotes.
+pub(super) fn one_line(text: &str) -> String {
+    let mut line = escaped(text.chars().take(MAX_QUOTED));
+    if text.chars().nth(MAX_QUOTED).is_some() {
+        line.push('…');
+    }
+    line
+}
+
+/// A path on one line, never cut.
+pub(super) fn one_line_path(path: &std::path::Path) -> String {
+    escaped(path.to_string_lossy().chars())
+}
+
+/// Characters with those that would break a line or a terminal written out.
+pub(in crate::job) fn escaped(chars: impl Iterator<Item = char>) -> String {
+    let mut line = String::new();
+    for c in chars {
+        if c.is_control() { line.extend(c.escape_default()) } else { line.push(c) }
+    }
+    line
+}

@@ -1,0 +1,284 @@
+//! What an object asks for, before any search: targets, and where on its surface each is wanted.
+
+use super::{
+    context::TargetContext,
+    factored::FactoredMap,
+    images::{read_labels, read_picture, srgb_to_linear, to_channels},
+};
+use crate::{
+    appearance::{self, AppearancePage, Atlas, LabelMap, NormalizedDiffusion, cluster, distinct_appearances},
+    job::{AlbedoSource, InputPath, RunError, TargetSpec},
+    optics::ProfileFile,
+    search::SearchTarget,
+};
+
+/// What an object asks for, before any search.
+pub(super) struct Wanted {
+    pub kind: &'static str,
+    pub targets: Vec<SearchTarget>,
+    /// Share of the surface that wants each.
+    pub shares: Vec<f64>,
+    /// How far the spectra of each cluster are from their mean; `None` where nothing was clustered.
+    pub rms: Vec<Option<f64>>,
+    pub surface: Surface,
+}
+
+/// Where which target is wanted.
+pub(super) enum Surface {
+    Uniform,
+    Labelled { atlas: Atlas, labels: Vec<LabelMap> },
+}
+
+/// What `target` asks for; nothing where it gives a stacking.
+pub(super) fn wanted(
+    context: &TargetContext<'_>,
+    target: &TargetSpec,
+    warnings: &mut Vec<String>,
+) -> Result<Wanted, RunError> {
+    match target {
+        TargetSpec::Stacking { .. } => Ok(Wanted {
+            kind: "stacking",
+            targets: Vec::new(),
+            shares: Vec::new(),
+            rms: Vec::new(),
+            surface: Surface::Uniform,
+        }),
+        TargetSpec::Profile { paths } => Ok(Wanted {
+            kind: "profile",
+            targets: vec![context.profile_target("target.profile", paths)?],
+            shares: vec![1.0],
+            rms: vec![None],
+            surface: Surface::Uniform,
+        }),
+        TargetSpec::Clusters { labels, profiles } => {
+            let (width, height, labels_of) = read_labels(labels.as_ref())?;
+            if let Some(odd) = labels_of.iter().find(|&&label| usize::from(label) >= profiles.len()) {
+                return Err(RunError::Texture {
+                    path: labels.path.clone(),
+                    found: format!("label {odd} with {} profiles", profiles.len()),
+                    expected: "labels from 0 to one less than the number of profiles",
+                });
+            }
+            context.require_uvs("target.labels")?;
+            let targets = profiles.iter().map(|paths| context.profile_target("target.profiles", paths));
+            let targets = targets.collect::<Result<Vec<_>, _>>()?;
+            Ok(labelled(context, "clusters", (width, height), labels_of, targets, None))
+        }
+        TargetSpec::Texture { albedo, mean_free_path, mean_free_path_mm, max_albedo } => {
+            let pages = context.appearance(albedo, mean_free_path.as_ref())?;
+            texture_wanted(context, pages, *mean_free_path_mm, *max_albedo, warnings)
+        }
+        TargetSpec::Bssrdf { map, max_albedo } => {
+            context.require_uvs("target.map")?;
+            let map = FactoredMap::read(map.as_ref())?;
+            let channels = &context.materials.channels;
+            let targets = map.spectra(channels, &context.materials.grid)?;
+            let targets = targets.into_iter().map(|channels| SearchTarget { channels }).collect();
+            Ok(labelled(context, "bssrdf", (map.width, map.height), map.labels, targets, *max_albedo))
+        }
+    }
+}
+
+/// `targets`, wanted where `labels` name them; `max_albedo` rescales them all as [`rescale`] says.
+fn labelled(
+    context: &TargetContext<'_>,
+    kind: &'static str,
+    size: (u32, u32),
+    labels: Vec<u16>,
+    mut targets: Vec<SearchTarget>,
+    max_albedo: Option<f64>,
+) -> Wanted {
+    let atlas = Atlas::new(&context.solid.mesh, &[size], &[]);
+    let mut texels = vec![0_u64; targets.len()];
+    for texel in atlas.pages()[0].covered() {
+        texels[usize::from(labels[texel])] += 1;
+    }
+    if let Some(most) = max_albedo {
+        rescale(&mut targets, &texels, most);
+    }
+    let total: u64 = texels.iter().sum();
+    Wanted {
+        kind,
+        shares: texels.iter().map(|&texels| texels as f64 / total.max(1) as f64).collect(),
+        rms: vec![None; targets.len()],
+        targets,
+        surface: Surface::Labelled { atlas, labels: vec![LabelMap(labels)] },
+    }
+}
+
+/// Scales all profiles by one factor, so that the largest albedo of any that is laid somewhere becomes `most`.
+fn rescale(targets: &mut [SearchTarget], shares: &[u64], most: f64) {
+    let laid = targets.iter().zip(shares).filter(|(_, share)| **share > 0);
+    let brightest = laid.flat_map(|(target, _)| &target.channels).map(|spectrum| spectrum[0]).fold(0.0, f64::max);
+    let scale = most / brightest.max(f64::MIN_POSITIVE);
+    for spectrum in targets.iter_mut().flat_map(|target| &mut target.channels) {
+        spectrum.iter_mut().for_each(|value| *value *= scale);
+    }
+}
+
+/// Pages of appearance with the page of every triangle.
+struct Appearance {
+    pages: Vec<AppearancePage>,
+    page_of: Vec<u16>,
+}
+
+fn texture_wanted(
+    context: &TargetContext<'_>,
+    appearance: Appearance,
+    mean_free_path_mm: f64,
+    max_albedo: Option<f64>,
+    warnings: &mut Vec<String>,
+) -> Result<Wanted, RunError> {
+    let channels = context.materials.channels.len();
+    context.progress.stage("clusters", 0);
+    let sizes: Vec<_> = appearance.pages.iter().map(|page| (page.width, page.height)).collect();
+    let atlas = Atlas::new(&context.solid.mesh, &sizes, &appearance.page_of);
+    let scale =
+        max_albedo.map_or(1.0, |most| most / brightest(&atlas, &appearance.pages, channels).max(f64::MIN_POSITIVE));
+    let appearances = distinct_appearances(&atlas, &appearance.pages, channels, scale);
+    let coefficients = context.materials.grid.len();
+    let mut spectra = Vec::with_capacity(appearances.distinct.len() * channels * coefficients);
+    for appearance in &appearances.distinct {
+        for &albedo in &appearance.albedo {
+            let model = NormalizedDiffusion::new(albedo, appearance.mean_free_path * mean_free_path_mm)
+                .map_err(|error| context.refuse("target", error, "an albedo and a mean free path"))?;
+            spectra.extend(model.spectrum(&context.materials.grid));
+        }
+    }
+    let weights: Vec<_> = appearances.distinct.iter().map(|appearance| appearance.texels as f64).collect();
+    let options = appearance::ClusterOptions {
+        k: context.job.clusters.k,
+        seed: context.job.clusters.seed,
+        coefficients,
+        objective: context.job.stacking.objective,
+        ..Default::default()
+    };
+    let clusters = cluster(&spectra, &weights, &options)
+        .map_err(|error| context.refuse("clusters", error, "profiles that can be grouped"))?;
+    context.stop_if_interrupted()?;
+    let count = clusters.centroids.len();
+    // One appearance everywhere is what a constant target is, not a lack of clusters.
+    if count < clusters.requested && appearances.distinct.len() > 1 {
+        warnings.push(format!(
+            "object {}: its {} distinct appearances make {count} clusters, not the {} asked for",
+            context.object + 1,
+            appearances.distinct.len(),
+            clusters.requested,
+        ));
+    }
+    let target =
+        |centroid: &Vec<f64>| SearchTarget { channels: centroid.chunks(coefficients).map(<[f64]>::to_vec).collect() };
+    let total: f64 = weights.iter().sum();
+    let rms = |fit: &appearance::ClusterFit| Some(fit.rms / ((channels * coefficients) as f64).sqrt());
+    let label = |&appearance: &u32| clusters.labels[appearance as usize] as u16; // k is at most 65,535
+    let labels = appearances.index.iter().map(|page| LabelMap(page.iter().map(label).collect())).collect();
+    Ok(Wanted {
+        kind: "texture",
+        targets: clusters.centroids.iter().map(target).collect(),
+        shares: clusters.fits.iter().map(|fit| fit.weight / total).collect(),
+        rms: clusters.fits.iter().map(rms).collect(),
+        surface: Surface::Labelled { atlas, labels },
+    })
+}
+
+/// The largest albedo of any covered texel and channel.
+fn brightest(atlas: &Atlas, pages: &[AppearancePage], channels: usize) -> f64 {
+    let texels = atlas.pages().iter().zip(pages).flat_map(|(map, page)| {
+        map.covered().flat_map(move |texel| &page.albedo[texel * channels..(texel + 1) * channels])
+    });
+    f64::from(texels.copied().fold(0.0, f32::max))
+}
+
+impl TargetContext<'_> {
+    fn require_uvs(&self, key: &str) -> Result<(), RunError> {
+        if !self.has_uvs {
+            let mesh = self.job.objects[self.object].mesh.shown();
+            return Err(self.refuse(key, format!("{mesh} without texture coordinates"), "a mesh that has them"));
+        }
+        Ok(())
+    }
+
+    fn profile_target(&self, key: &str, paths: &[InputPath]) -> Result<SearchTarget, RunError> {
+        let channels = self.materials.channels.len();
+        if paths.len() != 1 && paths.len() != channels {
+            let expected = format!("one path, or one for each of {channels} channels");
+            return Err(self.refuse(key, format!("{} paths", paths.len()), &expected));
+        }
+        let spectrum = |path: &InputPath| -> Result<Vec<f64>, RunError> {
+            let Some(reflection) = ProfileFile::read(path.as_ref())?.reflection else {
+                let found = format!("{} without reflection_per_mm2", path.path.display());
+                return Err(self.refuse(key, found, "a profile with a column of reflection"));
+            };
+            Ok(reflection.hankel(&self.materials.grid).values)
+        };
+        let spectra = paths.iter().map(spectrum).collect::<Result<Vec<_>, _>>()?;
+        Ok(SearchTarget { channels: (0..channels).map(|c| spectra[c.min(spectra.len() - 1)].clone()).collect() })
+    }
+
+    /// Reads the textures of a texture target.
+    fn appearance(&self, albedo: &AlbedoSource, mean_free_path: Option<&InputPath>) -> Result<Appearance, RunError> {
+        let channels = self.materials.channels.len();
+        let mean_free_path = mean_free_path.map(|path| read_picture(path.as_ref())).transpose()?;
+        if mean_free_path.is_some() {
+            self.require_uvs("target.mean-free-path")?;
+        }
+        let decode = |rgb: [f32; 3]| rgb.map(srgb_to_linear);
+        // Linear colour at (u, v) and the size of the texture behind it, one per page.
+        type Colour<'a> = Box<dyn Fn(f32, f32) -> [f32; 3] + 'a>;
+        let mut sources: Vec<(u32, u32, Colour<'_>)> = Vec::new();
+        let mut page_of = Vec::new();
+        match albedo {
+            AlbedoSource::Constant(albedo) => {
+                let albedo = *albedo as f32;
+                sources.push((1, 1, Box::new(move |_, _| [albedo; 3])));
+            }
+            AlbedoSource::Texture(path) => {
+                self.require_uvs("target.albedo")?;
+                let picture = read_picture(path.as_ref())?;
+                sources.push((picture.width, picture.height, Box::new(move |u, v| decode(picture.nearest(u, v)))));
+            }
+            AlbedoSource::MeshBaseColor => {
+                let mesh = &self.solid.mesh;
+                if mesh.materials.is_empty() {
+                    let name = self.job.objects[self.object].mesh.shown();
+                    let found = format!("{name} without a base colour of its own");
+                    return Err(self.refuse("target", found, "an albedo or an albedo-value"));
+                }
+                page_of = mesh.material_of.clone();
+                for material in &mesh.materials {
+                    let [r, g, b, _] = material.base_color;
+                    match &material.base_color_texture {
+                        None => sources.push((1, 1, Box::new(move |_, _| [r, g, b]))),
+                        Some(texture) => sources.push((
+                            texture.width,
+                            texture.height,
+                            Box::new(move |u, v| {
+                                let texel = |at: f32, size: u32| ((at * size as f32) as u32).min(size - 1) as usize;
+                                let index = texel(u, texture.width) + texture.width as usize * texel(v, texture.height);
+                                let [tr, tg, tb, _] =
+                                    texture.texels[index].map(|c| srgb_to_linear(f32::from(c) / 255.0));
+                                [tr * r, tg * g, tb * b]
+                            }),
+                        )),
+                    }
+                }
+            }
+        }
+        let pages = sources.into_iter().map(|(width, height, colour)| {
+            let (width, height) = match &mean_free_path {
+                Some(picture) => (width.max(picture.width), height.max(picture.height)),
+                None => (width, height),
+            };
+            let mut page = AppearancePage { width, height, albedo: Vec::new(), mean_free_path: Vec::new() };
+            for y in 0..height {
+                for x in 0..width {
+                    let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
+                    to_channels(colour(u, v), channels, &mut page.albedo);
+                    page.mean_free_path.push(mean_free_path.as_ref().map_or(1.0, |picture| picture.nearest(u, v)[0]));
+                }
+            }
+            page
+        });
+        Ok(Appearance { pages: pages.collect(), page_of })
+    }
+}

@@ -1,0 +1,59 @@
+//! What the user should know of a job that is otherwise in order.
+
+use super::PreparedObject;
+use crate::job::{DepthFrom, Job, JobError};
+use crate::voxel::Lattice;
+
+/// Refuses objects that are shorter than a voxel along every axis, most likely for want of a unit: of such an object next to nothing
+/// is printed. Those that are so along some axis only are told in `warnings`.
+pub(super) fn tiny_objects(
+    job: &Job,
+    objects: &[PreparedObject],
+    lattice: &Lattice,
+    warnings: &mut Vec<String>,
+) -> Result<(), JobError> {
+    for (index, object) in objects.iter().enumerate() {
+        let size = object.bounds[1] - object.bounds[0];
+        let short: Vec<_> =
+            (0..3).filter(|&axis| size[axis] < lattice.pitch[axis]).map(|axis| ["x", "y", "z"][axis]).collect();
+        if short.len() == 3 {
+            let found = format!("an object of {:.3e} × {:.3e} × {:.3e} mm", size.x, size.y, size.z);
+            let expected = "one larger than a voxel; `unit`, `scale` or `height-mm` set its size";
+            return Err(job.refuse(&format!("object[{index}].mesh"), found, expected));
+        }
+        if !short.is_empty() {
+            warnings.push(format!("{}: thinner than a voxel along {}; it may be lost", object.mesh, short.join(", ")));
+        }
+    }
+    Ok(())
+}
+
+/// Counts layers thinner than a voxel is long along an axis: on faces that look along it such a layer comes out thicker than it should be, or
+/// not at all. Layers laid from the top look along z only. `None` if there are none.
+pub(super) fn thin_layers(job: &Job, objects: &[PreparedObject], lattice: &Lattice) -> Option<String> {
+    let axes = ['x', 'y', 'z'].into_iter().zip(lattice.pitch.to_array());
+    let mut pitches: Vec<f64> = axes.clone().map(|(_, pitch)| pitch).collect();
+    pitches.sort_by(|a, b| b.total_cmp(a));
+    pitches.dedup();
+    let mut parts = Vec::new();
+    for pitch in pitches {
+        let here = || axes.clone().filter(|(_, along)| *along == pitch);
+        let layered = |from: DepthFrom| from == DepthFrom::Surface || here().any(|(axis, _)| axis == 'z');
+        let looked_at = job.objects.iter().zip(objects).filter(|(object, _)| layered(object.depth_from));
+        let layers = looked_at.flat_map(|(_, object)| &object.stackings.stackings).flat_map(|found| &found.layers);
+        let thin = layers.filter(|layer| layer.thickness_mm < pitch - ROUNDING_MM).count();
+        if thin > 0 {
+            let names: Vec<_> = here().map(|(axis, _)| axis.to_string()).collect();
+            parts.push(format!("{thin} along {} ({pitch:.4} mm)", names.join(", ")));
+        }
+    }
+    let stackings = || objects.iter().flat_map(|object| &object.stackings.stackings);
+    let (layers, stackings) = (stackings().flat_map(|stacking| &stacking.layers).count(), stackings().count());
+    (!parts.is_empty()).then(|| {
+        let parts = parts.join(", ");
+        format!("layers thinner than a voxel, not resolved on faces that look along it: {parts} of {layers} in {stackings} stackings")
+    })
+}
+
+/// Thicknesses are no better than this.
+const ROUNDING_MM: f64 = 1e-9;

@@ -1,0 +1,84 @@
+//! What every step of an object's plan needs at hand.
+
+use crate::{
+    job::{Interrupt, Job, Progress, RunError},
+    mesh::Solid,
+    optics::{KubelkaMunk, MaterialSet, VolumeCoefficients},
+    search::{ResinLimit, SearchError, SearchOptions},
+    voxel::MaterialId,
+};
+
+/// What a target is turned into layers with.
+pub(super) struct TargetContext<'a> {
+    pub job: &'a Job,
+    pub materials: &'a MaterialSet,
+    /// Texture coordinates are there, if only as zeros.
+    pub solid: &'a Solid,
+    /// Whether the mesh file has texture coordinates.
+    pub has_uvs: bool,
+    pub object: usize,
+    pub progress: &'a dyn Progress,
+    pub interrupt: &'a Interrupt,
+}
+
+impl TargetContext<'_> {
+    /// The resin of the core.
+    pub(super) fn core(&self) -> Result<usize, RunError> {
+        let found = self.materials.resin(self.job.stacking.core_name());
+        found.map(|(index, _)| index).ok_or_else(|| self.job.refuse_core().into())
+    }
+
+    pub(super) fn refuse(&self, key: &str, found: impl ToString, expected: &str) -> RunError {
+        self.job.refuse(key, found.to_string(), expected).into()
+    }
+
+    pub(super) fn stop_if_interrupted(&self) -> Result<(), RunError> {
+        if self.interrupt.requested() { Err(RunError::Interrupted) } else { Ok(()) }
+    }
+
+    pub(super) fn parameters(&self) -> Vec<Vec<KubelkaMunk>> {
+        self.materials.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect()
+    }
+
+    pub(super) fn limits(&self) -> Vec<ResinLimit> {
+        let names: Vec<_> = self.materials.resins.iter().map(|resin| resin.name.as_str()).collect();
+        self.job.stacking.resin_limits(&names)
+    }
+
+    /// The id a resin has in voxels: its own, or that of the resin the job prints in place of the background.
+    pub(super) fn id(&self, resin: usize) -> MaterialId {
+        let mapped = self.job.output.map_background.as_deref().and_then(|name| self.materials.resin(name));
+        match mapped {
+            Some((mapped, _)) if self.materials.resins[resin].print_as_background => MaterialId::from_resin(mapped),
+            _ => MaterialId::from_resin(resin),
+        }
+    }
+
+    /// Coefficients of all resins, index `[resin][channel]`.
+    pub(super) fn volumes(&self) -> Result<Vec<Vec<VolumeCoefficients>>, RunError> {
+        let volumes = self.materials.resins.iter().map(|resin| {
+            resin.volume.clone().ok_or_else(|| {
+                let found = format!("\"transport\" with resin {}, which is given by profiles", resin.name);
+                self.refuse("stacking.model", found, "resins given by coefficients, or \"km\"")
+            })
+        });
+        volumes.collect()
+    }
+
+    pub(super) fn search_options(&self, core: usize) -> SearchOptions {
+        let stacking = &self.job.stacking;
+        SearchOptions {
+            max_thickness_mm: stacking.max_thickness_mm,
+            units: stacking.units,
+            depth: stacking.depth,
+            objective: stacking.objective,
+            limits: self.limits(),
+            core: Some(core),
+            max_nodes: None,
+        }
+    }
+
+    pub(super) fn search_fault(&self, source: SearchError) -> RunError {
+        RunError::Search { object: self.job.objects[self.object].mesh.shown(), source }
+    }
+}

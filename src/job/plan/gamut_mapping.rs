@@ -1,0 +1,56 @@
+//! `gamut-map`: targets that the resins cannot reach, brought within their gamut before the search.
+
+use super::{asked::Wanted, context::TargetContext};
+use crate::job::{RunError, StackingModel};
+use crate::search::{Gamut, GamutMap, Move, SearchTarget, layer_space};
+
+impl TargetContext<'_> {
+    /// Where the object's targets go, if the job asks for that; says what it does.
+    pub(super) fn gamut_map(
+        &self,
+        core: usize,
+        wanted: &Wanted,
+        warnings: &mut Vec<String>,
+    ) -> Result<Option<GamutMap>, RunError> {
+        if !self.job.objects[self.object].gamut_map {
+            return Ok(None);
+        }
+        self.progress.stage("gamut", 0);
+        let by_transport = self.job.stacking.model != StackingModel::KubelkaMunk;
+        let volumes = by_transport.then(|| self.volumes()).transpose()?;
+        let layers = self.job.layer_options(self.object);
+        let options = layer_space(&self.search_options(core), &layers, self.materials.resins.len());
+        let grid = &self.materials.grid;
+        let gamut = Gamut::explore(&self.parameters(), volumes.as_deref(), grid, &options);
+        let map =
+            GamutMap::new(&gamut.map_err(|fault| self.search_fault(fault))?, &wanted.targets, &wanted.shares, grid);
+        warnings.push(format!("object {}: gamut-map: {}", self.object + 1, map_in_words(&map, &wanted.shares)));
+        Ok(Some(map))
+    }
+
+    pub(super) fn mapped(&self, map: &GamutMap, targets: &[SearchTarget]) -> Vec<SearchTarget> {
+        map.moves.iter().zip(targets).map(|(moved, target)| moved.apply(target, &self.materials.grid)).collect()
+    }
+}
+
+/// One sentence: how many targets move, and how far.
+fn map_in_words(map: &GamutMap, shares: &[f64]) -> String {
+    let moved = || map.moves.iter().filter(|moved| moved.moves());
+    let range = |factor: fn(&Move) -> f64| {
+        let (low, high) = moved().map(factor).fold((f64::INFINITY, 0.0_f64), |(l, h), f| (l.min(f), h.max(f)));
+        format!("{low:.3} to {high:.3}")
+    };
+    let outside = map.moves.iter().filter(|moved| !moved.inside).count();
+    let all = map.moves.len();
+    if map.moved() == 0 {
+        return format!("moved none of {all} targets, {outside} lie outside of the gamut");
+    }
+    let share: f64 = map.moves.iter().zip(shares).filter(|(moved, _)| moved.moves()).map(|(_, share)| share).sum();
+    format!(
+        "moved {} of {all} targets ({:.0}% of the surface; {outside} lay outside of the gamut): albedo by factors of {}, width by {}",
+        map.moved(),
+        100.0 * share,
+        range(|moved| moved.albedo_factor),
+        range(|moved| moved.width_factor),
+    )
+}

@@ -1,0 +1,96 @@
+//! Textures from files, in linear light.
+
+use std::path::Path;
+
+use image::{DynamicImage, ImageReader};
+
+use crate::appearance::bssrdf::LUMINANCE;
+use crate::job::RunError;
+
+/// Most texels of a texture: 16k × 16k.
+const MAX_TEXELS: u64 = 1 << 28;
+
+/// An image in memory, values 0 to 1 as stored in the file.
+#[derive(Debug)]
+pub struct Picture {
+    /// Texels per row.
+    pub width: u32,
+    /// Rows, the first on top.
+    pub height: u32,
+    /// Red, green, blue per texel.
+    pub rgb: Vec<[f32; 3]>,
+}
+
+/// Reads an image; transparency is ignored.
+pub fn read_picture(path: &Path) -> Result<Picture, RunError> {
+    let image = open(path)?;
+    let (width, height) = (image.width(), image.height());
+    let rgb = match image {
+        DynamicImage::ImageLuma8(_)
+        | DynamicImage::ImageLumaA8(_)
+        | DynamicImage::ImageRgb8(_)
+        | DynamicImage::ImageRgba8(_) => image.to_rgb8().pixels().map(|p| p.0.map(|v| f32::from(v) / 255.0)).collect(),
+        _ => image.to_rgb16().pixels().map(|p| p.0.map(|v| f32::from(v) / 65535.0)).collect(),
+    };
+    Ok(Picture { width, height, rgb })
+}
+
+/// Reads an image of whole numbers: width, height, values row by row. Grey of 8 or 16 bits.
+pub fn read_labels(path: &Path) -> Result<(u32, u32, Vec<u16>), RunError> {
+    let image = open(path)?;
+    let (width, height) = (image.width(), image.height());
+    let labels = match image {
+        DynamicImage::ImageLuma8(grey) => grey.into_raw().into_iter().map(u16::from).collect(),
+        DynamicImage::ImageLuma16(grey) => grey.into_raw(),
+        other => {
+            let found = format!("an image of {:?} texels", other.color());
+            return Err(RunError::Texture {
+                path: path.to_path_buf(),
+                found,
+                expected: "an 8 or 16-bit grey image of label numbers",
+            });
+        }
+    };
+    Ok((width, height, labels))
+}
+
+fn open(path: &Path) -> Result<DynamicImage, RunError> {
+    let fault = |found: String| RunError::Texture { path: path.to_path_buf(), found, expected: "a PNG or JPEG image" };
+    let read = |error: std::io::Error| fault(one_line(&error.to_string()));
+    let reader = || ImageReader::open(path).and_then(|reader| reader.with_guessed_format()).map_err(read);
+    let (width, height) = reader()?.into_dimensions().map_err(|error| fault(one_line(&error.to_string())))?;
+    if u64::from(width) * u64::from(height) > MAX_TEXELS {
+        return Err(fault(format!("{width} × {height} texels, over the limit of {MAX_TEXELS}")));
+    }
+    let mut reader = reader()?;
+    reader.no_limits(); // bounded above
+    reader.decode().map_err(|error| fault(one_line(&error.to_string())))
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+impl Picture {
+    /// The texel that texture coordinates (u, v) in [0, 1) fall into.
+    pub fn nearest(&self, u: f32, v: f32) -> [f32; 3] {
+        let texel = |at: f32, size: u32| ((at * size as f32) as u32).min(size - 1) as usize;
+        self.rgb[texel(u, self.width) + self.width as usize * texel(v, self.height)]
+    }
+}
+
+/// Decodes an sRGB value (IEC 61966-2-1).
+pub fn srgb_to_linear(encoded: f32) -> f32 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The albedo a set of `channels` sees in a linear colour: itself for three, the luminance (Rec. 709) for one.
+pub fn to_channels(rgb: [f32; 3], channels: usize, out: &mut Vec<f32>) {
+    if channels == 3 {
+        out.extend(rgb);
+    } else {
+        let [r, g, b] = LUMINANCE.map(|weight| weight as f32);
+        let luminance = r * rgb[0] + g * rgb[1] + b * rgb[2];
+        out.extend(std::iter::repeat_n(luminance, channels));
+    }
+}

@@ -1,0 +1,57 @@
+//! What a job asks of light, without searching for it.
+
+use super::{
+    asked::wanted,
+    context::TargetContext,
+    prepare::{complete_uvs, finish_materials, load_solid, read_materials},
+};
+use crate::{
+    job::{DepthFrom, Interrupt, Job, Progress, RunError},
+    search::SearchTarget,
+};
+
+/// A spectrum that a job asks for: a profile, or a cluster of a texture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JobTarget {
+    /// `cluster 3`, or `object 2, cluster 3` where there are several.
+    pub name: String,
+    /// Share of the object's surface that wants it, 0 to 1.
+    pub share: f64,
+    /// Per channel, on the grid of the job's resins.
+    pub target: SearchTarget,
+}
+
+/// The targets of all objects of `job`, in the order of its stackings; an object whose stacking is given has none.
+///
+/// # Errors
+/// Any input that cannot be used; see [`RunError`].
+pub fn targets(job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Result<Vec<JobTarget>, RunError> {
+    let mut warnings = Vec::new();
+    let materials = finish_materials(read_materials(&job)?, &job, interrupt)?;
+    let mut targets = Vec::new();
+    for (index, object) in job.objects.iter().enumerate() {
+        let (mut solid, ..) = load_solid(&job, index, object, &mut warnings)?;
+        if object.depth_from == DepthFrom::Top {
+            solid.measure_from_top();
+        }
+        let has_uvs = complete_uvs(&mut solid);
+        let context = TargetContext {
+            job: &job,
+            materials: &materials,
+            solid: &solid,
+            has_uvs,
+            object: index,
+            progress,
+            interrupt,
+        };
+        let found = wanted(&context, &object.target, &mut warnings)?;
+        for (cluster, (target, share)) in found.targets.into_iter().zip(found.shares).enumerate() {
+            let name = match job.objects.len() {
+                1 => format!("cluster {cluster}"),
+                _ => format!("object {}, cluster {cluster}", index + 1),
+            };
+            targets.push(JobTarget { name, share, target });
+        }
+    }
+    Ok(targets)
+}

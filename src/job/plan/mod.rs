@@ -1,0 +1,30 @@
+//! From a job to objects on a lattice: everything that is done before the first slice.
+//!
+//! **In:** a [`Job`](super::Job). **Out:** a [`Prepared`] job.
+//!
+//! | file | what it does |
+//! | --- | --- |
+//! | `prepare`  | reads the inputs, places the meshes, builds the fields |
+//! | `asked`, `images`, `factored` | what each surface point should reflect: targets, and where each is wanted |
+//! | `stackings`, `gamut_mapping`  | one stacking per target |
+//! | `stacking_report` | what was found, as files and reports have it |
+//! | `checks`   | what will print badly |
+
+mod asked;
+mod checks;
+mod context;
+mod factored;
+mod gamut_mapping;
+mod images;
+mod job_targets;
+mod layer_maps;
+mod prepare;
+mod stacking_report;
+mod stackings;
+
+pub(super) use factored::FactoredMap;
+pub use images::{srgb_to_linear, to_channels};
+pub use job_targets::{JobTarget, targets};
+pub(super) use layer_maps::LayerMaps;
+pub use prepare::{InputFile, Prepared, PreparedObject};
+pub use stacking_report::{GamutMapEntry, LayerEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};

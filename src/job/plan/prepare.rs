@@ -1,0 +1,380 @@
+//! From a job to objects on a lattice: everything that is done before the first slice.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+use glam::{DMat4, DVec3};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use super::{StackingReport, checks, context::TargetContext, factored::FactoredMap, stackings::object_layers};
+use crate::{
+    job::{
+        AlbedoSource, DepthFrom, Distance, InputPath, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat,
+        Progress, RunError, Scaling, StackingModel, TargetSpec,
+    },
+    mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
+    optics::{MaterialFile, MaterialSet, OpticsError},
+    output::hex,
+    slice::{DistanceKind, ObjectField, Palette, Slicer},
+    voxel::{Lattice, MaterialId},
+};
+
+/// A job with everything read, matched and placed; slicing can begin.
+#[derive(Debug)]
+pub struct Prepared {
+    /// The job.
+    pub job: Job,
+    /// Its resins.
+    pub materials: MaterialSet,
+    /// Its voxels.
+    pub lattice: Lattice,
+    /// Its objects, in the order of the job.
+    pub objects: Vec<PreparedObject>,
+    /// Colour of every material id in slices; the background and what prints as background are transparent.
+    pub palette: Palette,
+    /// Files that were read.
+    pub inputs: Vec<InputFile>,
+    /// What the user should know, a sentence each.
+    pub warnings: Vec<String>,
+    slicer: Slicer,
+}
+
+/// An object, read and placed.
+#[derive(Debug)]
+pub struct PreparedObject {
+    /// Its mesh file as the job writes it.
+    pub mesh: String,
+    /// Mesh file coordinates to lattice frame, mm.
+    pub transform: DMat4,
+    /// The state of its mesh.
+    pub health: HealthReport,
+    /// Least and greatest corner of its bounding box, mm.
+    pub bounds: [DVec3; 2],
+    /// Its stackings.
+    pub stackings: StackingReport,
+}
+
+/// A file that was read.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct InputFile {
+    /// As the job writes it.
+    pub path: String,
+    /// Lower-case hexadecimal digest.
+    pub sha256: String,
+}
+
+impl Prepared {
+    /// Reads the inputs of `job`, searches the stackings, builds the fields.
+    ///
+    /// # Errors
+    /// Any input that cannot be used; see [`RunError`].
+    pub fn new(mut job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Result<Self, RunError> {
+        let mut warnings = Vec::new();
+        let mut inputs = read_inputs(&job)?;
+        let draft = read_materials(&job)?;
+        if let (MaterialDraft::File(file), MaterialSource::File(named)) = (&draft, &job.materials) {
+            for path in file.profile_files() {
+                add_input(&mut inputs, named.beside(path), path)?;
+            }
+        }
+        progress.stage("meshes", job.objects.len() as u64);
+        let mut solids = Vec::new();
+        for (index, object) in job.objects.iter().enumerate() {
+            let (solid, transform, companions) = load_solid(&job, index, object, &mut warnings)?;
+            for path in companions {
+                add_input(&mut inputs, object.mesh.beside(&path), &path)?;
+            }
+            solids.push((solid, transform));
+            progress.advance(1);
+            stop_if(interrupt)?;
+        }
+        let extent = solids.iter().fold(DVec3::ZERO, |extent, solid| extent.max(bounds(&solid.0)[1]));
+        let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
+
+        progress.stage("materials", 0);
+        let materials = finish_materials(draft, &job, interrupt)?;
+        // What was done to the data of a built-in set is the same in every job, and stands in the manifest.
+        if let MaterialSource::File(_) = job.materials {
+            warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));
+        }
+        if let Some(resin) = materials.resins.iter().find(|resin| resin.volume.is_none())
+            && job.stacking.model != StackingModel::KubelkaMunk
+        {
+            warnings.push(format!(
+                "stacking.model: \"km\" in place of \"transport\", which does not know resin {}",
+                resin.name
+            ));
+            job.stacking.model = StackingModel::KubelkaMunk;
+        }
+        let distance = match job.field.distance {
+            Distance::Exact => DistanceKind::Exact,
+            Distance::Grid => DistanceKind::Grid,
+            Distance::Lp { exponent } => DistanceKind::Lp { exponent },
+        };
+        if distance == DistanceKind::Grid && (job.wants(OutputFormat::Stl) || job.wants(OutputFormat::ThreeMf)) {
+            warnings.push("material meshes use the exact distance: the grid's has steps".to_owned());
+        }
+        let mut objects = Vec::new();
+        let mut fields = Vec::new();
+        for (index, ((mut solid, transform), object)) in solids.into_iter().zip(&job.objects).enumerate() {
+            let bounds = bounds(&solid);
+            if object.depth_from == DepthFrom::Top && !solid.measure_from_top() {
+                let found = "\"top\" of a mesh of which nothing looks up";
+                return Err(job
+                    .refuse(&format!("object[{index}].depth-from"), found, "a level or nearly level top")
+                    .into());
+            }
+            let has_uvs = complete_uvs(&mut solid);
+            let context = TargetContext {
+                job: &job,
+                materials: &materials,
+                solid: &solid,
+                has_uvs,
+                object: index,
+                progress,
+                interrupt,
+            };
+            let (layers, stackings) = object_layers(&context, &object.target, &mut warnings)?;
+            stop_if(interrupt)?;
+            let field = ObjectField::new(&solid, lattice, layers)
+                .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
+            fields.push(field.with_distance(distance));
+            let (mesh, health) = (object.mesh.shown(), solid.health);
+            objects.push(PreparedObject { mesh, transform, health, bounds, stackings });
+        }
+        checks::tiny_objects(&job, &objects, &lattice, &mut warnings)?;
+        warnings.extend(checks::thin_layers(&job, &objects, &lattice));
+        let inputs = inputs.into_iter().map(|(path, sha256)| InputFile { path, sha256 }).collect();
+        let palette = palette(&materials);
+        let slicer = Slicer::new(lattice, fields);
+        let prepared = Self { job, materials, lattice, objects, palette, inputs, warnings, slicer };
+        prepared.check_colors()?;
+        prepared.check_meshes()?;
+        Ok(prepared)
+    }
+
+    /// The slicer.
+    pub fn slicer(&self) -> &Slicer {
+        &self.slicer
+    }
+
+    /// What of the job does not fit the printer, a sentence each; empty if everything does.
+    pub fn misfits(&self) -> Vec<String> {
+        let mut found = Vec::new();
+        if let Some(tray) = self.job.printer.tray_mm {
+            for object in &self.objects {
+                for (axis, name) in ['x', 'y', 'z'].into_iter().enumerate() {
+                    if object.bounds[1][axis] > tray[axis] * (1.0 + 1e-9) {
+                        found.push(format!(
+                            "{} reaches {:.3} mm in {name}, the tray of {} ends at {} mm",
+                            object.mesh, object.bounds[1][axis], self.job.printer.name, tray[axis]
+                        ));
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Ids that stand for a printed resin, with its index: all but the background and what prints as background.
+    pub fn printed(&self) -> impl Iterator<Item = (MaterialId, usize)> {
+        let ids = (0..self.materials.resins.len()).map(|resin| (MaterialId::from_resin(resin), resin));
+        ids.filter(|(id, _)| self.palette[usize::from(id.0)][3] != 0)
+    }
+
+    fn check_colors(&self) -> Result<(), RunError> {
+        let used: std::collections::BTreeSet<_> =
+            self.objects.iter().flat_map(|object| object.stackings.materials()).collect();
+        let printed = self.printed().filter(|(id, _)| used.contains(id)).count();
+        match self.job.printer.max_colors {
+            Some(most) if printed > most => Err(self
+                .job
+                .refuse(
+                    "printer",
+                    format!("{printed} resins in the stackings"),
+                    format!("at most {most} for {}", self.job.printer.name),
+                )
+                .into()),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn stop_if(interrupt: &Interrupt) -> Result<(), RunError> {
+    if interrupt.requested() { Err(RunError::Interrupted) } else { Ok(()) }
+}
+
+/// Digests of files by their paths as shown.
+type Inputs = BTreeMap<String, String>;
+
+fn add_input(inputs: &mut Inputs, shown: String, path: &Path) -> Result<(), RunError> {
+    if let std::collections::btree_map::Entry::Vacant(entry) = inputs.entry(shown) {
+        entry.insert(digest(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?);
+    }
+    Ok(())
+}
+
+/// Digests of all files the job names; those that these name are added once they are read.
+fn read_inputs(job: &Job) -> Result<Inputs, RunError> {
+    let mut files = Inputs::new();
+    let mut add = |shown: String, path: &Path| add_input(&mut files, shown, path);
+    for object in &job.objects {
+        add(object.mesh.shown(), object.mesh.as_ref())?;
+        for path in object.target.files() {
+            add(path.shown(), path.as_ref())?;
+        }
+        if let TargetSpec::Bssrdf { map, .. } = &object.target {
+            for file in FactoredMap::files(map.as_ref())? {
+                add(format!("{}/{file}", map.shown().trim_end_matches('/')), &map.as_ref().join(&file))?;
+            }
+        }
+    }
+    if let MaterialSource::File(path) = &job.materials {
+        add(path.shown(), path.as_ref())?;
+    }
+    Ok(files)
+}
+
+fn digest(path: &Path) -> std::io::Result<String> {
+    let mut file = fs::File::open(path)?;
+    let (mut hasher, mut buffer) = (Sha256::new(), vec![0; 1 << 16]);
+    loop {
+        let read = file.read(&mut buffer)?;
+        if read == 0 {
+            return Ok(hex(&hasher.finalize()));
+        }
+        hasher.update(&buffer[..read]);
+    }
+}
+
+/// Materials as far as they can be checked quickly.
+pub(super) enum MaterialDraft {
+    Ready(MaterialSet),
+    File(MaterialFile),
+}
+
+/// Reads the materials and checks every resin that the job names.
+pub(super) fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
+    let draft = match &job.materials {
+        MaterialSource::Set(name) => {
+            job.check_material_set(&MaterialSet::builtin_names().collect::<Vec<_>>())?;
+            MaterialDraft::Ready(MaterialSet::builtin(name)?)
+        }
+        MaterialSource::File(path) => MaterialDraft::File(MaterialFile::read(path.as_ref())?),
+    };
+    let names: Vec<_> = match &draft {
+        MaterialDraft::Ready(set) => set.resins.iter().map(|resin| resin.name.as_str()).collect(),
+        MaterialDraft::File(file) => file.resin_names().collect(),
+    };
+    job.check_resins(&names)?;
+    Ok(draft)
+}
+
+/// Simulates the resins that come without profiles, and fits coefficients to those that come with nothing else if the job's model asks for them.
+pub(super) fn finish_materials(
+    draft: MaterialDraft,
+    job: &Job,
+    interrupt: &Interrupt,
+) -> Result<MaterialSet, RunError> {
+    let mut file = match draft {
+        MaterialDraft::Ready(set) => return Ok(set),
+        MaterialDraft::File(file) => file,
+    };
+    let go_on = |_: &str, _| match interrupt.requested() {
+        true => std::ops::ControlFlow::Break(()),
+        false => std::ops::ControlFlow::Continue(()),
+    };
+    let fit = job.stacking.model != StackingModel::KubelkaMunk;
+    let fitted = if fit { file.fit(None, go_on).map(drop) } else { Ok(()) };
+    match fitted.and_then(|()| file.into_set(go_on)) {
+        Err(_) if interrupt.requested() => Err(RunError::Interrupted),
+        set => Ok(set?),
+    }
+}
+
+pub(super) fn load_solid(
+    job: &Job,
+    index: usize,
+    object: &ObjectJob,
+    warnings: &mut Vec<String>,
+) -> Result<(Solid, DMat4, Vec<PathBuf>), RunError> {
+    let loaded = mesh::load(object.mesh.as_ref(), &LoadOptions { unit: object.unit })?;
+    let own_color = matches!(&object.target, TargetSpec::Texture { albedo: AlbedoSource::MeshBaseColor, .. });
+    if let Some(lost) = loaded.lost_color.filter(|_| own_color) {
+        let found = format!("{}: {lost}", object.mesh.shown());
+        return Err(job
+            .refuse("target", found, "the mesh's own base colour, or an albedo or albedo-value in its place")
+            .into());
+    }
+    let mut warn = |warning: String| warnings.push(format!("{}: {warning}", object.mesh.shown()));
+    // Texture files that the mesh names do not matter where the job brings its own.
+    loaded.warnings.into_iter().for_each(&mut warn);
+    let placement = Placement {
+        size: match object.scaling {
+            Scaling::Scale(scale) => Size::Scale(scale),
+            Scaling::HeightMm(height) => Size::HeightMm(height),
+        },
+        rotate_deg: DVec3::from(object.rotate_deg),
+        position_mm: DVec3::from(object.position_mm),
+    };
+    let in_file = |source| RunError::Shape { file: object.mesh.as_ref().to_owned(), source };
+    let (placed, to_lattice) = mesh::place(loaded.mesh, &placement).map_err(in_file)?;
+    let low = placed.positions.iter().fold(DVec3::MAX, |low, p| low.min(*p));
+    if low.min_element() < 0.0 {
+        let key = format!("object[{index}].position-mm");
+        let found = format!("an object from ({}, {}, {}) mm", low.x, low.y, low.z);
+        return Err(job.refuse(&key, found, "a position on the tray, 0 or more in x, y and z").into());
+    }
+    let solid = mesh::close(placed).map_err(in_file)?;
+    solid.health.warnings().into_iter().for_each(&mut warn);
+    Ok((solid, to_lattice * loaded.file_to_mesh, loaded.companions))
+}
+
+/// Gives a mesh without texture coordinates some, for nothing varies within a page then and any will do; whether it had its own.
+pub(super) fn complete_uvs(solid: &mut Solid) -> bool {
+    let had = !solid.mesh.uvs.is_empty();
+    solid.mesh.uvs.resize(solid.mesh.triangles.len(), Default::default());
+    had
+}
+
+fn bounds(solid: &Solid) -> [DVec3; 2] {
+    let positions = || solid.mesh.triangles.iter().flatten().map(|&v| solid.mesh.positions[v as usize]);
+    [positions().fold(DVec3::MAX, DVec3::min), positions().fold(DVec3::MIN, DVec3::max)]
+}
+
+/// Colours of the ids; a resin that prints as background is transparent.
+fn palette(materials: &MaterialSet) -> Palette {
+    let mut palette = [[0; 4]; 256];
+    for (index, resin) in materials.resins.iter().enumerate().filter(|(_, resin)| !resin.print_as_background) {
+        palette[usize::from(MaterialId::from_resin(index).0)] = resin.rgba;
+    }
+    palette
+}
+
+impl TargetSpec {
+    /// Files the target names.
+    fn files(&self) -> Vec<&InputPath> {
+        match self {
+            Self::Stacking { .. } => Vec::new(),
+            Self::Profile { paths } => paths.iter().collect(),
+            Self::Texture { albedo, mean_free_path, .. } => {
+                let albedo = if let AlbedoSource::Texture(path) = albedo { Some(path) } else { None };
+                albedo.into_iter().chain(mean_free_path).collect()
+            }
+            Self::Clusters { labels, profiles } => std::iter::once(labels).chain(profiles.iter().flatten()).collect(),
+            Self::Bssrdf { .. } => Vec::new(), // a folder; see [`read_inputs`]
+        }
+    }
+}
+
+impl Job {
+    /// Whether the job asks for `format`.
+    pub fn wants(&self, format: OutputFormat) -> bool {
+        self.output.formats.contains(&format)
+    }
+}

@@ -1,0 +1,119 @@
+//! What `stackings.json` says of an object.
+
+use serde::{Deserialize, Serialize};
+
+use super::layer_maps::LayerMaps;
+use crate::{search::Move, voxel::MaterialId};
+
+/// The stackings of one object and how well they do.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct StackingReport {
+    /// `stacking`, `profile`, `texture` or `clusters`.
+    pub kind: String,
+    /// Resins of the aligned sequence, top first; empty for a single stacking.
+    pub sequence: Vec<String>,
+    /// One entry per stacking, in the order of their labels.
+    pub stackings: Vec<StackingEntry>,
+    /// What fills the inside below all stackings.
+    pub core: String,
+    #[serde(skip)]
+    pub(in crate::job) ids: Vec<MaterialId>,
+    #[serde(skip)]
+    pub(in crate::job) maps: LayerMaps,
+}
+
+/// One stacking.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StackingEntry {
+    /// Layers, top first.
+    pub layers: Vec<LayerEntry>,
+    /// Share of the surface's texels that have it, 0 to 1.
+    pub share: f64,
+    /// Albedo asked for per channel; `None` where the stacking was given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_albedo: Option<Vec<f64>>,
+    /// Albedo predicted per channel.
+    pub predicted_albedo: Vec<f64>,
+    /// What the search says; `None` where the stacking was given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search: Option<SearchEntry>,
+    /// Root mean square distance of the cluster's spectra from their mean; `None` without clusters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cluster_rms: Option<f64>,
+    /// What `gamut-map` did to the target; `None` where the job does not ask for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gamut_map: Option<GamutMapEntry>,
+}
+
+/// A target before and after it was brought into the gamut. The search's objective is that of the target after.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GamutMapEntry {
+    /// Whether it lay inside.
+    pub inside: bool,
+    /// Half-energy radius asked for per channel, mm; `None` where there is no light.
+    pub target_half_energy_radius_mm: Vec<Option<f64>>,
+    /// Factor of its albedo, the same in all channels.
+    pub albedo_factor: f64,
+    /// Factor of all its radii.
+    pub width_factor: f64,
+    /// The objective of the stacking that was found with the target as it was asked for.
+    pub objective_as_asked: f64,
+}
+
+impl GamutMapEntry {
+    pub(super) fn new(moved: &Move, objective_as_asked: f64) -> Self {
+        Self {
+            inside: moved.inside,
+            target_half_energy_radius_mm: moved.from.iter().map(|from| from.map(|[_, radius]| radius)).collect(),
+            albedo_factor: moved.albedo_factor,
+            width_factor: moved.width_factor,
+            objective_as_asked,
+        }
+    }
+}
+
+/// One layer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LayerEntry {
+    /// Its resin.
+    pub resin: String,
+    /// Its thickness, mm.
+    pub thickness_mm: f64,
+}
+
+/// How a search ended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SearchEntry {
+    /// Σ w (R̂ − R̂_t)² over coefficients and channels, with the weights of the job's objective.
+    pub objective: f64,
+    /// Its root per coefficient: the error of a coefficient, or its share of the target's where the objective is relative.
+    pub rms: f64,
+    /// No stacking of the searched space is better than this.
+    pub bound: f64,
+    /// Whether the objective is proven optimal.
+    pub proven: bool,
+    /// Partial stackings looked at.
+    pub nodes: u64,
+    /// What the transport model says; `None` where stackings are judged by Kubelka–Munk. Objective, bound and proof are then those of
+    /// the stacking of whole units that was refined.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transport: Option<TransportEntry>,
+}
+
+/// A stacking in the transport model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TransportEntry {
+    /// The objective of the layers.
+    pub objective: f64,
+    /// Root mean square error of a coefficient.
+    pub rms: f64,
+    /// The objective that the stacking of whole units has.
+    pub unrefined: f64,
+}
+
+impl StackingReport {
+    /// Every material that may occur, the core's among them.
+    pub fn materials(&self) -> impl Iterator<Item = MaterialId> {
+        self.ids.iter().copied()
+    }
+}

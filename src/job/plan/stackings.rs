@@ -1,0 +1,290 @@
+//! From what an object should look like to the layers that do it.
+
+use glam::DVec3;
+
+use super::{
+    GamutMapEntry, LayerEntry, LayerMaps, SearchEntry, StackingEntry, StackingReport, TransportEntry,
+    asked::{Surface, wanted},
+    context::TargetContext,
+};
+use crate::{
+    appearance::{
+        AlignedStackings, Atlas, HeightFields, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers, align,
+    },
+    job::{DepthFrom, Job, OutputFormat, RunError, StackingModel, TargetSpec},
+    optics::{Light, Transport, TransportOptions},
+    search::{
+        BlockTable, Match, RefineOptions, Refined, Refiner, SearchOptions, SearchTarget, Stacking, match_targets,
+        reflection_of,
+    },
+};
+
+/// What a search found, refined or not.
+struct Found {
+    search: Match,
+    refined: Option<Refined>,
+}
+
+impl Found {
+    fn stacking(&self) -> &Stacking {
+        self.refined.as_ref().map_or(&self.search.stacking, |refined| &refined.stacking)
+    }
+
+    fn reflection(&self) -> &[Vec<f64>] {
+        self.refined.as_ref().map_or(&self.search.reflection, |refined| &refined.reflection)
+    }
+}
+
+/// Turns the target of an object into its layers.
+pub(super) fn object_layers(
+    context: &TargetContext<'_>,
+    target: &TargetSpec,
+    warnings: &mut Vec<String>,
+) -> Result<(LayerField, StackingReport), RunError> {
+    let core = context.core()?;
+    if let TargetSpec::Stacking { layers } = target {
+        let layers = layers.iter().filter_map(|(name, t)| Some((context.materials.resin(name)?.0, *t)));
+        let stacking = Stacking::from_layers(layers);
+        let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking, core)?);
+        return Ok(context.uniform("stacking", &stacking, core, entry));
+    }
+    let wanted = wanted(context, target, warnings)?;
+    let map = context.gamut_map(core, &wanted, warnings)?;
+    let targets = map.as_ref().map_or_else(|| wanted.targets.clone(), |map| context.mapped(map, &wanted.targets));
+    let matches = context.search(core, &targets)?;
+    let mut entries = Vec::with_capacity(matches.len());
+    for (index, found) in matches.iter().enumerate() {
+        let mut entry = context.matched_entry(found, &targets[index], wanted.shares[index], wanted.rms[index]);
+        if let Some(map) = &map {
+            entry.target_albedo = Some(wanted.targets[index].channels.iter().map(|channel| channel[0]).collect());
+            let asked = context.job.stacking.objective.of(found.reflection(), &wanted.targets[index]);
+            entry.gamut_map = Some(GamutMapEntry::new(&map.moves[index], asked));
+        }
+        entries.push(entry);
+    }
+    warnings.extend(out_of_reach(&entries).map(|words| format!("object {}: {words}", context.object + 1)));
+    match &wanted.surface {
+        Surface::Uniform => {
+            let entry = entries.remove(0);
+            Ok(context.uniform(wanted.kind, matches[0].stacking(), core, entry))
+        }
+        Surface::Labelled { atlas, labels } => context.textured(wanted.kind, atlas, labels, &matches, entries, core),
+    }
+}
+
+/// Albedos that differ by less look much alike.
+const ALIKE: f64 = 0.05;
+
+/// How much of the surface comes out lighter or darker than asked, if any does.
+fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
+    let gap = |(asked, found): (f64, f64)| (asked - found).abs();
+    let wider = |a: &(f64, f64), b: &(f64, f64)| gap(*a).total_cmp(&gap(*b));
+    let off = |entry: &StackingEntry| {
+        let asked = entry.target_albedo.iter().flatten().copied();
+        asked.zip(entry.predicted_albedo.iter().copied()).max_by(wider)
+    };
+    let far = entries.iter().filter_map(|entry| Some((entry.share, off(entry)?)));
+    let far: Vec<_> = far.filter(|(_, pair)| gap(*pair) > ALIKE).collect();
+    let share: f64 = far.iter().map(|(share, _)| share).sum();
+    let (asked, found) = far.into_iter().map(|(_, pair)| pair).max_by(wider)?;
+    Some(format!(
+        "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: the resins reach no \
+         nearer, see `lumislice gamut --job`, gamut-map and dc-weight",
+        100.0 * share
+    ))
+}
+
+fn reflection(context: &TargetContext<'_>, stacking: &Stacking, core: usize) -> Result<Vec<Vec<f64>>, RunError> {
+    if context.job.stacking.model == StackingModel::KubelkaMunk {
+        return Ok(reflection_of(&context.parameters(), stacking, Some(core)));
+    }
+    let volumes = context.volumes()?;
+    let channel = |channel: usize| {
+        let layers: Vec<_> =
+            stacking.layers.iter().map(|layer| (volumes[layer.resin][channel], layer.thickness_mm)).collect();
+        let base = Some(volumes[core][channel]);
+        let model = Transport { layers: &layers, base, light: Light::Diffuse, options: TransportOptions::REFLECTION };
+        model.spectra(&context.materials.grid).reflection
+    };
+    Ok((0..context.materials.channels.len()).map(channel).collect())
+}
+
+/// Thinnest layer of whole slices in a gamut.
+const FINEST_STEP_MM: f64 = 0.025;
+
+impl Job {
+    /// The layers that the stackings of an object may have: by transport at least as thick as a voxel is long in any direction that a surface
+    /// faces, unless the job says otherwise; by Kubelka–Munk whole slices, though not finer than tells anything apart.
+    pub fn layer_options(&self, object: usize) -> RefineOptions {
+        let pitch = self.printer.pitch_mm;
+        let from_top = self.objects.get(object).is_some_and(|object| object.depth_from == DepthFrom::Top);
+        let (min_layer_mm, step_mm) = match self.stacking.model {
+            StackingModel::KubelkaMunk => {
+                let slice_mm = pitch.z.max(FINEST_STEP_MM);
+                (slice_mm, Some(slice_mm))
+            }
+            StackingModel::Transport { min_layer_mm, layer_step_mm } => {
+                let voxel_mm = if from_top { pitch.z } else { pitch.max_element() };
+                (min_layer_mm.unwrap_or(voxel_mm), layer_step_mm)
+            }
+        };
+        RefineOptions { min_layer_mm, step_mm, ..RefineOptions::default() }
+    }
+}
+
+impl TargetContext<'_> {
+    fn refiner(&self, options: &SearchOptions) -> Result<Option<Refiner>, RunError> {
+        let Some(refine) = self.refine_options() else { return Ok(None) };
+        Ok(Some(Refiner::new(&self.volumes()?, &self.materials.grid, options, refine)))
+    }
+
+    /// How thicknesses are refined, if they are.
+    fn refine_options(&self) -> Option<RefineOptions> {
+        (self.job.stacking.model != StackingModel::KubelkaMunk).then(|| self.job.layer_options(self.object))
+    }
+
+    fn search(&self, core: usize, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
+        self.progress.stage("stackings", targets.len() as u64);
+        let options = self.search_options(core);
+        let fault = |source| self.search_fault(source);
+        let table = BlockTable::new(&self.parameters(), &options).map_err(fault)?;
+        let refiner = self.refiner(&options)?;
+        // In batches, so that the user sees progress and can stop.
+        let mut found = Vec::with_capacity(targets.len());
+        for batch in targets.chunks(SEARCH_BATCH) {
+            self.stop_if_interrupted()?;
+            match &refiner {
+                None => {
+                    let matches = match_targets(&table, batch).map_err(fault)?;
+                    found.extend(matches.into_iter().map(|search| Found { search, refined: None }));
+                }
+                Some(refiner) => {
+                    let matches = refiner.match_targets(&table, batch).map_err(fault)?;
+                    found.extend(matches.into_iter().map(|(search, refined)| Found { search, refined: Some(refined) }));
+                }
+            }
+            self.progress.advance(batch.len() as u64);
+        }
+        Ok(found)
+    }
+
+    fn entry(&self, stacking: &Stacking, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {
+        let layer = |layer: &crate::search::Layer| LayerEntry {
+            resin: self.materials.resins[layer.resin].name.clone(),
+            thickness_mm: layer.thickness_mm,
+        };
+        StackingEntry {
+            layers: stacking.layers.iter().map(layer).collect(),
+            share,
+            target_albedo: None,
+            predicted_albedo: reflection.iter().map(|channel| channel[0]).collect(),
+            search: None,
+            cluster_rms: None,
+            gamut_map: None,
+        }
+    }
+
+    fn matched_entry(&self, found: &Found, target: &SearchTarget, share: f64, rms: Option<f64>) -> StackingEntry {
+        let coefficients: usize = target.channels.iter().map(Vec::len).sum();
+        let rms_of = |objective: f64| (objective / coefficients as f64).sqrt();
+        let Found { search, refined } = found;
+        StackingEntry {
+            target_albedo: Some(target.channels.iter().map(|channel| channel[0]).collect()),
+            search: Some(SearchEntry {
+                objective: search.objective,
+                rms: rms_of(search.objective),
+                bound: search.bound,
+                proven: search.proven,
+                nodes: search.nodes,
+                transport: refined.as_ref().map(|refined| TransportEntry {
+                    objective: refined.objective,
+                    rms: rms_of(refined.objective),
+                    unrefined: refined.unrefined,
+                }),
+            }),
+            cluster_rms: rms,
+            ..self.entry(found.stacking(), share, found.reflection())
+        }
+    }
+
+    fn uniform(
+        &self,
+        kind: &'static str,
+        stacking: &Stacking,
+        core: usize,
+        entry: StackingEntry,
+    ) -> (LayerField, StackingReport) {
+        let layers = stacking.layers.iter().map(|layer| (self.id(layer.resin), layer.thickness_mm));
+        let ids = layers.clone().map(|layer| layer.0).chain([self.id(core)]).collect();
+        let report = StackingReport {
+            kind: kind.to_owned(),
+            sequence: Vec::new(),
+            stackings: vec![entry],
+            core: self.materials.resins[core].name.clone(),
+            ids,
+            maps: LayerMaps::default(),
+        };
+        (LayerField::Uniform(LayerStack::new(layers, self.id(core))), report)
+    }
+
+    fn textured(
+        &self,
+        kind: &'static str,
+        atlas: &Atlas,
+        labels: &[LabelMap],
+        matches: &[Found],
+        entries: Vec<StackingEntry>,
+        core: usize,
+    ) -> Result<(LayerField, StackingReport), RunError> {
+        self.progress.stage("layers", 0);
+        let stackings: Vec<_> = matches.iter().map(|found| found.stacking().clone()).collect();
+        let aligned = align(&stackings);
+        let ids: Vec<_> = aligned.sequence.iter().map(|&resin| self.id(resin)).collect();
+        let slots = SlotTable::new(&ids, &aligned, &self.limits(), self.id(core)).ok_or_else(|| {
+            let found = format!("stackings that need {} slots", aligned.sequence.len());
+            self.refuse("stacking.depth", found, "stackings that align within 64 slots: a smaller depth")
+        })?;
+        let layers = TexturedLayers::new(&self.solid.mesh, atlas, labels, slots);
+        let report = StackingReport {
+            kind: kind.to_owned(),
+            sequence: aligned.sequence.iter().map(|&resin| self.materials.resins[resin].name.clone()).collect(),
+            stackings: entries,
+            core: self.materials.resins[core].name.clone(),
+            ids: ids.into_iter().chain([self.id(core)]).collect(),
+            maps: self.maps(&aligned, atlas, labels),
+        };
+        Ok((LayerField::Textured(Box::new(layers)), report))
+    }
+}
+
+impl TargetContext<'_> {
+    /// The layers as height fields, if the job wants them.
+    fn maps(&self, aligned: &AlignedStackings, atlas: &Atlas, labels: &[LabelMap]) -> LayerMaps {
+        if !self.job.wants(OutputFormat::Heights) {
+            return LayerMaps::default();
+        }
+        let limits = self.limits();
+        let pages = atlas
+            .pages()
+            .iter()
+            .zip(labels)
+            .map(|(page, labels)| HeightFields::new(aligned, &limits, &labels.0, page.width as usize, 1));
+        // A slab seen from above: the map lies over it.
+        let flat = self.job.objects[self.object].depth_from == DepthFrom::Top;
+        let pitch_mm = atlas.pages().first().filter(|_| flat).map(|page| {
+            let size = self
+                .solid
+                .mesh
+                .positions
+                .iter()
+                .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)]);
+            let size = size[1] - size[0];
+            [size.x / f64::from(page.width), size.y / f64::from(page.height)]
+        });
+        let resins = self.materials.resins.iter().map(|resin| resin.name.clone()).collect();
+        LayerMaps { pages: pages.collect(), resins, pitch_mm }
+    }
+}
+
+/// Searches between two looks at the clock.
+const SEARCH_BATCH: usize = 16;

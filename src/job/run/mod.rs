@@ -1,0 +1,356 @@
+//! The main job: slab after slab into files, then the manifest.
+//!
+//! **In:** a [`Prepared`] job and a folder. **Out:** the folder, and a [`Finished`] run.
+
+mod estimate;
+mod heights;
+mod redraw;
+mod report;
+
+use std::{collections::BTreeMap, ops::Range, path::Path, time::Instant};
+
+use rayon::prelude::*;
+use serde_json::json;
+
+pub use estimate::Estimate;
+pub use redraw::{RedrawError, redraw};
+use report::write_pictures;
+pub use report::{REPORT, draw_again, report_data};
+
+use crate::{
+    job::{
+        Interrupt, OutputFormat, Prepared, Progress, RunError, STACKINGS, StackingReport,
+        manifest::{Manifest, MeshRecord, Outcome, json},
+        verify::read_manifest,
+    },
+    output::{Existing, GENERATOR, MANIFEST, OutputError, OutputFolder, SliceCounts, TIMINGS, Task, pretty},
+    preview::{PreviewBuilder, PreviewMaterial},
+    slice::{
+        RowBuffers, encode_mask, encode_rgba,
+        meshes::{MaterialMesher, MaterialPart, MeshingError, write_3mf, write_stl},
+    },
+    voxel::{MaterialId, Slab},
+};
+
+/// How to run a job.
+#[derive(Debug, Clone, Default)]
+pub struct RunOptions {
+    /// What to do with a folder that holds something.
+    pub existing: Existing,
+    /// Slices to write, half-open; `None`: all.
+    pub slices: Option<Range<u32>>,
+}
+
+/// A finished run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finished {
+    /// What is in the folder.
+    pub manifest: Manifest,
+    /// Slices that an interrupted run had written already.
+    pub kept: u32,
+}
+
+/// Slices a prepared job into `folder`.
+///
+/// With [`Existing::Resume`] the slices that an interrupted run of the same job left whole are kept; where pictures are asked for, their voxels
+/// are reckoned again. A finished folder of the same job is left as it is.
+///
+/// # Errors
+/// [`RunError::Output`] when the folder may not or cannot be written, [`RunError::Interrupted`] when asked to stop; in both
+/// cases files under final names are whole, and there is no manifest.
+pub fn run(
+    prepared: &Prepared,
+    folder: &Path,
+    options: &RunOptions,
+    progress: &dyn Progress,
+    interrupt: &Interrupt,
+) -> Result<Finished, RunError> {
+    let started = Instant::now();
+    prepared.refuse_misfits()?;
+    let dims = prepared.lattice.dims;
+    let slices = prepared.checked_slices(options.slices.clone())?;
+    if options.existing == Existing::Resume
+        && let Some(manifest) = prepared.finished(folder, &slices)?
+    {
+        return Ok(Finished { manifest, kept: slices.end - slices.start });
+    }
+    let stackings = prepared.stackings_json();
+    let task = Task { generator: GENERATOR.to_owned(), sha256: prepared.digest(), slices: [slices.start, slices.end] };
+    let (output, recorded) = OutputFolder::begin(folder, options.existing, &task)?;
+    if !output.keep(STACKINGS) {
+        output.write(STACKINGS, &stackings)?;
+    }
+
+    progress.stage("slices", u64::from(slices.end - slices.start));
+    let kept: BTreeMap<u32, SliceCounts> =
+        recorded.into_iter().filter(|&(k, _)| slices.contains(&k) && prepared.keep_slice(&output, k)).collect();
+    progress.advance(kept.len() as u64);
+    let mut counts = [0; 256];
+    for (&id, &voxels) in kept.values().flatten() {
+        counts[usize::from(id)] += voxels;
+    }
+    let sinks = Sinks { prepared, output: &output, kept: &kept, progress, interrupt };
+    let mut pictures = prepared.job.wants(OutputFormat::Preview).then(|| prepared.preview_builder());
+    let drawn = pictures.is_some();
+    let missing = |mut held: Range<u32>| held.any(|k| slices.contains(&k) && !kept.contains_key(&k));
+    prepared.slicer().for_each_wanted_slab(
+        slices.clone(),
+        |held| drawn || missing(held),
+        |slab| {
+            if let Some(builder) = &mut pictures {
+                builder.observe(slab);
+            }
+            sinks.take(slab, &slices, &mut counts)
+        },
+    )?;
+    let sliced = started.elapsed();
+    let meshes = prepared.write_meshes(&output, progress, interrupt)?;
+    if prepared.job.wants(OutputFormat::Heights) {
+        heights::write(&output, prepared.objects.iter().map(|object| &object.stackings.maps))?;
+    }
+    let meshed = started.elapsed() - sliced;
+
+    let mut warnings = prepared.warnings.clone();
+    if let Some(least) = prepared.job.printer.min_slices.filter(|&least| (dims[2] as usize) < least) {
+        warnings.push(format!("{} slices, fewer than the {least} that {} takes", dims[2], prepared.job.printer.name));
+    }
+    if counts[1..].iter().all(|&voxels| voxels == 0) {
+        warnings.push("no voxel's centre lies inside an object: nothing will be printed".to_owned());
+    }
+    let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
+    let mut manifest = Manifest::new(prepared, outcome);
+    if let Some(builder) = pictures {
+        progress.stage("pictures", 0);
+        write_pictures(&output, &manifest, &builder.finish()?)?;
+    }
+    manifest.files = output.files();
+    let timings = json!({
+        "slicing_s": sliced.as_secs_f64(),
+        "meshes_s": meshed.as_secs_f64(),
+        "total_s": started.elapsed().as_secs_f64(),
+    });
+    output.write_unlisted(TIMINGS, &pretty(&timings))?;
+    // Last: a folder with a manifest is a finished job.
+    output.finish(&pretty(&manifest))?;
+    Ok(Finished { manifest, kept: kept.len() as u32 })
+}
+
+fn slice_path(k: u32) -> String {
+    format!("slices/slice_{k}.png")
+}
+
+fn mask_path(resin: &str, k: u32) -> String {
+    format!("masks/{resin}/slice_{k}.png")
+}
+
+/// Where slabs go.
+struct Sinks<'a> {
+    prepared: &'a Prepared,
+    output: &'a OutputFolder,
+    /// Slices that need no writing.
+    kept: &'a BTreeMap<u32, SliceCounts>,
+    progress: &'a dyn Progress,
+    interrupt: &'a Interrupt,
+}
+
+/// Buffers of one worker.
+#[derive(Default)]
+struct Buffers {
+    rows: RowBuffers,
+    file: Vec<u8>,
+}
+
+impl Sinks<'_> {
+    /// Writes the slices of `slab` that are in `slices`, adding their voxels to `counts`.
+    fn take(&self, slab: &Slab, slices: &Range<u32>, counts: &mut [u64; 256]) -> Result<(), RunError> {
+        let held = slab.slices();
+        let wanted = held.start.max(slices.start)..held.end.min(slices.end);
+        let written: Vec<[u64; 256]> = wanted
+            .into_par_iter()
+            .filter(|k| !self.kept.contains_key(k))
+            .map_init(Buffers::default, |buffers, k| self.take_slice(slab, k, buffers))
+            .collect::<Result<_, _>>()?;
+        for slice in written {
+            counts.iter_mut().zip(slice).for_each(|(count, voxels)| *count += voxels);
+        }
+        Ok(())
+    }
+
+    fn take_slice(&self, slab: &Slab, k: u32, buffers: &mut Buffers) -> Result<[u64; 256], RunError> {
+        if self.interrupt.requested() {
+            return Err(RunError::Interrupted);
+        }
+        let encoding = |error: std::io::Error| OutputError::Io {
+            action: "encoding",
+            path: self.output.root().join(format!("slice {k}")),
+            source: error,
+        };
+        let mut counts = [0; 256];
+        let Buffers { rows, file } = buffers;
+        file.clear();
+        // Counting is part of encoding, so slices are encoded even where only masks are wanted.
+        encode_rgba(slab, k, &self.prepared.palette, rows, &mut counts, file).map_err(encoding)?;
+        if self.prepared.job.wants(OutputFormat::Png) {
+            self.output.write(&slice_path(k), file)?;
+        }
+        if self.prepared.job.wants(OutputFormat::Masks) {
+            for (MaterialId(id), resin) in self.prepared.printed() {
+                file.clear();
+                encode_mask(slab, k, id, rows, file).map_err(encoding)?;
+                let name = &self.prepared.materials.resins[resin].name;
+                self.output.write(&mask_path(name, k), file)?;
+            }
+        }
+        let occurring = (0..=u8::MAX).map(|id| (id, counts[usize::from(id)])).filter(|&(_, voxels)| voxels > 0);
+        self.output.finish_slice(k, occurring.collect())?;
+        self.progress.advance(1);
+        Ok(counts)
+    }
+}
+
+impl Prepared {
+    /// Lists the files of slice `k` as written if an interrupted run left all of them whole.
+    fn keep_slice(&self, output: &OutputFolder, k: u32) -> bool {
+        let slice = self.job.wants(OutputFormat::Png).then(|| slice_path(k));
+        let masks = self.printed().filter(|_| self.job.wants(OutputFormat::Masks));
+        let masks = masks.map(|(_, resin)| mask_path(&self.materials.resins[resin].name, k));
+        slice.into_iter().chain(masks).all(|path| output.keep(&path))
+    }
+
+    /// The manifest in `folder` if this very job is finished there.
+    fn finished(&self, folder: &Path, slices: &Range<u32>) -> Result<Option<Manifest>, RunError> {
+        let path = folder.join(MANIFEST);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let another = |found: &str, expected: String| OutputError::AnotherJob {
+            path: path.clone(),
+            found: found.to_owned(),
+            expected,
+        };
+        let unreadable = |reason: String| OutputError::BadManifest { path: path.clone(), reason };
+        let manifest = read_manifest(folder)
+            .map_err(|error| unreadable(error.to_string()))?
+            .map_err(|finding| unreadable(finding.problem))?;
+        if manifest.generator != GENERATOR {
+            return Err(another(&manifest.generator, GENERATOR.to_owned()).into());
+        }
+        if manifest.slices != [slices.start, slices.end] {
+            let [first, end] = manifest.slices;
+            return Err(another(&format!("slices {first}..{end}"), format!("{}..{}", slices.start, slices.end)).into());
+        }
+        let inputs: Vec<_> = self.inputs.iter().map(json).collect();
+        if (&manifest.job, &manifest.inputs) != (&json(&self.job.resolved()), &inputs) {
+            return Err(another("a finished job with other keys or inputs", "this one's".to_owned()).into());
+        }
+        Ok(Some(manifest))
+    }
+
+    fn preview_builder(&self) -> PreviewBuilder {
+        let material = |(index, resin): (usize, &crate::optics::Resin)| {
+            let id = MaterialId::from_resin(index);
+            PreviewMaterial { id, name: resin.name.clone(), rgba: self.palette[usize::from(id.0)] }
+        };
+        let materials: Vec<_> = self.materials.resins.iter().enumerate().map(material).collect();
+        PreviewBuilder::new(&self.lattice, &materials)
+    }
+
+    /// Writes the material meshes the job asks for. They are of the whole job, whatever slices are written.
+    fn write_meshes(
+        &self,
+        output: &OutputFolder,
+        progress: &dyn Progress,
+        interrupt: &Interrupt,
+    ) -> Result<Vec<MeshRecord>, RunError> {
+        let (stl, assembly) = (self.job.wants(OutputFormat::Stl), self.job.wants(OutputFormat::ThreeMf));
+        if !stl && !assembly {
+            return Ok(Vec::new());
+        }
+        let mesher = self.mesher();
+        let resins: Vec<_> =
+            self.printed().map(|(id, resin)| (id, self.materials.resins[resin].name.clone())).collect();
+        progress.stage("meshes", 0);
+        let meshes = match mesher.mesh(self.slicer().objects(), &resins, |_, _| !interrupt.requested()) {
+            Err(_) if interrupt.requested() => return Err(RunError::Interrupted),
+            meshes => meshes?,
+        };
+        let encoding = |error: std::io::Error| OutputError::Io {
+            action: "encoding",
+            path: output.root().join("meshes"),
+            source: error,
+        };
+        let parts = || meshes.parts.iter().filter(|part| !part.triangles.is_empty());
+        if stl {
+            for part in parts() {
+                let mut file = Vec::new();
+                write_stl(&meshes, part, &mut file).map_err(encoding)?;
+                output.write(&format!("meshes/{}.stl", part.name), &file)?;
+            }
+        }
+        if assembly {
+            let mut file = std::io::Cursor::new(Vec::new());
+            write_3mf(&meshes, &self.palette, &mut file).map_err(encoding)?;
+            output.write(&format!("meshes/{}.3mf", self.job.name), file.get_ref())?;
+        }
+        let record = |part: &MaterialPart| MeshRecord {
+            material: part.name.clone(),
+            triangles: part.triangles.len() as u64,
+            volume_mm3: part.volume_mm3,
+            pitch_mm: mesher.pitch_mm,
+        };
+        Ok(parts().map(record).collect())
+    }
+
+    fn mesher(&self) -> MaterialMesher {
+        let layers = self.objects.iter().flat_map(|object| &object.stackings.stackings).flat_map(|entry| &entry.layers);
+        let thinnest = layers.map(|layer| layer.thickness_mm).reduce(f64::min);
+        let default = MaterialMesher::default_pitch_mm(thinnest, self.lattice.pitch);
+        MaterialMesher { pitch_mm: self.job.output.mesh_pitch_mm.unwrap_or(default) }
+    }
+
+    /// Refuses what would make the material meshes fail once all slices are written.
+    pub(super) fn check_meshes(&self) -> Result<(), RunError> {
+        if self.job.wants(OutputFormat::Stl) || self.job.wants(OutputFormat::ThreeMf) {
+            self.mesher().check(self.slicer().objects()).map_err(|error| match error {
+                MeshingError::TooFine { pitch_mm, axis, nodes, max } => {
+                    let found = format!("{pitch_mm} mm, which makes {nodes:.0} nodes along {axis}");
+                    self.job.refuse("output.mesh-pitch-mm", found, format!("at most {max} nodes")).into()
+                }
+                other => RunError::from(other),
+            })?;
+        }
+        Ok(())
+    }
+
+    fn refuse_misfits(&self) -> Result<(), RunError> {
+        match self.misfits().into_iter().next() {
+            Some(misfit) => Err(self.job.refuse("printer", misfit, "objects that fit the tray").into()),
+            None => Ok(()),
+        }
+    }
+
+    fn checked_slices(&self, slices: Option<Range<u32>>) -> Result<Range<u32>, RunError> {
+        let all = 0..self.lattice.dims[2];
+        match slices {
+            None => Ok(all),
+            Some(slices) if slices.start < slices.end && slices.end <= all.end => Ok(slices),
+            Some(slices) => Err(RunError::Slices { found: slices, slices: all.end }),
+        }
+    }
+
+    /// The content of `stackings.json`: the stackings of every object, and a digest of what they were made from.
+    pub fn stackings_json(&self) -> Vec<u8> {
+        pretty(&json!({ "sha256": self.digest(), "objects": self.stackings() }))
+    }
+
+    /// Digest of the job, its inputs and its stackings.
+    fn digest(&self) -> String {
+        use sha2::{Digest, Sha256};
+        let content = json!({ "job": self.job.resolved(), "inputs": self.inputs, "objects": self.stackings() });
+        crate::output::hex(&Sha256::digest(content.to_string().as_bytes()))
+    }
+
+    fn stackings(&self) -> Vec<&StackingReport> {
+        self.objects.iter().map(|object| &object.stackings).collect()
+    }
+}

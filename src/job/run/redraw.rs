@@ -1,0 +1,81 @@
+//! Pictures of a finished folder, drawn again.
+
+use std::path::Path;
+
+use super::report::{draw_again, write_pictures};
+use crate::{
+    job::{
+        Blame, LatticeRecord, Manifest, RunError,
+        verify::{Finding, VerifyError, read_manifest},
+    },
+    output::{MANIFEST, OutputFolder, pretty},
+    voxel::Lattice,
+};
+
+/// Why the pictures of a folder cannot be drawn again.
+#[derive(Debug, thiserror::Error)]
+pub enum RedrawError {
+    /// There is no manifest of this version.
+    #[error(transparent)]
+    Folder(#[from] VerifyError),
+    /// The manifest is damaged.
+    #[error("{0}")]
+    Manifest(Finding),
+    /// The folder holds a part of the slices.
+    #[error("slices: found {}..{} of {slices}, expected all of them", found[0], found[1])]
+    Part {
+        /// First slice, and one past the last.
+        found: [u32; 2],
+        /// Slices of the whole job.
+        slices: u32,
+    },
+    /// Drawing or writing failed.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+impl RedrawError {
+    /// Who is to blame.
+    pub fn blame(&self) -> Blame {
+        match self {
+            Self::Folder(error) => error.blame(),
+            Self::Run(error) => error.blame(),
+            _ => Blame::Input,
+        }
+    }
+}
+
+/// Draws the pictures of the finished job in `folder` again from its slices, with the page that shows them, and lists them in the
+/// manifest. Returns their paths relative to the folder.
+///
+/// # Errors
+/// [`RedrawError`]; before anything is replaced unless writing itself fails.
+pub fn redraw(folder: &Path) -> Result<Vec<String>, RedrawError> {
+    let mut manifest = read_manifest(folder)?.map_err(RedrawError::Manifest)?;
+    check(&manifest)?;
+    let pictures = draw_again(folder, &manifest)?;
+    let output = OutputFolder::reopen(folder, &manifest.files).map_err(RunError::from)?;
+    write_pictures(&output, &manifest, &pictures)?;
+    let written = output.files();
+    manifest.files.retain(|file| written.iter().all(|new| new.path != file.path));
+    manifest.files.extend(written.iter().cloned());
+    manifest.files.sort_by(|a, b| a.path.cmp(&b.path));
+    output.write_unlisted(MANIFEST, &pretty(&manifest)).map_err(RunError::from)?;
+    Ok(written.into_iter().map(|file| file.path).collect())
+}
+
+/// Whether there is a whole job to be drawn, of a size that can be.
+fn check(manifest: &Manifest) -> Result<(), RedrawError> {
+    let LatticeRecord { dims, pitch_mm, .. } = manifest.lattice;
+    let fault = |key: &str, problem: String| Err(RedrawError::Manifest(Finding::manifest(key, problem)));
+    if !dims.iter().all(|dim| (1..=Lattice::MAX_DIM).contains(dim)) {
+        return fault("lattice.dims", format!("found {dims:?}, expected 1 to {} per axis", Lattice::MAX_DIM));
+    }
+    if !pitch_mm.iter().all(|pitch| pitch.is_finite() && *pitch > 0.0) {
+        return fault("lattice.pitch_mm", format!("found {pitch_mm:?}, expected positive lengths"));
+    }
+    if manifest.slices != [0, dims[2]] {
+        return Err(RedrawError::Part { found: manifest.slices, slices: dims[2] });
+    }
+    Ok(())
+}

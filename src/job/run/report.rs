@@ -1,0 +1,132 @@
+//! A finished job for human eyes: its pictures, and the page that shows them.
+
+use crate::{
+    job::{LatticeRecord, LayerEntry, Manifest, MaterialRecord, ObjectRecord, RunError},
+    output::{MANIFEST, OutputFolder},
+    preview::{
+        self, PreviewFile, PreviewMaterial, ReportData, ReportHealth, ReportLayer, ReportMaterial, ReportPicture,
+        ReportStacking, report_html,
+    },
+    voxel::{Lattice, MaterialId},
+};
+use glam::DVec3;
+
+/// The page's name in the output folder.
+pub const REPORT: &str = "report.html";
+
+/// Writes pictures and the page that shows them; the page is written whenever there are pictures.
+pub(super) fn write_pictures(
+    output: &OutputFolder,
+    manifest: &Manifest,
+    pictures: &[PreviewFile],
+) -> Result<(), RunError> {
+    for picture in pictures {
+        output.write(&picture.path, &picture.png)?;
+    }
+    let paths = pictures.iter().map(|picture| picture.path.as_str());
+    output.write(REPORT, report_html(&report_data(manifest, paths)).as_bytes())?;
+    Ok(())
+}
+
+/// Draws the pictures of a finished job again from its slices.
+///
+/// # Errors
+/// A slice that is missing or damaged.
+pub fn draw_again(folder: &std::path::Path, manifest: &Manifest) -> Result<Vec<PreviewFile>, RunError> {
+    Ok(preview::from_folder(folder, &manifest.lattice.lattice(), &preview_materials(manifest))?)
+}
+
+fn preview_materials(manifest: &Manifest) -> Vec<PreviewMaterial> {
+    let material = |material: &MaterialRecord| PreviewMaterial {
+        id: MaterialId(material.id),
+        name: material.name.clone(),
+        rgba: material.rgba,
+    };
+    manifest.materials.iter().map(material).collect()
+}
+
+impl LatticeRecord {
+    /// The lattice it records.
+    pub fn lattice(&self) -> Lattice {
+        Lattice { origin: DVec3::from(self.origin_mm), pitch: DVec3::from(self.pitch_mm), dims: self.dims }
+    }
+}
+
+/// What the page says.
+pub fn report_data<'a>(manifest: &Manifest, pictures: impl Iterator<Item = &'a str>) -> ReportData {
+    let index = |name: &str| manifest.materials.iter().position(|material| material.name == name);
+    let slices = manifest.slices[1] - manifest.slices[0];
+    let mut stackings = Vec::new();
+    for (number, object) in (1..).zip(&manifest.stackings) {
+        let core = index(&object.core);
+        for (cluster, entry) in (0..).zip(&object.stackings) {
+            let layer = |layer: &LayerEntry| {
+                Some(ReportLayer { material: index(&layer.resin)?, thickness_mm: layer.thickness_mm })
+            };
+            stackings.push(ReportStacking {
+                name: match (manifest.stackings.len(), object.stackings.len()) {
+                    (1, 1) => "stacking".to_owned(),
+                    (_, 1) => format!("object {number}"),
+                    (1, _) => format!("cluster {cluster}"),
+                    _ => format!("object {number}, cluster {cluster}"),
+                },
+                layers: entry.layers.iter().filter_map(layer).collect(),
+                core,
+                share: (object.stackings.len() > 1).then_some(entry.share),
+                error: entry
+                    .search
+                    .as_ref()
+                    .map(|search| search.transport.as_ref().map_or(search.rms, |found| found.rms)),
+            });
+        }
+    }
+    ReportData {
+        job: manifest.name.clone(),
+        generator: manifest.generator.clone(),
+        printer: manifest.job["printer"]["name"].as_str().unwrap_or("custom").to_owned(),
+        dims: manifest.lattice.dims,
+        pitch_mm: manifest.lattice.pitch_mm,
+        facts: vec![
+            ("slices written".to_owned(), format!("{slices} ({} to {})", manifest.slices[0], manifest.slices[1] - 1)),
+            ("material set".to_owned(), manifest.material_set.name.clone()),
+            ("manifest".to_owned(), MANIFEST.to_owned()),
+        ],
+        materials: manifest
+            .materials
+            .iter()
+            .map(|material| ReportMaterial {
+                name: material.name.clone(),
+                rgba: material.rgba,
+                voxels: material.voxels,
+                volume_mm3: material.volume_mm3,
+                grams: Some(material.mass_g),
+            })
+            .collect(),
+        materials_note: manifest.material_set.provenance.clone(),
+        stackings,
+        error_name: "rms error of R\u{302}".to_owned(),
+        warnings: manifest.warnings.clone(),
+        health: manifest.objects.iter().map(health).collect(),
+        pictures: pictures.map(|path| ReportPicture { path: path.to_owned(), caption: caption(path) }).collect(),
+    }
+}
+
+fn health(object: &ObjectRecord) -> ReportHealth {
+    let findings = object
+        .health
+        .as_object()
+        .map(|findings| findings.iter().map(|(name, value)| (name.replace('_', " "), value.to_string())).collect());
+    ReportHealth { object: object.mesh.clone(), findings: findings.unwrap_or_default() }
+}
+
+fn caption(path: &str) -> String {
+    match path.trim_start_matches("preview/").trim_end_matches(".png") {
+        "cutaway" => "The object cut open: every layer in the colour that stands for its resin.".to_owned(),
+        "cuts" => "Three cuts through the middle.".to_owned(),
+        "slices" => "Slices from the lowest to the highest.".to_owned(),
+        other => match other.strip_prefix("slice_") {
+            Some(k) => format!("Slice {k}, seen from above."),
+            None => other.to_owned(),
+        },
+    }
+}

@@ -1,0 +1,186 @@
+//! Monte Carlo through a volume of voxels: the referee of what varies over the surface, and the maker of synthetic BSSRDFs.
+//!
+//! The walk is the layered one's, with its phase function and weights; only the media come from a grid of material ids. **In:** a
+//! [`VoxelGrid`], the coefficients of its ids in one channel, what lies at the sides and below, light on the top. **Out:** an image of
+//! the radiosity of the top ([`VoxelScene::image`]), or for a lit texel the window of texels that its light leaves by
+//! ([`VoxelScene::responses`]), each value with its standard error.
+//!
+//! *Guaranteed:* estimates without bias; the same bytes for the same seed whatever the number of threads.
+//! *Not covered:* refractive indices count as matched, whatever the resins say: voxel faces and the top neither reflect nor bend; polarisation; time
+//! of flight.
+
+mod grid;
+mod light;
+mod tally;
+#[cfg(test)]
+mod tests;
+mod walk;
+
+use std::ops::ControlFlow;
+
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
+use rayon::prelude::*;
+
+pub use grid::VoxelGrid;
+pub use light::{Pattern, TexelGrid};
+pub use tally::{ExitImage, Response};
+
+use crate::optics::{
+    Light, OpticsError, VolumeCoefficients,
+    monte_carlo::{BATCH, GROUP, photon::uniform},
+};
+use light::Source;
+use tally::{Counted, ImageTally};
+use walk::{End, Walk};
+
+/// What lies beyond the four sides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sides {
+    /// The volume again, and again.
+    Periodic,
+    /// Its mirror image: perfect mirrors.
+    Mirrored,
+    /// Nothing: light that leaves is lost.
+    Open,
+}
+
+/// A volume in one channel.
+#[derive(Debug, Clone, Copy)]
+pub struct VoxelScene<'a> {
+    /// What fills each voxel.
+    pub grid: &'a VoxelGrid,
+    /// Coefficients by id, at least as many as the largest id needs; all zeros are a void.
+    pub media: &'a [VolumeCoefficients],
+    /// What lies beyond the sides.
+    pub sides: Sides,
+    /// A half-space below the grid, as wide as it; without one, what leaves the bottom is transmitted.
+    pub base: Option<VolumeCoefficients>,
+}
+
+/// How many photons to trace, and which.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Photons {
+    /// Directions they enter by.
+    pub light: Light,
+    /// Their number, at least 2: of an image, or of each lit texel.
+    pub count: u64,
+    /// Same seed, same result.
+    pub seed: u64,
+}
+
+/// Texels that are lit one by one, and the window around each in which its light is counted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Windows {
+    /// The texels.
+    pub texels: TexelGrid,
+    /// Texels from the lit one to the window's edge along x and y: windows are 2·reach + 1 wide.
+    pub reach: [usize; 2],
+}
+
+impl VoxelScene<'_> {
+    /// The radiosity of `texels` under `pattern`, in units of its irradiance (or per mm² of unit flux, for a point of light). `progress` hears
+    /// the number of photons traced about every million, and may break off.
+    ///
+    /// # Errors
+    /// [`OpticsError::Parameter`] for what is out of range, [`OpticsError::Cancelled`] when `progress` broke off.
+    pub fn image(
+        &self,
+        pattern: &Pattern,
+        texels: TexelGrid,
+        photons: Photons,
+        mut progress: impl FnMut(u64) -> ControlFlow<()>,
+    ) -> Result<ExitImage, OpticsError> {
+        let walk = self.checked_walk(photons)?;
+        texels.check()?;
+        let source = Source::new(pattern, photons.light, self.grid.size_mm())?;
+        let mut stream = Xoshiro256PlusPlus::seed_from_u64(photons.seed);
+        let mut tally = ImageTally::new(texels);
+        let mut traced = 0;
+        while traced < photons.count {
+            let mut group = Vec::with_capacity(GROUP);
+            while group.len() < GROUP && traced < photons.count {
+                let end = photons.count.min(traced + BATCH);
+                group.push((traced..end, stream.clone()));
+                stream.jump();
+                traced = end;
+            }
+            let trace = |(range, mut rng): (std::ops::Range<u64>, Xoshiro256PlusPlus)| {
+                let mut counted = Counted::default();
+                for photon in range {
+                    let share = (photon as f64 + uniform(&mut rng)) / photons.count as f64;
+                    let (at, direction) = source.draw(share, &mut rng);
+                    counted.score(&texels, walk.trace(at, direction, &mut rng));
+                }
+                counted
+            };
+            let batches: Vec<Counted> = group.into_par_iter().map(trace).collect();
+            batches.iter().for_each(|batch| tally.add(batch));
+            if progress(traced).is_break() {
+                return Err(OpticsError::Cancelled);
+            }
+        }
+        Ok(tally.image(photons.count, source.flux))
+    }
+
+    /// The responses of row `row` of `windows.texels`, texel by texel, `photons.count` for each. Every texel has a random stream
+    /// of its own, so that a row is the same whichever rows are asked for.
+    ///
+    /// With periodic sides a window goes on beyond them; with mirrored and open ones it finds nothing there.
+    ///
+    /// # Errors
+    /// [`OpticsError::Parameter`] for what is out of range.
+    pub fn responses(&self, windows: &Windows, row: usize, photons: Photons) -> Result<Vec<Response>, OpticsError> {
+        let walk = self.checked_walk(photons)?;
+        let texels = windows.texels;
+        texels.check()?;
+        if row >= texels.dims[1] {
+            return Err(OpticsError::parameter("row", row, format!("0 to {}", texels.dims[1] - 1)));
+        }
+        let lit = |column: usize| {
+            let [min_mm, max_mm] = texels.rectangle(column, row);
+            let source = Source::new(&Pattern::Rectangle { min_mm, max_mm }, photons.light, self.grid.size_mm())?;
+            let index = (column + texels.dims[0] * row) as u64;
+            let mut rng = Xoshiro256PlusPlus::seed_from_u64(photons.seed.wrapping_add(index.wrapping_mul(SEED_STEP)));
+            let mut response = tally::Window::new([column as i64, row as i64], windows.reach);
+            for _ in 0..photons.count {
+                let (at, direction) = source.draw(0.0, &mut rng);
+                response.score(&texels, walk.trace(at, direction, &mut rng));
+            }
+            Ok(response.finish(photons.count))
+        };
+        (0..texels.dims[0]).into_par_iter().map(lit).collect()
+    }
+
+    fn checked_walk(&self, photons: Photons) -> Result<Walk<'_>, OpticsError> {
+        if photons.count < 2 {
+            return Err(OpticsError::parameter("photons", photons.count, "at least 2".into()));
+        }
+        self.media.iter().try_for_each(VolumeCoefficients::check)?;
+        let largest = self.grid.ids().par_iter().copied().max().unwrap_or(0);
+        if usize::from(largest) >= self.media.len() {
+            let expected = format!("0 to {}, as there are coefficients", self.media.len() as i64 - 1);
+            return Err(OpticsError::parameter("material id", largest, expected));
+        }
+        if let Some(base) = &self.base {
+            base.check()?;
+            // A conservative half-space returns every photon, after a walk of infinite mean length.
+            if base.sigma_a <= 0.0 {
+                let name = "absorption-per-mm of the half-space below";
+                return Err(OpticsError::parameter(name, base.sigma_a, "more than 0".into()));
+            }
+        }
+        Ok(Walk::new(self.grid, self.media, self.base, self.sides))
+    }
+}
+
+/// Distance of the seeds of neighbouring texels: 2⁶⁴ divided by the golden ratio, which spreads multiples evenly.
+const SEED_STEP: u64 = 0x9E37_79B9_7F4A_7C15;
+
+/// Whether a walk has left by the top, and with what.
+fn top(end: End) -> Option<([f64; 2], [f64; 2], f64)> {
+    match end {
+        End::Top { at, turns, weight } => Some((at, turns, weight)),
+        _ => None,
+    }
+}
