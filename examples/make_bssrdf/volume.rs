@@ -5,10 +5,8 @@
 //! - `marble`: a bright, fairly translucent ground with soft dark veins that run into the depth.
 //! - `stone`: very translucent, clear ground with small white grains: beyond what the resins of a printer can do.
 
-use lumislice::optics::{
-    Light, VolumeCoefficients,
-    voxels::{Photons, Sides, TexelGrid, VoxelGrid, VoxelScene, Windows},
-};
+use lumislice::look::{Photons, Sides, TexelGrid, VoxelGrid, VoxelScene, Windows};
+use lumislice::optics::{Light, VolumeCoefficients};
 
 use super::{Request, files};
 
