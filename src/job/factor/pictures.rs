@@ -4,13 +4,16 @@ use png::{BitDepth, ColorType, Encoder};
 
 use super::{ClusterRecord, texels::Texels};
 use crate::{
-    appearance::bssrdf::{Dataset, Misses},
+    appearance::{
+        ClusterId,
+        bssrdf::{Dataset, Misses},
+    },
     plot::{Axis, ColourBar, Figure, Format, Panel, PlotError, Raster, Rgb, Scale, Series, viridis},
 };
 
 /// Label of every texel as 16-bit grey.
-pub(super) fn labels(labels: &[u32], dataset: &Dataset) -> Vec<u8> {
-    let bytes: Vec<u8> = labels.iter().flat_map(|label| (*label as u16).to_be_bytes()).collect(); // k is at most 65,535
+pub(super) fn labels(labels: &[ClusterId], dataset: &Dataset) -> Vec<u8> {
+    let bytes: Vec<u8> = labels.iter().flat_map(|label| label.0.to_be_bytes()).collect();
     encode(dataset, ColorType::Grayscale, BitDepth::Sixteen, &bytes)
 }
 
@@ -64,9 +67,9 @@ fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
 }
 
 /// What every cluster reflects and how far light travels in it, over the patch.
-pub(super) fn clusters(records: &[ClusterRecord], labels: &[u32], dataset: &Dataset) -> Result<Vec<u8>, PlotError> {
+pub(super) fn clusters(records: &[ClusterRecord], labels: &[ClusterId], dataset: &Dataset) -> Result<Vec<u8>, PlotError> {
     let over = |label: &str, scale: Scale, of: &dyn Fn(&ClusterRecord) -> f64| {
-        let values: Vec<f64> = labels.iter().map(|label| of(&records[*label as usize])).collect();
+        let values: Vec<f64> = labels.iter().map(|label| of(&records[label.index()])).collect();
         let range = span(values.iter().copied());
         let bar = ColourBar { label: label.into(), range, scale };
         map("", dataset, |x, y| Raster::heat_map(dataset.width, &values, x, y, bar))
