@@ -1,7 +1,7 @@
 //! Makes the sample files: a marble rabbit and a slab.
 //!
 //! ```text
-//! cargo run --release --example make_samples [-- [--check] [FOLDER]]
+//! cargo run --release -p tools --bin make_samples [-- [--check] [FOLDER]]
 //! ```
 //!
 //! Writes into FOLDER, `samples` if left out. With `--check` it writes nothing and exits 1 unless the folder's files

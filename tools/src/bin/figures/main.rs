@@ -1,10 +1,10 @@
 //! The figures of Hašan et al. 2010 that say how well light is predicted, made anew: pictures, and tables for `docs/accuracy.md`.
 //!
 //! ```sh
-//! cargo run --release --example figures -- stacking     # figure 5: three stackings against photons
-//! cargo run --release --example figures -- slabs        # figure 6: five slabs of one albedo and falling translucency
-//! cargo run --release --example figures -- thin         # thin layers: Kubelka–Munk and transport against photons
-//! cargo run --release --example figures -- gamut-map    # targets out of reach: clipped, and brought into the gamut
+//! cargo run --release -p tools --bin figures -- stacking     # figure 5: three stackings against photons
+//! cargo run --release -p tools --bin figures -- slabs        # figure 6: five slabs of one albedo and falling translucency
+//! cargo run --release -p tools --bin figures -- thin         # thin layers: Kubelka–Munk and transport against photons
+//! cargo run --release -p tools --bin figures -- gamut-map    # targets out of reach: clipped, and brought into the gamut
 //! ```
 //!
 //! Options: `-o FOLDER` (default `./figures-out`), `--photons N` per simulation (default 4000000).

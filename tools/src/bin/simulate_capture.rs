@@ -1,7 +1,7 @@
 //! Photographs of a built-in resin by a camera that does not exist, to try `lumislice material measure` on:
 //!
 //! ```text
-//! cargo run --release --example simulate_capture -- white capture [--defects]
+//! cargo run --release -p tools --bin simulate_capture -- white capture [--defects]
 //! lumislice material measure capture/capture.toml -o white.toml
 //! ```
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program")]

@@ -2,7 +2,7 @@
 //! a volume that varies, standing for a chess board, marble and artificial stone.
 //!
 //! ```text
-//! cargo run --release --example make_bssrdf -- KIND FOLDER [--texels N] [--window N] [--pitch-mm MM]
+//! cargo run --release -p tools --bin make_bssrdf -- KIND FOLDER [--texels N] [--window N] [--pitch-mm MM]
 //!                                              [--photons N] [--noise SHARE] [--floor PER_MM2] [--seed N]
 //! ```
 
