@@ -6,7 +6,7 @@ use lumislice::optics::{
     VolumeCoefficients,
 };
 
-use crate::Round;
+use super::Round;
 
 type Stack = &'static [(&'static str, f64)];
 

@@ -3,7 +3,7 @@
 use lumislice::measure::simulate::{Defects, Laboratory};
 use lumislice::measure::{Finding, SeenTilt};
 
-use crate::Round;
+use super::Round;
 
 /// The measured tilt in reflection and in transmission.
 fn tilts(round: &Round, defects: Defects) -> [(SeenTilt, bool); 2] {

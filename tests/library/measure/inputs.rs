@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use lumislice::measure::simulate::{Laboratory, Scene, write_capture};
 use lumislice::measure::{Finding, Measurement, ResinFacts};
 
-use crate::{PINHOLE, Round, SQUARE, errors, hold, measured, show};
+use super::{PINHOLE, Round, SQUARE, errors, hold, measured, show};
 
 /// Small: 251 pixels a side.
 const FARTHEST_MM: f64 = 5.5;

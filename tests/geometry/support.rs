@@ -1,5 +1,4 @@
 //! Shapes, brute force and slicing for the proofs of the geometry.
-#![allow(dead_code)] // every proof uses a part of it
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -1,11 +1,8 @@
 //! The same bytes whatever the threads and the slices asked for; the same memory whatever the height.
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
-
-mod common;
 
 use std::{collections::BTreeMap, fs, path::Path, process::Command};
 
-use common::*;
+use super::support::*;
 use glam::DVec3;
 use lumislice::{
     slice::{RowBuffers, Slicer, encode_rgba},

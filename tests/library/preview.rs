@@ -1,5 +1,4 @@
 //! Previews of a real job, to look at and to time.
-#![allow(clippy::unwrap_used)] // helpers of tests
 
 use std::{fs, path::PathBuf, time::Instant};
 

@@ -1,11 +1,8 @@
 //! The 60 mm bunny against brute force: nearest of all triangles, winding number by solid angles, at the pitch of a J750.
 //!
 //! A stack of 125 layers of 0.04 mm makes the material of a voxel say its depth.
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
-mod common;
-
-use common::*;
+use super::support::*;
 use glam::DVec3;
 use lumislice::{
     mesh::{LoadOptions, Solid, close, load},

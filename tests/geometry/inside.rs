@@ -1,9 +1,6 @@
 //! Inside and outside: rows through vertices and edges, damaged meshes, nested and crossing shells.
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
-mod common;
-
-use common::*;
+use super::support::*;
 use glam::DVec3;
 use lumislice::{
     mesh::{HealthReport, LoadOptions, Placement, Size, Solid, TriangleMesh, close, load, place},

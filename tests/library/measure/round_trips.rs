@@ -3,7 +3,7 @@
 use lumislice::measure::Finding;
 use lumislice::measure::simulate::{Defects, Laboratory};
 
-use crate::{Round, errors, hold, measured, show};
+use super::{Round, errors, hold, measured, show};
 
 fn round_trip(resin: &str, farthest_mm: f64) {
     let round = Round::new(resin, farthest_mm);

@@ -1,9 +1,6 @@
 //! Slabs, boxes and spheres: depth has a formula, and every voxel must be what the formula says.
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
-mod common;
-
-use common::*;
+use super::support::*;
 use glam::{DMat3, DVec3};
 use lumislice::{
     appearance::LayerStack,

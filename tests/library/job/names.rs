@@ -2,7 +2,7 @@
 
 use lumislice::job::Job;
 
-use crate::{GOOD, check, inputs};
+use super::{GOOD, check, inputs};
 
 #[test]
 fn inputs_that_are_not_there() {

@@ -1,5 +1,4 @@
 //! Broken bytes: whatever a file holds, loading it neither panics nor takes more memory than its size warrants.
-#![allow(clippy::unwrap_used)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -9,12 +8,7 @@ use lumislice::mesh::{LoadOptions, close, load};
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-#[path = "mesh_suite/shapes.rs"]
-#[allow(dead_code)]
-mod shapes;
-#[path = "mesh_suite/writers.rs"]
-#[allow(dead_code)]
-mod writers;
+use super::writers;
 
 /// Counts the bytes each thread holds, and the most it held.
 struct Counting;

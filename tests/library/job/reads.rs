@@ -1,5 +1,4 @@
 //! Good jobs, their defaults and their canonical form; and texts that no one should have to write.
-#![allow(clippy::unwrap_used)] // helpers of tests
 
 use std::fs;
 use std::path::Path;
@@ -21,7 +20,7 @@ target.kind = "texture"
 
 /// The complete job of the documentation, word for word the one users copy.
 fn documented() -> String {
-    let page = include_str!("../docs/job.md");
+    let page = include_str!("../../../docs/job.md");
     let start = page.find("```toml\n").unwrap() + "```toml\n".len();
     page[start..].split("```").next().unwrap().to_owned()
 }

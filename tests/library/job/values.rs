@@ -1,6 +1,6 @@
 //! Values of the wrong type or out of range.
 
-use crate::check;
+use super::check;
 
 #[test]
 fn wrong_types() {

@@ -5,8 +5,6 @@
 //! 3e-6 on average at 2e7 photons. A stacking is therefore judged by several independent runs R_1 … R_K. The mean over pairs i ≠ j of
 //! Σ w (R_i − R_t)(R_j − R_t) has no noise in its mean, and leaving out each run in turn tells its standard error.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
-
 use std::{ops::ControlFlow, time::Instant};
 
 use lumislice::{

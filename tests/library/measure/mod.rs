@@ -1,5 +1,4 @@
 //! Photographs of resins whose profiles are known, measured: the round trip through files.
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
 mod asymmetry;
 mod inputs;

@@ -1,9 +1,6 @@
 //! Laws of textured layers: what is certain is so, charts do not mix, limits hold, whatever the texture and the atlas.
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
-mod common;
-
-use common::*;
+use super::support::*;
 use glam::{DVec3, Vec2};
 use lumislice::{
     appearance::{Atlas, LabelMap, LayerField, SlotTable, TexturedLayers, align, enforce_limits},

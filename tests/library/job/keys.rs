@@ -1,6 +1,6 @@
 //! Keys that are unknown, missing or at odds, and text that is no TOML.
 
-use crate::check;
+use super::check;
 
 #[test]
 fn unknown_keys() {

@@ -1,9 +1,9 @@
 //! Laws of the mesh room: files round-trip, bad files are refused in words, closed meshes have integer winding numbers.
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod bad_input;
 mod closing;
 mod formats;
+mod fuzz;
 mod placing;
 mod shapes;
 mod shared;

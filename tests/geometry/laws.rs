@@ -1,9 +1,6 @@
 //! Laws of the closest-point pipeline against brute force: triangles, hierarchy, cull, kernel.
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
-mod common;
-
-use common::*;
+use super::support::*;
 use glam::{DMat3, DVec3, Vec3A};
 use lumislice::{
     sdf::{

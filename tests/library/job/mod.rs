@@ -1,8 +1,8 @@
 //! Every way a job can be wrong, and the one line that says so.
-#![allow(clippy::unwrap_used)] // helpers of tests
 
 mod keys;
 mod names;
+mod reads;
 mod values;
 
 use std::fs;
