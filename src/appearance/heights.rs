@@ -157,7 +157,10 @@ mod tests {
             let mut top = 0.0;
             for (layer, resin) in fields.sequence.iter().enumerate() {
                 let bottom = fields.layer(layer)[sample];
-                assert!(*resin != ResinId(1) || bottom <= top || top >= 0.2 - 1e-3, "sample {sample}: support starts at {top}");
+                assert!(
+                    *resin != ResinId(1) || bottom <= top || top >= 0.2 - 1e-3,
+                    "sample {sample}: support starts at {top}"
+                );
                 top = bottom;
             }
         }

@@ -6,9 +6,7 @@ use anyhow::bail;
 use clap::Args;
 use lumislice::{
     appearance::NormalizedDiffusion,
-    job::{
-        self, Job, MaterialSource, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
-    },
+    job::{self, Job, MaterialSource, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
     optics::{FrequencyGrid, MaterialSet, ProfileFile, Resin, ResinId, Stack},
     plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
     search::{
@@ -429,8 +427,9 @@ impl Shown<'_> {
 /// The resin that most of a stacking is.
 fn thickest(point: &GamutPoint) -> Option<ResinId> {
     let layers = &point.stacking.layers;
-    let total =
-        |resin: ResinId| layers.iter().filter(|layer| layer.resin == resin).map(|layer| layer.thickness_mm).sum::<f64>();
+    let total = |resin: ResinId| {
+        layers.iter().filter(|layer| layer.resin == resin).map(|layer| layer.thickness_mm).sum::<f64>()
+    };
     layers.iter().map(|layer| layer.resin).max_by(|&a, &b| total(a).total_cmp(&total(b)).then(b.cmp(&a)))
 }
 

@@ -149,8 +149,7 @@ fn record(resin: &Resin) -> serde_json::Value {
         );
         each.collect::<Vec<_>>()
     });
-    let per_channel =
-        |value: fn(&ResinChannel) -> Option<f64>| resin.channels.iter().map(value).collect::<Vec<_>>();
+    let per_channel = |value: fn(&ResinChannel) -> Option<f64>| resin.channels.iter().map(value).collect::<Vec<_>>();
     json!({
         "name": resin.name,
         "rgba": resin.rgba,
@@ -183,7 +182,7 @@ fn fits(set: &MaterialSet) -> Option<String> {
     let rows = set.resins.iter().filter_map(|resin| resin.fits().map(|fits| (resin, fits)));
     let rows: Vec<Vec<String>> = rows
         .flat_map(|(resin, fits)| {
-            fits.iter().zip(&set.channels).map(|(fit, channel)| {
+            fits.into_iter().zip(&set.channels).map(|(fit, channel)| {
                 vec![
                     resin.name.clone(),
                     channel.clone(),

@@ -33,8 +33,8 @@ pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord, STACKINGS,
 };
 pub use plan::{
-    GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry,
-    StackingReport, TransportEntry, srgb_to_linear, targets, to_channels,
+    GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry, StackingReport,
+    TransportEntry, srgb_to_linear, targets, to_channels,
 };
 pub use progress::{Interrupt, Progress, Silent};
 pub use run::{Estimate, Finished, REPORT, RedrawError, RunOptions, draw_again, redraw, report_data, run};

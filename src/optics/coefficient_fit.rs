@@ -7,8 +7,8 @@
 //! is not fitted, and the phase function of Henyey and Greenstein.
 
 use super::{
-    FrequencyGrid, Light, MAX_COEFFICIENT_PER_MM, RadialProfile, Stack, Transport, TransportOptions, VolumeCoefficients,
-    repair_transmission,
+    FrequencyGrid, Light, MAX_COEFFICIENT_PER_MM, RadialProfile, Stack, Transport, TransportOptions,
+    VolumeCoefficients, repair_transmission,
 };
 
 /// A slab whose profiles were measured.

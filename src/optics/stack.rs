@@ -63,8 +63,7 @@ impl<R> Stack<R> {
     /// # Errors
     /// The first error of `resin`.
     pub fn try_map<'a, S, E>(&'a self, resin: impl Fn(&'a R) -> Result<S, E>) -> Result<Stack<S>, E> {
-        let layer =
-            |layer: &'a Layer<R>| Ok(Layer { resin: resin(&layer.resin)?, thickness_mm: layer.thickness_mm });
+        let layer = |layer: &'a Layer<R>| Ok(Layer { resin: resin(&layer.resin)?, thickness_mm: layer.thickness_mm });
         let layers = self.layers.iter().map(layer).collect::<Result<_, E>>()?;
         Ok(Stack { layers, core: self.core.as_ref().map(&resin).transpose()? })
     }

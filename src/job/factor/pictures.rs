@@ -67,7 +67,11 @@ fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
 }
 
 /// What every cluster reflects and how far light travels in it, over the patch.
-pub(super) fn clusters(records: &[ClusterRecord], labels: &[ClusterId], dataset: &Dataset) -> Result<Vec<u8>, PlotError> {
+pub(super) fn clusters(
+    records: &[ClusterRecord],
+    labels: &[ClusterId],
+    dataset: &Dataset,
+) -> Result<Vec<u8>, PlotError> {
     let over = |label: &str, scale: Scale, of: &dyn Fn(&ClusterRecord) -> f64| {
         let values: Vec<f64> = labels.iter().map(|label| of(&records[label.index()])).collect();
         let range = span(values.iter().copied());

@@ -6,7 +6,9 @@ use super::{
     images::{read_labels, read_picture, srgb_to_linear, to_channels},
 };
 use crate::{
-    appearance::{self, AppearancePage, Atlas, ClusterId, LabelMap, NormalizedDiffusion, cluster, distinct_appearances},
+    appearance::{
+        self, AppearancePage, Atlas, ClusterId, LabelMap, NormalizedDiffusion, cluster, distinct_appearances,
+    },
     job::{AlbedoSource, InputPath, RunError, TargetSpec},
     optics::ProfileFile,
     search::SearchTarget,

@@ -267,8 +267,7 @@ impl Prepared {
             return Ok(Vec::new());
         }
         let mesher = self.mesher();
-        let resins: Vec<_> =
-            self.printed().map(|(id, resin)| (id, self.materials[resin].name.clone())).collect();
+        let resins: Vec<_> = self.printed().map(|(id, resin)| (id, self.materials[resin].name.clone())).collect();
         progress.stage("meshes", 0);
         let meshes = match mesher.mesh(self.slicer().objects(), &resins, |_, _| !interrupt.requested()) {
             Err(_) if interrupt.requested() => return Err(RunError::Interrupted),

@@ -6,9 +6,9 @@
 
 use rand_xoshiro::Xoshiro256PlusPlus;
 
+use super::Light;
 use super::photon::{Direction, FAINT, HenyeyGreenstein, REVIVED, azimuth, uniform};
 use super::tally::Tally;
-use super::Light;
 use crate::optics::{Layer, Stack, VolumeCoefficients, fresnel::refraction};
 
 /// Refractive index of what surrounds the stack.

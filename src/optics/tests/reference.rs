@@ -196,13 +196,8 @@ fn monte_carlo_profiles_have_the_reference_shapes() {
     ];
     for (name, layers) in stacks {
         let Some((r, t)) = stack(name) else { return };
-        let job = MonteCarlo {
-            stack: layers,
-            light: Light::Diffuse,
-            photons: 200_000,
-            seed: 3,
-            rings: RingEdges::fine(),
-        };
+        let job =
+            MonteCarlo { stack: layers, light: Light::Diffuse, photons: 200_000, seed: 3, rings: RingEdges::fine() };
         let result = job.run().unwrap();
         for (what, ours, theirs) in [("R", &result.reflection_profile, &r), ("T", &result.transmission_profile, &t)] {
             assert!(

@@ -406,11 +406,8 @@ fn time_of_a_stack() {
             let value = best(&|| drop(modal.discrete(&stack)));
             let all = best(&|| drop(modal.spectra(&stack)));
             let slope = best(&|| drop(modal.slope(&stack)));
-            let whole = best(&|| {
-                drop(Transport { stack: &of_layers, light: Light::Diffuse, options }.spectra(&grid))
-            });
-            let doubled =
-                Doubled::new(&Transport { stack: &of_layers, light: Light::Diffuse, options }, &layers);
+            let whole = best(&|| drop(Transport { stack: &of_layers, light: Light::Diffuse, options }.spectra(&grid)));
+            let doubled = Doubled::new(&Transport { stack: &of_layers, light: Light::Diffuse, options }, &layers);
             let new = || FewTurns::new(&doubled.layers, &doubled.directions, Light::Diffuse, grid.as_slice());
             let prepare = best(&|| drop(std::hint::black_box(new())));
             let few = new();

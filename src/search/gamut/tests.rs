@@ -62,12 +62,7 @@ fn the_table_of_radii_is_the_inverse_transform() {
 }
 
 /// Factors by which random stackings lie outside in radius, ascending, as `reflection` places them.
-fn outside(
-    world: &Synthetic,
-    gamut: &Gamut,
-    count: usize,
-    reflection: impl Fn(&Stack) -> Vec<f64> + Sync,
-) -> Vec<f64> {
+fn outside(world: &Synthetic, gamut: &Gamut, count: usize, reflection: impl Fn(&Stack) -> Vec<f64> + Sync) -> Vec<f64> {
     let boundary = &gamut.channels[0].boundary;
     let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
     let stackings: Vec<Stack> =
@@ -102,15 +97,15 @@ fn what_random_stackings_reach_lies_inside() {
 #[test]
 fn what_random_stackings_reach_by_transport_lies_inside() {
     let world = synthetic();
-    let volumes: Vec<Vec<VolumeCoefficients>> =
-        world.set.resins.iter().map(|resin| resin.volumes().unwrap()).collect();
+    let volumes: Vec<Vec<VolumeCoefficients>> = world.set.resins.iter().map(|resin| resin.volumes().unwrap()).collect();
     let start = std::time::Instant::now();
     let layers = RefineOptions { min_layer_mm: world.options.unit_mm(), ..RefineOptions::default() };
     let space = layer_space(&world.options, &layers, world.resins.len());
     let gamut = Gamut::explore(&world.resins, Some(&volumes), &world.set.grid, &space).unwrap();
     let took = start.elapsed().as_secs_f64();
     let channel: Vec<_> = volumes.iter().map(|resin| resin[0]).collect();
-    let model = ModalReflection::new(&channel, world.options.core.map(|core| core.0), world.set.grid.as_slice(), DIRECTIONS);
+    let model =
+        ModalReflection::new(&channel, world.options.core.map(|core| core.0), world.set.grid.as_slice(), DIRECTIONS);
     let outside = outside(&world, &gamut, 400, |stacking| {
         model.reflection(&stacking.pairs().map(|(resin, mm)| (resin.0, mm)).collect::<Vec<_>>())
     });

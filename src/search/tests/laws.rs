@@ -101,7 +101,10 @@ fn bad_questions_are_refused() {
     let resins = three_resins();
     let refuse = |options: SearchOptions| BlockTable::new(&resins, &options).map(|_| ()).unwrap_err();
     assert!(matches!(refuse(SearchOptions { units: 0, ..options() }), SearchError::Option { name: "units", .. }));
-    assert!(matches!(refuse(SearchOptions { core: Some(ResinId(3)), ..options() }), SearchError::Option { name: "core", .. }));
+    assert!(matches!(
+        refuse(SearchOptions { core: Some(ResinId(3)), ..options() }),
+        SearchError::Option { name: "core", .. }
+    ));
     assert!(matches!(
         refuse(SearchOptions { max_thickness_mm: f64::NAN, ..options() }),
         SearchError::Option { name: "max-thickness-mm", .. }

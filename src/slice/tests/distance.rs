@@ -7,8 +7,8 @@ use glam::{DVec3, IVec3, Vec2};
 use crate::{
     appearance::{Atlas, ClusterId, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers, align},
     mesh::{HealthReport, Solid, TriangleMesh},
-    sdf::{Cells, RELATIVE_ERROR, cell_centre, for_cells},
     optics::{ResinId, Stack},
+    sdf::{Cells, RELATIVE_ERROR, cell_centre, for_cells},
     search::ResinLimit,
     slice::{DistanceKind, ObjectField, Slicer},
     voxel::{Lattice, MaterialId},
