@@ -2,7 +2,11 @@
 
 use std::{ops::ControlFlow, path::Path};
 
-use lumislice::optics::{MaterialFile, MaterialSet, OpticsError};
+use lumislice::{
+    job::{SUPPORT, SUPPORT_MIN_DEPTH_MM},
+    optics::{MaterialFile, MaterialSet, OpticsError},
+    search::ResinLimit,
+};
 
 use super::{INTERRUPT, progress::Bars, say};
 
@@ -66,6 +70,22 @@ pub fn say_provenance(set: &str, provenance: &str) {
 /// What to answer a callback: whether Ctrl-C was pressed.
 pub fn go_on() -> ControlFlow<()> {
     if INTERRUPT.requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+/// The limits that `--min-depth` sets; support keeps its default depth unless it is given another.
+pub fn min_depth_limits(file: &MaterialFile, given: &[(String, f64)]) -> anyhow::Result<Vec<ResinLimit>> {
+    for (index, (resin, _)) in given.iter().enumerate() {
+        file.resin_id(resin)?;
+        if given[..index].iter().any(|other| other.0 == *resin) {
+            anyhow::bail!("--min-depth: found {resin} a second time, expected each resin once");
+        }
+    }
+    let limit = |name: &str| {
+        let given = given.iter().find(|given| given.0 == name).map(|given| given.1);
+        let default = if name == SUPPORT { SUPPORT_MIN_DEPTH_MM } else { 0.0 };
+        ResinLimit { min_depth_mm: given.unwrap_or(default), ..ResinLimit::NONE }
+    };
+    Ok(file.resin_names().map(limit).collect())
 }
 
 /// The error of a model that needs what a resin of `materials` does not have.

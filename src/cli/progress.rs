@@ -71,3 +71,17 @@ impl Progress for Bars {
         }
     }
 }
+
+impl lumislice::watch::Watch for Bars {
+    fn stage(&self, name: &str, steps: u64) {
+        Progress::stage(self, name, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        Progress::advance(self, steps);
+    }
+
+    fn stop_requested(&self) -> bool {
+        super::INTERRUPT.requested()
+    }
+}

@@ -75,6 +75,12 @@ pub enum OpticsError {
         /// All its resins.
         known: String,
     },
+    /// A model needs coefficients of a resin that is given by profiles only.
+    #[error("resin {resin}: found no coefficients, expected scattering-per-mm and absorption-per-mm")]
+    NoCoefficients {
+        /// The resin.
+        resin: String,
+    },
     /// The caller stopped a simulation.
     #[error("simulation cancelled")]
     Cancelled,

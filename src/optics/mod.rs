@@ -24,6 +24,7 @@ mod inverse;
 mod kubelka_munk;
 mod materials;
 pub(crate) mod monte_carlo;
+mod predict;
 mod prediction;
 mod profile;
 mod profile_csv;
@@ -49,7 +50,8 @@ pub use materials::{
 };
 pub(crate) use materials::{resin_table, toml_source};
 pub use monte_carlo::{Estimate, Light, MonteCarlo, MonteCarloResult, RingEdges};
-pub use prediction::{ChannelPrediction, PhotonOptions, PredictedRing, Prediction};
+pub use predict::{Model, predict};
+pub use prediction::{ChannelPrediction, PredictedRing, Prediction};
 pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERANCE, ProfileError, RadialProfile};
 pub use profile_csv::ProfileFile;
 pub use repair::{LostInNoise, TransmissionRepair, repair_transmission};

@@ -79,6 +79,15 @@ impl<R> Stack<R> {
     }
 }
 
+impl<R: Ord> Stack<R> {
+    /// The resin that most of the layers are; the first of equals.
+    pub fn mostly(&self) -> Option<&R> {
+        let total = |resin: &R| self.pairs().filter(|(other, _)| *other == resin).map(|(_, mm)| mm).sum::<f64>();
+        let resins = self.layers.iter().map(|layer| &layer.resin);
+        resins.max_by(|a, b| total(a).total_cmp(&total(b)).then(b.cmp(a)))
+    }
+}
+
 impl<R: PartialEq> Stack<R> {
     /// Joins neighbours of one resin and drops layers of thickness 0; (resin, mm) from the observer down, over nothing.
     pub fn joined(layers: impl IntoIterator<Item = (R, f64)>) -> Self {
