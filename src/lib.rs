@@ -55,5 +55,5 @@ pub mod preview;
 pub mod sdf;
 pub mod search;
 pub mod slice;
-mod suggest;
 pub mod voxel;
+pub mod words;

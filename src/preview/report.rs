@@ -2,6 +2,8 @@
 
 use std::fmt::{self, Write};
 
+use crate::words::counted;
+
 /// What the page says. All texts are plain; the page escapes them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ReportData {
@@ -156,7 +158,7 @@ fn warnings(page: &mut String, warnings: &[String]) -> fmt::Result {
     if warnings.is_empty() {
         return Ok(());
     }
-    let title = if warnings.len() == 1 { "1 warning".to_owned() } else { format!("{} warnings", warnings.len()) };
+    let title = counted(warnings.len(), "warning");
     writeln!(page, "<section class=\"warnings\">\n<strong>{title}</strong>\n<ul>")?;
     for warning in warnings {
         writeln!(page, "<li>{}</li>", escape(warning))?;

@@ -15,6 +15,7 @@ use super::{
     npy::{NpyError, NpyHeader},
     responses::Responses,
 };
+use crate::words::one_line;
 
 /// Name of the header in a dataset's folder.
 pub const NAME: &str = "dataset.toml";
@@ -47,7 +48,7 @@ pub(super) fn read(file: &Path) -> Result<Parts, BssrdfError> {
         BssrdfError::Entry {
             file: file.to_path_buf(),
             place: format!("line {line}"),
-            found: error.message().split_whitespace().collect::<Vec<_>>().join(" "),
+            found: one_line(error.message()),
             expected: "a header as docs/formats.md describes it".into(),
         }
     })?;

@@ -146,29 +146,3 @@ pub enum JobError {
         expected: String,
     },
 }
-
-/// Most characters of a found text that a message repeats.
-const MAX_QUOTED: usize = 60;
-
-/// `text` on one line and of a length that suits a message, without quotes.
-pub(super) fn one_line(text: &str) -> String {
-    let mut line = escaped(text.chars().take(MAX_QUOTED));
-    if text.chars().nth(MAX_QUOTED).is_some() {
-        line.push('…');
-    }
-    line
-}
-
-/// A path on one line, never cut.
-pub(super) fn one_line_path(path: &std::path::Path) -> String {
-    escaped(path.to_string_lossy().chars())
-}
-
-/// Characters with those that would break a line or a terminal written out.
-pub(in crate::job) fn escaped(chars: impl Iterator<Item = char>) -> String {
-    let mut line = String::new();
-    for c in chars {
-        if c.is_control() { line.extend(c.escape_default()) } else { line.push(c) }
-    }
-    line
-}

@@ -24,7 +24,6 @@ use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
-pub(super) use error::escaped;
 pub use error::{JobError, Place};
 pub use object::{DepthFrom, ObjectJob, Scaling};
 pub use options::{
@@ -38,9 +37,8 @@ pub use target::{AlbedoSource, TargetSpec};
 
 pub use crate::mesh::Unit;
 
-use crate::suggest::hint;
 use crate::voxel::Printer;
-use error::{one_line, one_line_path};
+use crate::words::{escaped, excerpt, hint, path_line};
 use source::{Places, Source};
 
 /// Largest job file that is read, bytes. A job that lists 10 000 profiles stays below it.
@@ -82,11 +80,11 @@ impl Job {
     /// [`Job::from_toml`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, JobError> {
         let path = path.as_ref();
-        let file_name = || one_line_path(path);
+        let file_name = || path_line(path);
         let unreadable = |found: String| JobError::Unreadable { file: file_name(), found };
         let disk = |error: std::io::Error| match error.kind() {
             std::io::ErrorKind::NotFound => unreadable("no such file".to_owned()),
-            _ => unreadable(one_line(&error.to_string())),
+            _ => unreadable(excerpt(&error.to_string())),
         };
         let metadata = std::fs::metadata(path).map_err(disk)?;
         if metadata.is_dir() {
@@ -115,7 +113,7 @@ impl Job {
     pub fn from_toml(text: &str, path: impl AsRef<Path>, base_dir: impl AsRef<Path>) -> Result<Self, JobError> {
         let path = path.as_ref();
         if text.len() as u64 > MAX_JOB_BYTES {
-            let (file, found) = (one_line_path(path), text.len() as u64);
+            let (file, found) = (path_line(path), text.len() as u64);
             return Err(JobError::TooLarge { file, found, limit: MAX_JOB_BYTES });
         }
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
@@ -193,7 +191,7 @@ impl Job {
             return Ok(());
         }
         let hint = hint(name, names.iter().copied());
-        Err(JobError::UnknownName { place: self.place(key), key: key.to_owned(), kind, found: one_line(name), hint })
+        Err(JobError::UnknownName { place: self.place(key), key: key.to_owned(), kind, found: excerpt(name), hint })
     }
 
     /// Where `key` (as `output.mesh-pitch-mm` or `object[0].mesh`) stands in the job file; for one that the job leaves to
@@ -206,7 +204,7 @@ impl Job {
             }
             match around.rfind(['.', '[']) {
                 Some(end) => around = &around[..end],
-                None => return Place { file: one_line_path(&self.path).into(), line: 1, column: 1 },
+                None => return Place { file: path_line(&self.path).into(), line: 1, column: 1 },
             }
         }
     }
@@ -226,5 +224,5 @@ impl Job {
 /// The parser's message on one line.
 fn syntax_message(message: &str) -> String {
     let parts: Vec<&str> = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-    error::escaped(parts.join(", ").chars())
+    escaped(&parts.join(", "))
 }

@@ -5,10 +5,10 @@ use std::ops::Range as Span;
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
 
-use super::error::{JobError, one_line};
+use super::error::JobError;
 use super::ranges::{IntRange, Range};
 use super::source::Source;
-use crate::suggest::hint;
+use crate::words::{counted, excerpt, hint, quoted_list, suggest};
 
 pub(super) type Result<T> = std::result::Result<T, JobError>;
 
@@ -36,7 +36,7 @@ impl<'a> Table<'a> {
 
     fn path_of(&self, key: &str) -> String {
         let bare = !key.is_empty() && key.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
-        let key = if bare { one_line(key) } else { format!("\"{}\"", one_line(key)) };
+        let key = if bare { excerpt(key) } else { format!("\"{}\"", excerpt(key)) };
         if self.path.is_empty() { key } else { format!("{}.{key}", self.path) }
     }
 
@@ -140,7 +140,7 @@ impl<'a> Value<'a> {
 
     /// The refusal of a name that nothing bears.
     pub fn unknown(&self, kind: &'static str, found: &str, hint: String) -> JobError {
-        let found = one_line(found);
+        let found = excerpt(found);
         JobError::UnknownName { place: self.place(), key: self.path.clone(), kind, found, hint }
     }
 
@@ -222,13 +222,13 @@ impl<'a> Value<'a> {
     /// One of the words in `choices`, as the value beside it.
     pub fn choice<T: Copy>(&self, choices: &[(&str, T)]) -> Result<T> {
         let words = choices.iter().map(|&(word, _)| word);
-        let expected = || format!("one of \"{}\"", words.clone().collect::<Vec<_>>().join("\", \""));
+        let expected = || format!("one of {}", quoted_list(words.clone()));
         let found = match self.value {
             DeValue::String(text) => text.as_ref(),
             _ => return Err(self.refuse(expected())),
         };
         choices.iter().find(|(word, _)| *word == found).map(|&(_, choice)| choice).ok_or_else(|| {
-            match crate::suggest::suggest(found, words.clone()) {
+            match suggest(found, words.clone()) {
                 Some(near) => self.refuse(format!("{}; did you mean `{near}`?", expected())),
                 None => self.refuse(expected()),
             }
@@ -243,15 +243,14 @@ fn i128_of(integer: &DeInteger<'_>) -> Option<i128> {
 /// A value as an error message names it.
 fn describe(value: &DeValue<'_>) -> String {
     match value {
-        DeValue::String(text) => format!("\"{}\"", one_line(text)),
-        DeValue::Integer(integer) => one_line(&integer.to_string()),
-        DeValue::Float(float) => one_line(float.as_str()),
+        DeValue::String(text) => format!("\"{}\"", excerpt(text)),
+        DeValue::Integer(integer) => excerpt(&integer.to_string()),
+        DeValue::Float(float) => excerpt(float.as_str()),
         DeValue::Boolean(truth) => truth.to_string(),
         DeValue::Datetime(time) => format!("the date or time {time}"),
         DeValue::Array(array) => match array.iter().len() {
             0 => "an empty array".to_owned(),
-            1 => "an array of 1 value".to_owned(),
-            n => format!("an array of {n} values"),
+            n => format!("an array of {}", counted(n, "value")),
         },
         DeValue::Table(_) => "a table".to_owned(),
     }

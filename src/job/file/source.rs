@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::error::{Place, one_line_path};
+use super::error::Place;
+use crate::words::path_line;
 
 /// Where every key that was read stands, by its full path.
 pub(super) type Places = BTreeMap<String, Place>;
@@ -23,7 +24,7 @@ pub(super) struct Source<'a> {
 impl<'a> Source<'a> {
     pub fn new(path: &Path, text: &'a str, base_dir: &'a Path) -> Self {
         let line_starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
-        Self { file: one_line_path(path).into(), text, line_starts, offsets: RefCell::default(), base_dir }
+        Self { file: path_line(path).into(), text, line_starts, offsets: RefCell::default(), base_dir }
     }
 
     /// The place of byte `offset`; past the end is the end.

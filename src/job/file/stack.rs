@@ -1,7 +1,7 @@
 //! Stacks in one line of text: `white:0.5,support:1.0,black:0.5`, from the observer down.
 
-use super::error::one_line;
 use super::ranges::LAYER;
+use crate::words::excerpt;
 
 /// What is wrong with a stack's text.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -40,7 +40,7 @@ pub fn parse_stack(text: &str) -> Result<Vec<(String, f64)>, StackError> {
         .enumerate()
         .map(|(index, element)| {
             let error =
-                |expected: String| StackError::Layer { position: index + 1, found: one_line(element.trim()), expected };
+                |expected: String| StackError::Layer { position: index + 1, found: excerpt(element.trim()), expected };
             let (name, thickness) = element
                 .rsplit_once(':')
                 .map(|(name, thickness)| (name.trim(), thickness.trim()))

@@ -6,6 +6,7 @@ use image::{DynamicImage, ImageReader};
 
 use crate::appearance::bssrdf::LUMINANCE;
 use crate::job::RunError;
+use crate::words::one_line;
 
 /// Most texels of a texture: 16k × 16k.
 const MAX_TEXELS: u64 = 1 << 28;
@@ -56,19 +57,15 @@ pub fn read_labels(path: &Path) -> Result<(u32, u32, Vec<u16>), RunError> {
 
 fn open(path: &Path) -> Result<DynamicImage, RunError> {
     let fault = |found: String| RunError::Texture { path: path.to_path_buf(), found, expected: "a PNG or JPEG image" };
-    let read = |error: std::io::Error| fault(one_line(&error.to_string()));
+    let read = |error: std::io::Error| fault(one_line(error));
     let reader = || ImageReader::open(path).and_then(|reader| reader.with_guessed_format()).map_err(read);
-    let (width, height) = reader()?.into_dimensions().map_err(|error| fault(one_line(&error.to_string())))?;
+    let (width, height) = reader()?.into_dimensions().map_err(|error| fault(one_line(error)))?;
     if u64::from(width) * u64::from(height) > MAX_TEXELS {
         return Err(fault(format!("{width} × {height} texels, over the limit of {MAX_TEXELS}")));
     }
     let mut reader = reader()?;
     reader.no_limits(); // bounded above
-    reader.decode().map_err(|error| fault(one_line(&error.to_string())))
-}
-
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+    reader.decode().map_err(|error| fault(one_line(error)))
 }
 
 impl Picture {

@@ -12,7 +12,8 @@ use quick_xml::events::{BytesStart, Event};
 
 use super::raw::{finite, plain};
 use crate::mesh::SurfaceMaterial;
-use crate::mesh::error::{Fault, Parsed, one_line, quote};
+use crate::mesh::error::{Fault, Parsed, quote};
+use crate::words::one_line;
 
 /// Extensions that may be required of us: we read them, or they add nothing to the shape.
 const SUPPORTED: [&str; 4] = [

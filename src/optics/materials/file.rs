@@ -38,8 +38,8 @@ use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
 use super::spectra::ResinSpectrum;
 use super::toml_source::{Folder, Keys, Source, Strings, kind};
 use super::{MaterialSet, Resin};
-use crate::optics::error::nearest;
 use crate::optics::{FrequencyGrid, OpticsError, VolumeCoefficients};
+use crate::words::suggest;
 
 const TOP_KEYS: [&str; 4] = ["name", "channels", "provenance", "resin"];
 /// Slices name materials by one byte, of which 0 is the background.
@@ -84,7 +84,7 @@ impl MaterialFile {
     pub fn resin_index(&self, name: &str) -> Result<usize, OpticsError> {
         let unknown = || OpticsError::UnknownResin {
             name: name.into(),
-            suggestion: nearest(name, self.resin_names()).map(String::from),
+            suggestion: suggest(name, self.resin_names()).map(String::from),
             set: self.name.clone(),
             known: self.resin_names().collect::<Vec<_>>().join(", "),
         };

@@ -7,7 +7,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::optics::OpticsError;
-use crate::optics::error::nearest;
+use crate::words::suggest;
 
 /// A text and what to call it in errors.
 #[derive(Debug, Clone, Copy)]
@@ -60,7 +60,7 @@ impl<'a, 't> Keys<'a, 't> {
         for key in self.table.keys() {
             let name: &str = key.get_ref();
             if !known.contains(&name) {
-                let expected = match nearest(name, known.iter().copied()) {
+                let expected = match suggest(name, known.iter().copied()) {
                     Some(near) => format!("a known key (did you mean `{near}`?)"),
                     None => format!("one of {}", known.join(", ")),
                 };
