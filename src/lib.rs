@@ -44,12 +44,14 @@
 //! ```
 
 pub mod appearance;
+pub mod colour;
 pub mod job;
 pub mod look;
 pub mod measure;
 pub mod mesh;
 pub mod optics;
 pub mod output;
+mod picture;
 pub mod plot;
 pub mod preview;
 pub mod sdf;

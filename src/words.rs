@@ -63,8 +63,8 @@ pub(crate) fn quoted_list<'a>(names: impl IntoIterator<Item = &'a str>) -> Strin
     format!("\"{}\"", names.into_iter().collect::<Vec<_>>().join("\", \""))
 }
 
-/// Names at most this share of the longer one's length apart (in edits) count as a slip of the pen: `heigth-mm`, `j750-27`.
-/// One edit is always allowed, so that two-letter names can be mistyped too.
+/// Names at most this share of the longer one's length apart (in edits) count as a slip of the pen: `heigth-mm`,
+/// `j750-27`. One edit is always allowed, so that two-letter names can be mistyped too.
 const MAX_EDITS_PER_CHAR: f64 = 0.34;
 
 /// The name in `known` nearest to `word` by Damerau–Levenshtein distance, case ignored; the first one on a tie,

@@ -6,10 +6,8 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 use lumislice::{
     appearance::NormalizedDiffusion,
-    job::{
-        NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions, srgb_to_linear,
-        to_channels,
-    },
+    colour::{srgb_to_linear, to_channels},
+    job::{NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
     optics::{
         DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, PhotonOptions, Prediction, ProfileFile, TransportOptions,
         VolumeCoefficients,

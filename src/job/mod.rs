@@ -35,7 +35,7 @@ pub use manifest::{
 };
 pub use plan::{
     GamutMapEntry, InputFile, JobTarget, LayerEntry, Prepared, PreparedObject, SearchEntry, StackingEntry,
-    StackingReport, TransportEntry, srgb_to_linear, targets, to_channels,
+    StackingReport, TransportEntry, targets,
 };
 pub use progress::{Interrupt, Progress, Silent};
 pub use run::{Estimate, Finished, REPORT, RedrawError, RunOptions, draw_again, redraw, report_data, run};

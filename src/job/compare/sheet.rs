@@ -3,7 +3,10 @@
 use std::fmt::Write as _;
 
 use super::{Comparison, Stage};
-use crate::plot::{Axis, Figure, Format, Panel, PlotError, Raster, Rgb, Series};
+use crate::{
+    colour::{Rgb, linear_to_byte},
+    plot::{Axis, Figure, Format, Panel, PlotError, Raster, Series},
+};
 
 /// Longer side of a picture, units of the plot: room for three ticks.
 const PICTURE: f64 = 260.0;
@@ -62,7 +65,7 @@ impl Comparison {
 
     fn colour(&self, stage: &Stage, lamp: usize, texel: usize, white: f64) -> Rgb {
         let channels = stage.radiosity.len();
-        let channel = |c: usize| srgb(f64::from(stage.radiosity[c][lamp][texel]) / white);
+        let channel = |c: usize| linear_to_byte(f64::from(stage.radiosity[c][lamp][texel]) / white);
         if channels == 3 { [channel(0), channel(1), channel(2)] } else { [channel(0); 3] }
     }
 
@@ -174,13 +177,6 @@ const CSS: &str = "body{font-family:system-ui,sans-serif;color:#1f2630;margin:2r
 figure{margin:1rem 0;overflow-x:auto}svg{max-width:100%;height:auto}table{border-collapse:collapse}\
 td,th{padding:.2rem .7rem;text-align:right;border-bottom:1px solid #ddd}td:nth-child(-n+3),th:nth-child(-n+3){text-align:left}\
 .warning{color:#a33}";
-
-/// A linear value as an 8-bit sRGB one.
-fn srgb(linear: f64) -> u8 {
-    let value = linear.clamp(0.0, 1.0);
-    let encoded = if value <= 0.003_130_8 { 12.92 * value } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * encoded).round() as u8
-}
 
 /// −1 blue, 0 white, 1 red.
 fn diverging(value: f64) -> Rgb {

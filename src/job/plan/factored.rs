@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::images::read_labels;
 use crate::job::{FACTORED, Factored, LABELS, RunError, factor::entry};
 use crate::{
-    appearance::bssrdf::LUMINANCE,
+    colour::LUMINANCE,
     optics::{FrequencyGrid, ProfileFile, RadialProfile},
 };
 

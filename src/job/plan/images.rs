@@ -4,7 +4,6 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageReader};
 
-use crate::appearance::bssrdf::LUMINANCE;
 use crate::job::RunError;
 use crate::words::one_line;
 
@@ -73,21 +72,5 @@ impl Picture {
     pub fn nearest(&self, u: f32, v: f32) -> [f32; 3] {
         let texel = |at: f32, size: u32| ((at * size as f32) as u32).min(size - 1) as usize;
         self.rgb[texel(u, self.width) + self.width as usize * texel(v, self.height)]
-    }
-}
-
-/// Decodes an sRGB value (IEC 61966-2-1).
-pub fn srgb_to_linear(encoded: f32) -> f32 {
-    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-}
-
-/// The albedo a set of `channels` sees in a linear colour: itself for three, the luminance (Rec. 709) for one.
-pub fn to_channels(rgb: [f32; 3], channels: usize, out: &mut Vec<f32>) {
-    if channels == 3 {
-        out.extend(rgb);
-    } else {
-        let [r, g, b] = LUMINANCE.map(|weight| weight as f32);
-        let luminance = r * rgb[0] + g * rgb[1] + b * rgb[2];
-        out.extend(std::iter::repeat_n(luminance, channels));
     }
 }
