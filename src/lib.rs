@@ -49,6 +49,7 @@ pub mod job;
 pub mod look;
 pub mod measure;
 pub mod mesh;
+mod numeric;
 pub mod optics;
 pub mod output;
 mod picture;
