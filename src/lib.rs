@@ -52,6 +52,7 @@ pub mod mesh;
 mod numeric;
 pub mod optics;
 pub mod output;
+mod page;
 mod picture;
 pub mod plot;
 pub mod preview;

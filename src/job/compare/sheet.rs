@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use super::{Comparison, Stage};
 use crate::{
     colour::{Rgb, linear_to_byte},
+    page::{escape, page},
     plot::{Axis, Figure, Format, Panel, PlotError, Raster, Series},
 };
 
@@ -94,18 +95,14 @@ impl Comparison {
         let svg = |figure: &Figure| -> Result<String, PlotError> {
             Ok(String::from_utf8_lossy(&figure.encode(Format::Svg)?).into_owned())
         };
-        let mut page = format!(
-            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{0}</title><style>{CSS}</style></head>\n<body><h1>{0}</h1>\n<p>{1}</p>\n",
-            escaped(&self.name),
-            escaped(&self.words()),
-        );
-        let _ = write!(page, "<figure>{}</figure>\n{}", svg(&self.pictures())?, self.fits());
-        let _ = write!(page, "<h2>Pictures in numbers</h2>\n{}", self.table());
+        let mut body = format!("<h1>{}</h1>\n<p>{}</p>\n", escape(&self.name), escape(&self.words()));
+        let _ = write!(body, "<figure>{}</figure>\n{}", svg(&self.pictures())?, self.fits());
+        let _ = write!(body, "<h2>Pictures in numbers</h2>\n{}", self.table());
         for warning in &self.warnings {
-            let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(warning));
+            let _ = writeln!(body, "<p class=\"warning\">{}</p>", escape(warning));
         }
-        let _ = write!(page, "<figure>{}</figure>\n</body></html>\n", svg(&self.edge_figure())?);
-        Ok(page)
+        let _ = writeln!(body, "<figure>{}</figure>", svg(&self.edge_figure())?);
+        Ok(page(&self.name, CSS, &body))
     }
 
     fn words(&self) -> String {
@@ -125,8 +122,8 @@ impl Comparison {
             let _ = writeln!(
                 rows,
                 "<tr><td>{}</td><td>{}</td><td>{lamp}</td><td>{:+.4}</td><td>{:.4}</td><td>{:.2}%</td><td>{correlation}</td><td>{noise}</td></tr>",
-                escaped(stage),
-                escaped(against),
+                escape(stage),
+                escape(against),
                 apart.bias,
                 apart.rms,
                 100.0 * apart.relative_rms,
@@ -157,7 +154,7 @@ impl Comparison {
             let _ = writeln!(
                 rows,
                 "<tr><td>{}</td><td>{:.2e}</td><td>{:.2e}</td><td>{:.2e}</td><td>{:.2e}</td><td>{:.4}</td><td>{:.3}</td></tr>",
-                escaped(&job.name),
+                escape(&job.name),
                 transport.mean,
                 transport.worst,
                 scalar.mean,
@@ -184,8 +181,4 @@ fn diverging(value: f64) -> Rgb {
     let end = ENDS[usize::from(value > 0.0)];
     let part = value.abs().min(1.0);
     end.map(|channel| (255.0 + (f64::from(channel) - 255.0) * part).round() as u8)
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
