@@ -59,5 +59,6 @@ pub mod preview;
 pub mod sdf;
 pub mod search;
 pub mod slice;
+mod toml_reader;
 pub mod voxel;
 pub mod words;

@@ -40,11 +40,11 @@ pub use frequency::FrequencyGrid;
 pub use hankel::ProfileSpectrum;
 pub use inverse::InverseHankel;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
+pub(crate) use materials::resin_table;
 pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinSpectrum,
     SimulatedProfile, SlabPlan, SpectrumError, regenerate_builtin, simulate_profile,
 };
-pub(crate) use materials::{resin_table, toml_source};
 pub use monte_carlo::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges};
 pub use prediction::{ChannelPrediction, PhotonOptions, PredictedRing, Prediction};
 pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERANCE, ProfileError, RadialProfile};

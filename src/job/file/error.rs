@@ -1,26 +1,7 @@
 //! What can be wrong with a job, each said in one line: place, key, found, expected.
 
-use std::fmt;
-use std::sync::Arc;
-
 use super::stack::StackError;
-
-/// A place in a job file. Lines and columns count from 1; a column is a character, not a byte.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
-    /// The job file as it was named.
-    pub file: Arc<str>,
-    /// Line, from 1.
-    pub line: u32,
-    /// Character in the line, from 1.
-    pub column: u32,
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{}:{}", self.file, self.line, self.column)
-    }
-}
+use crate::toml_reader::Place;
 
 /// Why a job is refused. Every message is one line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -12,7 +12,6 @@ mod paths;
 mod ranges;
 mod read;
 mod resolved;
-mod source;
 mod stack;
 mod target;
 #[cfg(test)]
@@ -24,7 +23,7 @@ use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
-pub use error::{JobError, Place};
+pub use error::JobError;
 pub use object::{DepthFrom, ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
@@ -35,11 +34,11 @@ pub use resolved::ResolvedJob;
 pub use stack::{StackError, format_stack, parse_stack};
 pub use target::{AlbedoSource, TargetSpec};
 
-pub use crate::mesh::Unit;
+pub use crate::{mesh::Unit, toml_reader::Place};
 
+use crate::toml_reader::{Found, Places, Source};
 use crate::voxel::Printer;
-use crate::words::{escaped, excerpt, hint, path_line};
-use source::{Places, Source};
+use crate::words::{excerpt, hint, path_line};
 
 /// Largest job file that is read, bytes. A job that lists 10 000 profiles stays below it.
 pub const MAX_JOB_BYTES: u64 = 1 << 20;
@@ -117,11 +116,8 @@ impl Job {
             return Err(JobError::TooLarge { file, found, limit: MAX_JOB_BYTES });
         }
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let source = Source::new(path, text, base_dir.as_ref());
-        let document = DeTable::parse(text).map_err(|error| JobError::Syntax {
-            place: source.place(error.span().map_or(0, |span| span.start)),
-            message: syntax_message(error.message()),
-        })?;
+        let source = Source::new(path, base_dir.as_ref(), text, Found::AsWritten);
+        let document = source.parse()?;
         let root = read::Table::root(&source, &document);
         root.allow_only(ROOT_KEYS)?;
         // A table with defaults reads the same whether it is empty or left out.
@@ -219,10 +215,4 @@ impl Job {
     pub fn resolved(&self) -> ResolvedJob {
         resolved::resolve(self)
     }
-}
-
-/// The parser's message on one line.
-fn syntax_message(message: &str) -> String {
-    let parts: Vec<&str> = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-    escaped(&parts.join(", "))
 }

@@ -376,7 +376,7 @@ fn read_formats(value: &Value<'_>) -> Result<Vec<OutputFormat>> {
         {
             return Err(JobError::NotBuilt {
                 place: element.place(),
-                key: element.path().to_owned(),
+                key: element.key().to_owned(),
                 found: name.to_owned(),
                 expected: format!("one of {}", quoted_list(names.iter().copied())),
             });

@@ -70,12 +70,12 @@ impl Value<'_> {
         if written.trim().is_empty() {
             return Err(self.refuse(format!("the path of {expected}")));
         }
-        let path = self.source.base_dir.join(written);
+        let path = self.base().join(written);
         match problem(&path, kind) {
             None => Ok(InputPath { written: written.to_owned(), path }),
             Some(problem) => Err(JobError::Input {
                 place: self.place(),
-                key: self.path().to_owned(),
+                key: self.key().to_owned(),
                 found: excerpt(written).into(),
                 problem,
                 expected,

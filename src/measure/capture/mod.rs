@@ -6,6 +6,7 @@
 mod albedo_table;
 mod files;
 mod read;
+mod reader;
 
 use std::path::{Path, PathBuf};
 
