@@ -83,7 +83,7 @@ fn paint(page: &mut Pixmap, item: &Item) {
     }
 }
 
-fn path(outline: &[Step]) -> Option<Path> {
+pub(super) fn path(outline: &[Step]) -> Option<Path> {
     let mut builder = PathBuilder::new();
     let f = |[x, y]: Point| (x as f32, y as f32);
     for step in outline {

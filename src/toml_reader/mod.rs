@@ -1,8 +1,9 @@
 //! TOML read key by key, with types and ranges, so that every complaint says where and what.
 //!
-//! **In:** the text of a file. **Out:** values of the types and ranges asked for, or a [`Fault`]: the place, the key, what was found and
-//! what was expected. Unknown keys are found before others and carry the known ones, of which the nearest may be meant. How a fault reads
-//! is its room's own: `E` is the room's error, made from a fault, and [`Found`] says how values are named.
+//! **In:** the text of a file. **Out:** values of the types and ranges asked for, or a [`Fault`]: the place, the key,
+//! what was found and what was expected. Unknown keys are found before others and carry the known ones, of which the
+//! nearest may be meant. How a fault reads is its room's own: `E` is the room's error, made from a fault, and [`Found`]
+//! says how values are named.
 //!
 //! | file | what it does |
 //! | --- | --- |

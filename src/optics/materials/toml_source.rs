@@ -1,4 +1,5 @@
-//! The reader of TOML as material files use it, how they word what they refuse, and where the files they name come from.
+//! The reader of TOML as material files use it, how they word what they refuse, and where the files they name come
+//! from.
 
 use std::cell::RefCell;
 use std::path::PathBuf;
