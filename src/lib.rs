@@ -45,6 +45,7 @@
 
 pub mod appearance;
 pub mod colour;
+mod disjoint_sets;
 pub mod job;
 pub mod look;
 pub mod measure;
