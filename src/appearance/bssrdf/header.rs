@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     toml_reader::{Fault, Found, IntRange, Problem, Source, Table, Value},
-    words::{excerpt, hint, one_line},
+    words::{excerpt, one_line, suggest},
 };
 
 /// Name of the header in a dataset's folder.
@@ -37,8 +37,9 @@ const KEYS: [&str; 10] = [
     "window",
     "full-scale-per-mm2",
 ];
-/// TOML's integers are signed 64-bit.
-const COUNT: IntRange = IntRange { noun: "a whole number", min: 0, max: i64::MAX as u64 };
+const VERSIONS: IntRange = IntRange { noun: "a version", min: 0, max: u32::MAX as u64 };
+/// What is too large for us is refused once the responses are known.
+const SIDE: IntRange = IntRange { noun: "a number of pixels", min: 0, max: u32::MAX as u64 };
 
 struct Header {
     version: u64,
@@ -62,7 +63,7 @@ impl Header {
         let number = |key: &str| top.number(key).map(|found| found.map(|number| number.value));
         let path = |key: &str| top.string(key).map(|found| found.map(|path| PathBuf::from(path.value)));
         Ok(Self {
-            version: top.require("version", "a version")?.integer(COUNT)?,
+            version: top.require("version", "a version")?.integer(VERSIONS)?,
             pitch_mm: top.require("pitch-mm", "a distance in mm")?.placed_number("a distance in mm")?.value,
             responses: top.require("responses", "a path")?.text("a path")?.into(),
             albedo: path("albedo")?,
@@ -85,7 +86,7 @@ fn window(value: Value<'_, BssrdfError>) -> Result<[usize; 2], BssrdfError> {
     let expected = "[columns, rows]";
     let sides = value.list(expected)?;
     let [columns, rows] = sides.as_slice() else { return Err(value.refuse(expected)) };
-    Ok([columns.integer(COUNT)? as usize, rows.integer(COUNT)? as usize])
+    Ok([columns.integer(SIDE)? as usize, rows.integer(SIDE)? as usize])
 }
 
 impl From<Fault> for BssrdfError {
@@ -95,8 +96,11 @@ impl From<Fault> for BssrdfError {
         let (place, found, expected) = match problem {
             Problem::Syntax(message) => (line, one_line(message), header),
             Problem::UnknownKey { name, known, .. } => {
-                let hint = hint(&name, known.iter().map(String::as_str));
-                (line, format!("unknown field `{}`; {hint}", excerpt(&name)), header)
+                let hint = match suggest(&name, known.iter().map(String::as_str)) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => format!("expected one of `{}`", known.join("`, `")),
+                };
+                (line, format!("unknown field `{}`, {hint}", excerpt(&name)), header)
             }
             Problem::Missing { .. } => (line, format!("missing field `{key}`"), header),
             Problem::Conflict { other } => (line, format!("`{key}` together with `{other}`"), header),
