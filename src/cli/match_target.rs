@@ -6,7 +6,8 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 use lumislice::{
     appearance::material_target,
-    job::{Progress, srgb_to_linear, to_channels},
+    colour::{srgb_to_linear, to_channels},
+    job::Progress,
     optics::{DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, Model, Prediction, Stack, predict},
     plot::Figure,
     search::{

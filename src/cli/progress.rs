@@ -3,7 +3,7 @@
 use std::{io::IsTerminal, sync::Mutex, time::Duration};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use lumislice::job::Progress;
+use lumislice::{job::Progress, words::escaped};
 
 /// Draws the current stage.
 pub struct Bars {
@@ -60,7 +60,7 @@ impl Progress for Bars {
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style.progress_chars("=> "));
         }
-        bar.set_message(name.to_owned());
+        bar.set_message(escaped(name));
         bar.enable_steady_tick(Duration::from_millis(200));
         self.replace(bar);
     }

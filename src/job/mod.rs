@@ -34,7 +34,7 @@ pub use manifest::{
 };
 pub use plan::{
     GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry, StackingReport,
-    TransportEntry, srgb_to_linear, targets, to_channels,
+    TransportEntry, targets,
 };
 pub use progress::{Interrupt, Progress, Silent};
 pub use run::{Estimate, Finished, REPORT, RedrawError, RunOptions, draw_again, redraw, report_data, run};

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::optics::OpticsError;
+use crate::{optics::OpticsError, toml_reader::Fault};
 
 /// Why photographs yield no material; every message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -41,6 +41,12 @@ pub enum MeasureError {
     /// The caller asked to stop.
     #[error("measurement cancelled")]
     Cancelled,
+}
+
+impl From<Fault> for MeasureError {
+    fn from(fault: Fault) -> Self {
+        Self::Capture(fault.into())
+    }
 }
 
 impl MeasureError {

@@ -18,7 +18,6 @@ mod error;
 mod heal;
 mod place;
 mod read;
-mod words;
 
 use std::sync::Arc;
 

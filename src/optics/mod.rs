@@ -44,11 +44,11 @@ pub use hankel::ProfileSpectrum;
 pub use ids::{ChannelId, ResinId};
 pub use inverse::InverseHankel;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
+pub(crate) use materials::resin_table;
 pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinChannel,
     ResinSpectrum, SimulatedProfile, SlabPlan, SpectrumError, regenerate_builtin, simulate_profile,
 };
-pub(crate) use materials::{resin_table, toml_source};
 pub use monte_carlo::{Estimate, Light, MonteCarlo, MonteCarloResult, RingEdges};
 pub use predict::{Model, predict};
 pub use prediction::{ChannelPrediction, PredictedRing, Prediction};

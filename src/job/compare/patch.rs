@@ -6,8 +6,9 @@ use super::{CompareError, dataset, texels};
 use crate::{
     appearance::{
         LocalProfiles, TexelRings,
-        bssrdf::{Channel, Dataset, LUMINANCE},
+        bssrdf::{Channel, Dataset},
     },
+    colour::LUMINANCE,
     job::plan::FactoredMap,
     optics::{FrequencyGrid, InverseHankel},
 };

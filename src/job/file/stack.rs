@@ -2,9 +2,11 @@
 
 use std::{fmt, str::FromStr};
 
-use super::error::one_line;
 use super::ranges::LAYER;
-use crate::optics::{Layer, Stack};
+use crate::{
+    optics::{Layer, Stack},
+    words::excerpt,
+};
 
 /// What is wrong with a stack's text.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -47,7 +49,7 @@ impl FromStr for Stack<String> {
         }
         let layer = |(index, element): (usize, &str)| {
             let error =
-                |expected: String| StackError::Layer { position: index + 1, found: one_line(element.trim()), expected };
+                |expected: String| StackError::Layer { position: index + 1, found: excerpt(element.trim()), expected };
             let (name, thickness) = element
                 .rsplit_once(':')
                 .map(|(name, thickness)| (name.trim(), thickness.trim()))

@@ -84,11 +84,8 @@ fn read(table: &Table<'_>) -> Result<TargetSpec> {
         "stacking" => {
             let stack = table.require("stack", "layers like \"white:0.5,support:1.0\"")?;
             let layers = stack.text("layers like \"white:0.5,support:1.0\"")?.parse();
-            let layers = layers.map_err(|error| JobError::Stack {
-                place: stack.place(),
-                key: stack.path().to_owned(),
-                error,
-            })?;
+            let layers =
+                layers.map_err(|error| JobError::Stack { place: stack.place(), key: stack.key().to_owned(), error })?;
             Ok(TargetSpec::Stacking { stack: layers })
         }
         "profile" => Ok(TargetSpec::Profile { paths: read_profile(&table.require("profile", PROFILE_PATH)?)? }),
@@ -146,9 +143,9 @@ fn refuse_foreign_keys(table: &Table<'_>, kind: &str, keys: &[&str]) -> Result<(
     let known: Vec<&str> = keys.iter().copied().chain(["kind"]).collect();
     let Some((key, at)) = table.first_not_in(&known) else { return Ok(()) };
     let owner = KINDS.iter().find(|(_, keys)| keys.contains(&key.as_str())).map_or("another kind", |(name, _)| name);
-    Err(table.misplaced(
-        &key,
+    Err(table.error(
         at,
+        &key,
         format!("a key of kind = \"{owner}\""),
         format!("only keys of kind = \"{kind}\": {}", keys.join(", ")),
     ))

@@ -3,12 +3,13 @@
 use super::{
     context::TargetContext,
     factored::FactoredMap,
-    images::{read_labels, read_picture, srgb_to_linear, to_channels},
+    images::{read_labels, read_picture},
 };
 use crate::{
     appearance::{
         self, AppearancePage, Atlas, ClusterId, LabelMap, NormalizedDiffusion, cluster, distinct_appearances,
     },
+    colour::{byte_to_linear, srgb_to_linear, to_channels},
     job::{AlbedoSource, InputPath, RunError, TargetSpec},
     optics::ProfileFile,
     search::SearchTarget,
@@ -257,8 +258,7 @@ impl TargetContext<'_> {
                             Box::new(move |u, v| {
                                 let texel = |at: f32, size: u32| ((at * size as f32) as u32).min(size - 1) as usize;
                                 let index = texel(u, texture.width) + texture.width as usize * texel(v, texture.height);
-                                let [tr, tg, tb, _] =
-                                    texture.texels[index].map(|c| srgb_to_linear(f32::from(c) / 255.0));
+                                let [tr, tg, tb, _] = texture.texels[index].map(byte_to_linear);
                                 [tr * r, tg * g, tb * b]
                             }),
                         )),

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use super::images::read_labels;
 use crate::job::{FACTORED, Factored, LABELS, RunError, factor::entry};
 use crate::{
-    appearance::{ClusterId, bssrdf::LUMINANCE},
+    appearance::ClusterId,
+    colour::LUMINANCE,
     optics::{FrequencyGrid, ProfileFile, RadialProfile},
 };
 

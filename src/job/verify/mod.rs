@@ -30,8 +30,9 @@ use std::{
 use serde::Serialize;
 use thiserror::Error;
 
-use super::{Blame, Interrupt, MANIFEST_VERSION, Manifest, Progress, file::escaped};
+use super::{Blame, Interrupt, MANIFEST_VERSION, Manifest, Progress};
 use crate::output::MANIFEST;
+use crate::words::escaped;
 
 /// Longest manifest that is read, bytes: a full tray of 14 µm layers with six masks each lists 100 000 files in 20 MB.
 pub const MAX_MANIFEST_BYTES: u64 = 256 << 20;
@@ -47,7 +48,7 @@ pub struct Finding {
 
 impl Finding {
     fn new(path: &str, problem: impl Into<String>) -> Self {
-        Self { path: escaped(path.chars()), problem: escaped(problem.into().chars()) }
+        Self { path: escaped(path), problem: escaped(&problem.into()) }
     }
 
     pub(super) fn manifest(key: &str, problem: impl Into<String>) -> Self {

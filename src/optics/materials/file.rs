@@ -36,9 +36,10 @@ use std::path::{Path, PathBuf};
 use super::resin_table::{Draft, is_name};
 use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
 use super::spectra::ResinSpectrum;
-use super::toml_source::{Folder, Keys, Source, Strings, kind};
+use super::toml_source::{Folder, Keys};
 use super::{MaterialSet, Resin, ResinChannel};
 use crate::optics::{FrequencyGrid, OpticsError, ResinId, Stack, VolumeCoefficients};
+use crate::toml_reader::{Found, Source, Strings};
 
 const TOP_KEYS: [&str; 4] = ["name", "channels", "provenance", "resin"];
 /// Slices name materials by one byte, of which 0 is the background.
@@ -114,10 +115,10 @@ impl MaterialFile {
     }
 
     pub(super) fn parse(text: &str, path: &Path, folder: &Folder<'_>) -> Result<Self, OpticsError> {
-        let source = Source { text, path };
+        let source = Source::new(path, path.parent().unwrap_or(Path::new("")), text, Found::ByType);
         let document = source.parse()?;
-        let top = Keys { source, table: document.get_ref(), start: 0, prefix: String::new() };
-        top.reject_unknown(&TOP_KEYS)?;
+        let top = Keys::root(&source, &document);
+        top.allow_only(&TOP_KEYS)?;
         let stem = || path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         let mut file = Self {
             name: top.string("name")?.map_or_else(stem, |name| name.value),
@@ -129,22 +130,16 @@ impl MaterialFile {
             first_seed: DEFAULT_SEED,
             remarks: Vec::new(),
         };
-        let tables = top.get("resin").ok_or_else(|| top.missing("resin", "at least one [[resin]] table"))?;
-        let (at, not_tables) = (tables.span().start, "[[resin]] tables".to_string());
-        let Some(array) = tables.get_ref().as_array() else {
-            return Err(top.error(at, "resin", kind(tables.get_ref()), not_tables));
-        };
-        for (index, item) in array.iter().enumerate() {
-            let Some(table) = item.get_ref().as_table() else {
-                return Err(top.error(item.span().start, "resin", kind(item.get_ref()), not_tables));
-            };
-            let keys = Keys { source, table, start: item.span().start, prefix: format!("resin {}: ", index + 1) };
+        let tables = top.require("resin", "at least one [[resin]] table")?;
+        const TABLES: &str = "[[resin]] tables";
+        for (index, item) in tables.list(TABLES)?.into_iter().enumerate() {
+            let keys = item.table_as(format!("resin {}: ", index + 1), TABLES)?;
             let draft = Draft::read(keys, folder, &file.channels, &file.resins)?;
             file.resins.push(draft);
         }
         if file.resins.is_empty() || file.resins.len() > MAX_RESINS {
             let found = format!("{} resins", file.resins.len());
-            return Err(top.error(at, "resin", found, format!("1 to {MAX_RESINS}")));
+            return Err(tables.refuse_as(found, format!("1 to {MAX_RESINS}")));
         }
         Ok(file)
     }
@@ -286,9 +281,9 @@ impl MaterialFile {
     }
 }
 
-fn channels(top: &Keys<'_, '_>) -> Result<Vec<String>, OpticsError> {
+fn channels(top: &Keys<'_>) -> Result<Vec<String>, OpticsError> {
     let Some(Strings { items: names, .. }) = top.strings("channels")? else { return Ok(vec!["Y".into()]) };
-    let at = top.get("channels").map_or(0, |value| value.span().start);
+    let at = top.get("channels").map_or(0, |value| value.start());
     if names.is_empty() || names.len() > MAX_CHANNELS {
         return Err(top.error(at, "channels", format!("{} channels", names.len()), format!("1 to {MAX_CHANNELS}")));
     }

@@ -113,7 +113,7 @@ impl MaterialSet {
 
     /// The resin name nearest to `name`, if one is near enough to be meant.
     pub fn suggest(&self, name: &str) -> Option<&str> {
-        super::error::nearest(name, self.resins.iter().map(|resin| resin.name.as_str()))
+        crate::words::suggest(name, self.resins.iter().map(|resin| resin.name.as_str()))
     }
 
     /// Whether the volume coefficients of all resins are known.

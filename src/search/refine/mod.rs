@@ -24,7 +24,10 @@ use self::{
     polytope::Polytope,
 };
 use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, branch_and_bound::match_sequences};
-use crate::optics::{FrequencyGrid, ModalReflection, ResinId, Stack, TransportOptions, VolumeCoefficients};
+use crate::{
+    numeric::least_squares::{curvature, dot, gradient},
+    optics::{FrequencyGrid, ModalReflection, ResinId, Stack, TransportOptions, VolumeCoefficients},
+};
 
 /// What refining may do.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -318,7 +321,7 @@ impl Refiner {
         let mut slopes: Vec<(f64, usize)> = residuals
             .per_mm
             .iter()
-            .map(|slope| polytope::dot(slope, &residuals.values))
+            .map(|slope| dot(slope, &residuals.values))
             .zip(0..)
             .filter(|&(slope, at)| slope < 0.0 && mm[at] == 0.0)
             .collect();
@@ -341,7 +344,7 @@ impl Refiner {
     fn on_steps(&self, (sequence, found): Fitted, goal: &Goal, step_mm: f64) -> Option<Fitted> {
         let mut polytope = Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)?;
         let residuals = |mm: &[f64]| self.residuals(&self.fine, goal, &sequence, mm);
-        let stiffness: Vec<f64> = residuals(&found.mm).per_mm.iter().map(|slope| polytope::dot(slope, slope)).collect();
+        let stiffness: Vec<f64> = residuals(&found.mm).per_mm.iter().map(|slope| dot(slope, slope)).collect();
         let mut order: Vec<usize> = (0..sequence.len()).collect();
         order.sort_by(|&a, &b| stiffness[b].total_cmp(&stiffness[a]));
         let mut best = found;
@@ -379,8 +382,8 @@ impl Refiner {
 /// Counts of steps with at most three layers one step thinner or thicker: those that promise most to second order, most first.
 fn neighbours(counts: &[f64], here: &Residuals, step_mm: f64, allowed: impl Fn(&[f64]) -> bool) -> Vec<Vec<f64>> {
     let n = counts.len();
-    let curvature = here.curvature();
-    let slope: Vec<f64> = here.per_mm.iter().map(|per_mm| polytope::dot(per_mm, &here.values)).collect();
+    let curvature = curvature(&here.per_mm);
+    let slope = gradient(&here.per_mm, &here.values);
     let mut moves: Vec<Vec<(usize, f64)>> = vec![Vec::new()];
     for first in 0..3 {
         let longer = moves.iter().filter(|m| m.len() == first).flat_map(|m| {

@@ -1,6 +1,9 @@
 //! What thicknesses a printer and a job allow: linear constraints, and the nearest point that keeps them.
 
-use crate::search::{ResinLimit, SearchOptions};
+use crate::{
+    numeric::least_squares::dot,
+    search::{ResinLimit, SearchOptions},
+};
 
 /// a·h ≥ b for the thicknesses h of one sequence of resins.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,10 +98,6 @@ impl Polytope {
         }
         None
     }
-}
-
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

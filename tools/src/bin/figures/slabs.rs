@@ -7,6 +7,7 @@
 use std::{fmt::Write, fs};
 
 use lumislice::{
+    colour::linear_to_byte,
     job::{self, Interrupt, Job, Prepared, RunOptions, Silent},
     optics::{ChannelPrediction, EdgeResponse, OpticsError},
     output::Existing,
@@ -122,7 +123,7 @@ fn pictures(resins: &Resins, seen: &[(ChannelPrediction, ChannelPrediction)]) ->
     const CELLS: usize = 160;
     let half = 0.5 * SLAB_MM[0];
     // So exposed that a white sheet would be twice as bright as the picture can show; the slabs use the upper half of its range.
-    let grey = |light: f64| -> Rgb { [encoded(1.6 * light); 3] };
+    let grey = |light: f64| -> Rgb { [linear_to_byte(1.6 * light); 3] };
     let frame = |label: &str| {
         let axis = |label: &str| Axis::linear(label).range(-half, half);
         Panel::new(axis("mm"), axis(label))
@@ -148,12 +149,6 @@ fn pictures(resins: &Resins, seen: &[(ChannelPrediction, ChannelPrediction)]) ->
         figure.panels.push(frame(label).raster(Raster::picture(CELLS, across, [-half, half], [-half, half])));
     }
     figure
-}
-
-fn encoded(linear: f64) -> u8 {
-    let v = linear.clamp(0.0, 1.0);
-    let v = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * v).round() as u8
 }
 
 /// All five through the slicer: a job, its mesh, and `slabs-job/out`.

@@ -1,5 +1,6 @@
 //! 8-bit images: encoding, shrinking, PNG.
 
+use lumislice::colour::{linear_to_srgb, srgb_to_linear_f64};
 use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter, SrgbRenderingIntent};
 
 /// Whether values are light (sRGB-encoded) or plain numbers.
@@ -14,19 +15,9 @@ pub fn to_byte(value: f64) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0).round() as u8
 }
 
-/// Linear light, 0…1, encoded (IEC 61966-2-1). `libm` keeps the result the same on every platform.
-pub fn encode_srgb(linear: f64) -> f64 {
-    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 }
-}
-
-/// The inverse of [`encode_srgb`].
-fn decode_srgb(encoded: f64) -> f64 {
-    if encoded <= 0.040_45 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) }
-}
-
 /// A square sRGB image at `1 / factor` of its side, averaged as light.
 pub fn shrink_srgb(texels: &[u8], size: usize, factor: usize) -> Vec<u8> {
-    let light: Vec<f64> = (0..=255).map(|v| decode_srgb(f64::from(v) / 255.0)).collect();
+    let light: Vec<f64> = (0..=255).map(|v| srgb_to_linear_f64(f64::from(v) / 255.0)).collect();
     let small = size / factor;
     (0..small * small)
         .map(|at| {
@@ -34,7 +25,7 @@ pub fn shrink_srgb(texels: &[u8], size: usize, factor: usize) -> Vec<u8> {
             let sum: f64 = (0..factor * factor)
                 .map(|i| light[usize::from(texels[(y + i / factor) * size + x + i % factor])])
                 .sum();
-            to_byte(encode_srgb(sum / (factor * factor) as f64))
+            to_byte(linear_to_srgb(sum / (factor * factor) as f64))
         })
         .collect()
 }

@@ -36,6 +36,7 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::Parser;
 use glam::Vec3;
+use lumislice::colour::linear_to_srgb;
 
 use image_files::Meaning;
 
@@ -110,12 +111,12 @@ fn rabbit_files() -> anyhow::Result<Vec<(&'static str, Vec<u8>)>> {
 
     let clear = marble::Stone { albedo: marble::CLEAR_ALBEDO, mean_free_path: 1.0 };
     let stones = canvas.paint(clear, marble::marble);
-    let albedo: Vec<u8> = stones.iter().map(|s| image_files::to_byte(image_files::encode_srgb(s.albedo))).collect();
+    let albedo: Vec<u8> = stones.iter().map(|s| image_files::to_byte(linear_to_srgb(s.albedo))).collect();
     let path: Vec<u8> = stones.iter().map(|s| image_files::to_byte(s.mean_free_path)).collect();
     let small = image_files::shrink_srgb(&albedo, TEXTURE_SIZE, GLB_TEXTURE_FACTOR);
     let texture = image_files::grey_png(&small, TEXTURE_SIZE / GLB_TEXTURE_FACTOR, Meaning::SrgbLight)?;
     let rosy = [0, 1, 2].map(|channel| {
-        let light = stones.iter().map(|stone| image_files::encode_srgb(stone.rosy()[channel]));
+        let light = stones.iter().map(|stone| linear_to_srgb(stone.rosy()[channel]));
         let plane: Vec<u8> = light.map(image_files::to_byte).collect();
         image_files::shrink_srgb(&plane, TEXTURE_SIZE, COLOUR_TEXTURE_FACTOR)
     });
