@@ -1,7 +1,11 @@
 //! Targets in a designer's numbers: an albedo and a mean free path, one of each for all channels or one for each channel.
 
 use super::{DiffusionError, NormalizedDiffusion};
-use crate::{optics::FrequencyGrid, search::SearchTarget};
+use crate::{
+    colour::{Rgb, byte_to_linear, to_channels},
+    optics::FrequencyGrid,
+    search::SearchTarget,
+};
 
 /// Mean free paths that make sense, mm: from well below a voxel to well above a tray's depth.
 const MEAN_FREE_PATH_MM: std::ops::RangeInclusive<f64> = 1e-4..=1000.0;
@@ -64,6 +68,13 @@ pub fn material_target(
         Ok(NormalizedDiffusion::new(of(albedo, channel), of(mean_free_path_mm, channel))?.spectrum(grid))
     };
     Ok(SearchTarget { channels: (0..channels).map(spectrum).collect::<Result<_, _>>()? })
+}
+
+/// The albedo of an sRGB colour in each of `channels` channels: one is its luminance, three are its own; `None` for other numbers.
+pub fn srgb_albedo(srgb: Rgb, channels: usize) -> Option<Vec<f64>> {
+    let mut linear = Vec::new();
+    to_channels(srgb.map(byte_to_linear), channels, &mut linear);
+    matches!(channels, 1 | 3).then(|| linear.into_iter().map(f64::from).collect())
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ pub(crate) use equation_7::{mirrored, spread};
 pub use heights::HeightFields;
 pub use layers::{BrickQuery, LayerField, LayerStack};
 pub use limits::{SlotLimits, enforce_limits};
-pub use material::{MaterialError, material_target};
+pub use material::{MaterialError, material_target, srgb_albedo};
 pub use slots::SlotTable;
 pub use texture::{Appearance, AppearancePage, Appearances, distinct_appearances};
 pub use textured::{LabelMap, TexturedLayers};

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 use lumislice::{
-    appearance::material_target,
-    colour::{srgb_to_linear, to_channels},
+    appearance::{material_target, srgb_albedo},
     job::Progress,
     optics::{DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, Model, Prediction, Stack, predict},
     plot::Figure,
@@ -219,14 +218,8 @@ impl MatchArgs {
         }
         let albedo: Vec<f64> = match self.srgb {
             None => self.albedo.clone(),
-            Some(srgb) => {
-                if !matches!(channels, 1 | 3) {
-                    bail!("--srgb: found a set of {channels} channels, expected one of 1 or 3");
-                }
-                let mut linear = Vec::new();
-                to_channels(srgb.map(|value| srgb_to_linear(f32::from(value) / 255.0)), channels, &mut linear);
-                linear.into_iter().map(f64::from).collect()
-            }
+            Some(srgb) => srgb_albedo(srgb, channels)
+                .ok_or_else(|| anyhow!("--srgb: found a set of {channels} channels, expected one of 1 or 3"))?,
         };
         let target = material_target(&albedo, &self.mean_free_path_mm, channels, &grid);
         target.map_err(|error| anyhow!("--{error}"))

@@ -55,7 +55,9 @@ pub use prediction::{ChannelPrediction, PredictedRing, Prediction};
 pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERANCE, ProfileError, RadialProfile};
 pub use profile_csv::ProfileFile;
 pub use repair::{LostInNoise, TransmissionRepair, repair_transmission};
-pub use stack::{Layer, Stack};
+#[cfg(test)]
+pub(crate) use stack::LAYER;
+pub use stack::{Layer, Stack, StackError};
 pub use tail::Tail;
 pub use transport::{ModalReflection, ReflectionSlope, Transport, TransportOptions, TransportSpectra};
 pub use volume::{MAX_COEFFICIENT_PER_MM, MAX_REFRACTIVE_INDEX, VolumeCoefficients};
