@@ -126,6 +126,7 @@ impl<'a> InverseHankel<'a> {
     ///
     /// # Errors
     /// As [`RadialProfile::from_rings`].
+    #[cfg(test)]
     pub fn rings(&self, edges_mm: &[f64]) -> Result<RadialProfile, ProfileError> {
         let energies: Vec<f64> = edges_mm.iter().map(|r| self.energy_within(*r)).collect();
         let areas = super::profile::ring_areas(edges_mm);

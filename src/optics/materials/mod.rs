@@ -20,9 +20,10 @@ use super::{
 };
 pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
-pub use simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, SimulatedProfile, simulate_profile};
+pub use simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, SimulatedProfile};
 pub use slabs::SlabPlan;
-pub use spectra::{MEASURED_EXCESS, ResinSpectrum, SpectrumError};
+pub(crate) use spectra::ResinSpectrum;
+pub use spectra::SpectrumError;
 
 /// The resins a job may use, in the order of the file.
 #[derive(Debug, Clone, PartialEq)]

@@ -91,6 +91,7 @@ impl MonteCarlo {
     ///
     /// # Errors
     /// [`OpticsError::Parameter`] if a layer, the base or the number of photons is out of range.
+    #[cfg(test)]
     pub fn run(&self) -> Result<MonteCarloResult, OpticsError> {
         self.run_with(|_| ControlFlow::Continue(()))
     }
