@@ -1,5 +1,6 @@
 //! The rings in which exits are counted.
 
+#[cfg(test)]
 use crate::optics::OpticsError;
 
 /// Edges of concentric rings in mm, ascending, the first 0.

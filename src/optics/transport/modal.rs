@@ -28,9 +28,7 @@ const LEAST_ABSORPTION: f64 = 1e-8;
 /// The reflection of any stack of some resins, in one channel, under diffuse light, without the glint of its surface.
 #[derive(Debug)]
 pub struct ModalReflection {
-    #[cfg_attr(not(test), expect(dead_code, reason = "T̂ of many stacks is tested and timed; searches weigh R̂ alone"))]
     setting: Setting,
-    #[cfg_attr(not(test), expect(dead_code, reason = "as `setting`"))]
     k: Vec<f64>,
     frequencies: Vec<Frequency>,
 }
@@ -99,7 +97,7 @@ impl ModalReflection {
     }
 
     /// The same with T̂; 0 over a half-space.
-    #[cfg_attr(not(test), expect(dead_code, reason = "as `setting`"))]
+    #[cfg_attr(not(test), expect(dead_code, reason = "tested and timed; searches weigh R̂ alone"))]
     pub fn spectra(&self, layers: &[(usize, f64)]) -> TransportSpectra {
         let mut spectra = self.discrete(layers);
         if self.setting.base.is_none() {
