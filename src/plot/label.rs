@@ -53,13 +53,18 @@ mod tests {
     fn a_text_is_as_wide_as_it_says_and_within_its_line() {
         for text in ["Cut-away", "support (printer fills it)", "~557 mm³", "µ", "Ågç", ""] {
             let label = Label::new(text, 20.0, false);
-            let (mut touched, mut ink) = (0, 0);
-            label.paint(24, |x, y, coverage| {
-                assert!((1..23).contains(&y), "{text}: row {y}");
-                touched = touched.max(x + 1);
-                ink += usize::from(coverage);
-            });
-            assert!(touched as f64 <= label.width() + 1.0 && (ink > 0) != text.is_empty(), "{text}: {touched}");
+            let ink = |height| {
+                let (mut touched, mut ink) = (0, 0);
+                label.paint(height, |x, _, coverage| {
+                    touched = touched.max(x + 1);
+                    ink += usize::from(coverage);
+                });
+                assert!(touched as f64 <= label.width() + 1.0, "{text}: {touched}");
+                ink
+            };
+            // More room shows no more of it.
+            assert_eq!(ink(24), ink(40), "{text}");
+            assert_eq!(ink(24) > 0, !text.is_empty(), "{text}");
         }
     }
 
