@@ -57,3 +57,4 @@ pub mod search;
 pub mod slice;
 mod suggest;
 pub mod voxel;
+pub mod watch;

@@ -7,7 +7,7 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
-use std::{ops::ControlFlow, time::Instant};
+use std::time::Instant;
 
 use lumislice::{
     optics::{Light, MaterialSet, PhotonOptions, Prediction, VolumeCoefficients},
@@ -15,6 +15,7 @@ use lumislice::{
         BlockTable, Objective, RefineOptions, Refiner, ResinLimit, SearchOptions, SearchTarget, Stacking,
         match_sequences,
     },
+    watch::Unwatched,
 };
 
 /// A small generator of random numbers in [0, 1), after Steele, Lea and Flood 2014: the targets must not change with a library's version.
@@ -64,8 +65,7 @@ impl Judge {
             stacking.layers.iter().map(|layer| (self.volume(layer.resin), layer.thickness_mm)).collect();
         let options = PhotonOptions { light: Light::Diffuse, photons, seed };
         let core = Some(self.volume(self.core));
-        let found =
-            Prediction::monte_carlo(&self.set.channels, &layers, core, options, |_| ControlFlow::Continue(())).unwrap();
+        let found = Prediction::monte_carlo(&self.set.channels, &layers, core, options, &Unwatched).unwrap();
         found.light.into_iter().next().unwrap().reflection_hankel
     }
 

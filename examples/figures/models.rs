@@ -1,12 +1,11 @@
 //! The synthetic resins, and a stack of them in all three models.
 
-use std::ops::ControlFlow;
-
 use lumislice::{
     optics::{
         KubelkaMunk, Light, MaterialSet, OpticsError, PhotonOptions, Prediction, TransportOptions, VolumeCoefficients,
     },
     search::{ResinLimit, SearchOptions, Stacking},
+    watch::Unwatched,
 };
 
 /// Layers by the names of their resins, top first, mm.
@@ -76,7 +75,7 @@ impl Resins {
         let layers: Vec<_> = layers.iter().map(|&(resin, mm)| (volumes[resin].as_slice(), mm)).collect();
         let core = core.map(|core| volumes[core].as_slice());
         let options = PhotonOptions { light: Light::Diffuse, photons, seed: 5 };
-        Prediction::monte_carlo(&self.set.channels, &layers, core, options, |_| ControlFlow::Continue(()))
+        Prediction::monte_carlo(&self.set.channels, &layers, core, options, &Unwatched)
     }
 
     pub fn predict(&self, stack: Stack, photons: u64) -> Result<Predicted, OpticsError> {

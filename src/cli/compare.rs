@@ -9,7 +9,7 @@ use lumislice::{
 };
 
 use super::{
-    Answer, INTERRUPT,
+    Answer,
     materials::Materials,
     print, print_json,
     progress::Bars,
@@ -66,7 +66,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
         seed: args.seed,
     };
     let bars = Bars::new(args.json);
-    let comparison = compare_into(&request, &args.output, existing, &bars, &INTERRUPT);
+    let comparison = compare_into(&request, &args.output, existing, &bars);
     bars.finish();
     let comparison = comparison?;
     if args.json {

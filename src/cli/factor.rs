@@ -9,7 +9,7 @@ use lumislice::{
     output::{Existing, OutputFolder},
 };
 
-use super::{Answer, INTERRUPT, print, print_json, progress::Bars, say};
+use super::{Answer, print, print_json, progress::Bars, say};
 
 /// Factor a measured BSSRDF into a profile per texel, and group the profiles.
 #[derive(Debug, Args)]
@@ -75,7 +75,7 @@ pub fn run(args: &FactorArgs) -> anyhow::Result<Answer> {
         compare: args.compare,
     };
     let bars = Bars::new(args.json);
-    let factored = factor_into(&request, &args.output, existing, &bars, &INTERRUPT);
+    let factored = factor_into(&request, &args.output, existing, &bars);
     bars.finish();
     let factored = factored?;
     if args.json {

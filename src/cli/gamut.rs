@@ -6,10 +6,7 @@ use anyhow::bail;
 use clap::Args;
 use lumislice::{
     appearance::NormalizedDiffusion,
-    job::{
-        self, Job, MaterialSource, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
-        format_stack,
-    },
+    job::{self, Job, MaterialSource, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions, format_stack},
     optics::{FrequencyGrid, MaterialSet, ProfileFile},
     plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
     search::{
@@ -20,7 +17,7 @@ use lumislice::{
 use serde_json::json;
 
 use super::{
-    Answer, INTERRUPT,
+    Answer,
     match_target::{MEAN_FREE_PATH_MM, parse_depth, parse_layer, parse_min_depth},
     materials::{Materials, no_coefficients},
     output_file::OutputFile,
@@ -173,7 +170,7 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
 
 /// The targets of a job.
 fn job_targets(path: &Path, job: Job, channels: &[String], bars: &Bars) -> anyhow::Result<Vec<Named>> {
-    let found = job::targets(job, bars, &INTERRUPT)?;
+    let found = job::targets(job, bars)?;
     let named = found.into_iter().map(|found| {
         if found.target.channels.len() != channels.len() {
             let (has, expected) = (found.target.channels.len(), channels.len());

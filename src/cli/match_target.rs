@@ -6,10 +6,7 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 use lumislice::{
     appearance::NormalizedDiffusion,
-    job::{
-        NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions, srgb_to_linear,
-        to_channels,
-    },
+    job::{NamedLimit, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions, srgb_to_linear, to_channels},
     optics::{
         DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, PhotonOptions, Prediction, ProfileFile, TransportOptions,
         VolumeCoefficients,
@@ -19,13 +16,14 @@ use lumislice::{
         BlockTable, Match, Norm, Objective, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget, Stacking,
         match_target, reflection_of,
     },
+    watch::Watch,
 };
 use serde_json::json;
 
 use super::{
-    Answer, leave_at_once,
+    Answer, INTERRUPT, leave_at_once,
     match_plot::MatchPlot,
-    materials::{Materials, go_on, no_coefficients},
+    materials::{Materials, no_coefficients},
     plots::PlotFile,
     print, print_json,
     progress::Bars,
@@ -373,7 +371,7 @@ impl Scorer<'_> {
     fn trace(&self, stacking: &Stacking, photons: u64) -> anyhow::Result<Prediction> {
         let (layers, core) = self.layers(stacking).expect("checked with the arguments");
         let options = PhotonOptions { light: Light::Diffuse, photons, seed: DEFAULT_SEED };
-        Ok(Prediction::monte_carlo(&self.set.channels, &layers, core, options, |_| go_on())?)
+        Ok(Prediction::monte_carlo(&self.set.channels, &layers, core, options, &INTERRUPT)?)
     }
 
     fn figure(&self, stacking: &Stacking, monte_carlo: Option<&Prediction>) -> Figure {

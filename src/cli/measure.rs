@@ -7,7 +7,7 @@ use clap::Args;
 use lumislice::measure::{Capture, ChannelMeasurement, Measurement, SeriesMeasurement, measure, plus_minus};
 use serde_json::json;
 
-use super::{Answer, INTERRUPT, output_file::OutputFile, print, print_json, progress::Bars, say, table::table};
+use super::{Answer, output_file::OutputFile, print, print_json, progress::Bars, say, table::table};
 
 /// Measure a resin from photographs: exposure brackets under a point of light, dark series, grey card and screen.
 #[derive(Debug, Args)]
@@ -31,10 +31,7 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Answer> {
     let capture = Capture::read(&args.capture)?;
     let outputs = args.open_outputs(&capture)?;
     let bars = Bars::new(args.json);
-    let step = |what: &str, done: usize, of: usize| {
-        drop(bars.share(&format!("{what} ({} of {of})", done + 1)));
-    };
-    let measurement = measure(capture, &step, &|| INTERRUPT.requested());
+    let measurement = measure(capture, &bars);
     bars.finish();
     let measurement = measurement?;
     let mut contents = measurement.files(&args.stem()?);

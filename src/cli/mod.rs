@@ -31,9 +31,10 @@ use std::{
 
 use clap::{Parser, Subcommand};
 use lumislice::{
-    job::{Blame, CompareError, FactorError, Interrupt, RedrawError, RunError, verify::VerifyError},
+    job::{Blame, CompareError, FactorError, RedrawError, RunError, verify::VerifyError},
     measure::MeasureError,
     optics::OpticsError,
+    watch::{Interrupt, Stopped},
 };
 
 /// Slices meshes into voxels of resin that scatter light as specified.
@@ -109,9 +110,11 @@ pub fn run() -> ExitCode {
 }
 
 /// An error and its causes on one line. Some of our messages quote their cause, others leave it to the chain: none is said twice.
+/// What was stopped says so itself.
 fn one_line(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
-    for cause in error.chain().skip(1).map(ToString::to_string) {
+    let causes = error.chain().skip(1).filter(|cause| !cause.is::<Stopped>());
+    for cause in causes.map(ToString::to_string) {
         if !text.contains(&cause) {
             text += ": ";
             text += &cause;
@@ -131,10 +134,10 @@ fn exit_code(error: &anyhow::Error) -> u8 {
         error.blame()
     } else if let Some(error) = error.downcast_ref::<CompareError>() {
         error.blame()
-    } else if let Some(OpticsError::Cancelled) = error.downcast_ref() {
+    } else if let Some(OpticsError::Stopped(_)) = error.downcast_ref() {
         Blame::Interrupt
     } else if let Some(error) = error.downcast_ref::<MeasureError>() {
-        if matches!(error, MeasureError::Cancelled) { Blame::Interrupt } else { Blame::Input }
+        if matches!(error, MeasureError::Stopped(_)) { Blame::Interrupt } else { Blame::Input }
     } else if error.downcast_ref::<io::Error>().is_some() {
         // What is left of plain I/O errors comes from writing to stdout or a file the user named.
         Blame::Disk

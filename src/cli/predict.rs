@@ -16,7 +16,7 @@ use serde_json::json;
 
 use super::{
     Answer,
-    materials::{Materials, go_on, no_coefficients},
+    materials::{Materials, no_coefficients},
     output_file::OutputFile,
     plots::{Curve, Look, PlotFile, Side, channel_colours, profile_panel},
     print, print_json,
@@ -209,11 +209,7 @@ impl PredictArgs {
             photons: self.photons.unwrap_or(DEFAULT_PHOTONS),
             seed: self.seed.unwrap_or(DEFAULT_SEED),
         };
-        let mut step = bars.share("photons");
-        let prediction = Prediction::monte_carlo(file.channels(), &layers, core, options, |share| {
-            step(share);
-            go_on()
-        });
+        let prediction = Prediction::monte_carlo(file.channels(), &layers, core, options, bars);
         bars.finish();
         Ok(prediction?)
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use lumislice::job::{Progress, redraw};
+use lumislice::{job::redraw, watch::Watch};
 
 use super::{Answer, print, progress::Bars};
 

@@ -7,17 +7,12 @@ use std::{
 
 use anyhow::{Context, bail};
 use clap::Args;
-use lumislice::optics::{DEFAULT_PHOTONS, MaterialFile, SlabPlan};
-
-use super::{
-    Answer,
-    materials::{Materials, go_on},
-    output_file::OutputFile,
-    print,
-    progress::Bars,
-    say,
-    table::table,
+use lumislice::{
+    optics::{DEFAULT_PHOTONS, MaterialFile, SlabPlan},
+    watch::Thousandths,
 };
+
+use super::{Answer, materials::Materials, output_file::OutputFile, print, progress::Bars, say, table::table};
 
 /// Simulate slabs of resins given by coefficients: profiles as CSV, and a material file that uses them.
 #[derive(Debug, Args)]
@@ -61,11 +56,8 @@ pub fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     let bars = Bars::new(false);
     let mut rows = Vec::new();
     for (index, plan) in plans.iter().enumerate() {
-        let mut step = bars.share(&format!("{} {} ({} of {})", plan.resin, plan.channel, index + 1, plans.len()));
-        let profile = plan.simulate(args.photons, |photons| {
-            step(photons as f64 / args.photons as f64);
-            go_on()
-        });
+        let name = format!("{} {} ({} of {})", plan.resin, plan.channel, index + 1, plans.len());
+        let profile = plan.simulate(args.photons, &Thousandths::begin(&bars, &name, args.photons));
         bars.finish();
         let profile = profile?;
         let content = profile.profiles().to_csv(&profile.comment());

@@ -11,7 +11,7 @@ use lumislice::{
 };
 use serde_json::json;
 
-use super::{Answer, INTERRUPT, materials::say_provenance, print, print_json, progress::Bars, say};
+use super::{Answer, materials::say_provenance, print, print_json, progress::Bars, say};
 
 /// Slice a job into printer-ready files.
 #[derive(Debug, Args)]
@@ -56,19 +56,19 @@ pub fn run(args: &SliceArgs) -> anyhow::Result<Answer> {
     }
     let bars = Bars::new(args.json);
     let built_in = matches!(job.materials, MaterialSource::Set(_));
-    let prepared = Prepared::new(job, &bars, &INTERRUPT);
+    let prepared = Prepared::new(job, &bars);
     if let Some(set) = prepared.as_ref().ok().map(|prepared| &prepared.materials).filter(|_| built_in) {
         bars.finish();
         say_provenance(&set.name, &set.provenance);
     }
     if args.dry_run {
-        let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars, &INTERRUPT)?, prepared)));
+        let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars)?, prepared)));
         bars.finish();
         let (estimate, prepared) = result?;
         return report_estimate(&prepared, &estimate, args.json);
     }
     let options = RunOptions { existing, slices: args.slices.clone() };
-    let result = prepared.and_then(|prepared| job::run(&prepared, &folder, &options, &bars, &INTERRUPT));
+    let result = prepared.and_then(|prepared| job::run(&prepared, &folder, &options, &bars));
     bars.finish();
     let Finished { manifest, kept } = result?;
     if args.resume {

@@ -6,7 +6,7 @@ use clap::Args;
 use lumislice::job::verify::verify;
 use serde_json::json;
 
-use super::{Answer, INTERRUPT, print, print_json, progress::Bars, say};
+use super::{Answer, print, print_json, progress::Bars, say};
 
 /// Re-read every file of a finished job and check it against the manifest.
 ///
@@ -24,7 +24,7 @@ pub struct VerifyArgs {
 /// Runs the command.
 pub fn run(args: &VerifyArgs) -> anyhow::Result<Answer> {
     let bars = Bars::new(args.json);
-    let result = verify(&args.folder, &bars, &INTERRUPT);
+    let result = verify(&args.folder, &bars);
     bars.finish();
     let result = result?;
     let sound = result.findings.is_empty();

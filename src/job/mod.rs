@@ -14,7 +14,6 @@ mod factor;
 mod file;
 mod manifest;
 mod plan;
-mod progress;
 mod run;
 mod run_error;
 pub mod verify;
@@ -37,6 +36,5 @@ pub use plan::{
     GamutMapEntry, InputFile, JobTarget, LayerEntry, Prepared, PreparedObject, SearchEntry, StackingEntry,
     StackingReport, TransportEntry, srgb_to_linear, targets, to_channels,
 };
-pub use progress::{Interrupt, Progress, Silent};
 pub use run::{Estimate, Finished, REPORT, RedrawError, RunOptions, draw_again, redraw, report_data, run};
 pub use run_error::{Blame, RunError};

@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::JobError;
 use crate::{
     mesh::MeshError, optics::OpticsError, output::OutputError, preview::PreviewError, search::SearchError,
-    slice::meshes::MeshingError, voxel::LatticeError,
+    slice::meshes::MeshingError, voxel::LatticeError, watch::Stopped,
 };
 
 /// Why a job was not done.
@@ -29,7 +29,7 @@ pub enum RunError {
     },
     /// A material or a profile.
     #[error(transparent)]
-    Optics(#[from] OpticsError),
+    Optics(OpticsError),
     /// A texture.
     #[error("{}: found {found}, expected {expected}", path.display())]
     Texture {
@@ -61,16 +61,16 @@ pub enum RunError {
     },
     /// Material meshes.
     #[error("meshes: {0}")]
-    Meshes(#[from] MeshingError),
+    Meshes(MeshingError),
     /// Pictures.
     #[error(transparent)]
     Preview(#[from] PreviewError),
     /// The output folder.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// Somebody asked to stop.
+    /// The watch asked to stop.
     #[error("interrupted; files written so far are whole, and --resume goes on from there")]
-    Interrupted,
+    Stopped(#[from] Stopped),
 }
 
 /// Who is to blame, as the exit code says it.
@@ -84,12 +84,30 @@ pub enum Blame {
     Interrupt,
 }
 
+impl From<OpticsError> for RunError {
+    fn from(error: OpticsError) -> Self {
+        match error {
+            OpticsError::Stopped(stopped) => Self::Stopped(stopped),
+            error => Self::Optics(error),
+        }
+    }
+}
+
+impl From<MeshingError> for RunError {
+    fn from(error: MeshingError) -> Self {
+        match error {
+            MeshingError::Stopped(stopped) => Self::Stopped(stopped),
+            error => Self::Meshes(error),
+        }
+    }
+}
+
 impl RunError {
     /// Who is to blame.
     pub fn blame(&self) -> Blame {
         match self {
             Self::Output(error) if error.is_io() => Blame::Disk,
-            Self::Interrupted => Blame::Interrupt,
+            Self::Stopped(_) => Blame::Interrupt,
             _ => Blame::Input,
         }
     }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::optics::OpticsError;
+use crate::{optics::OpticsError, watch::Stopped};
 
 /// Why photographs yield no material; every message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -38,9 +38,9 @@ pub enum MeasureError {
         /// What they should show.
         expected: String,
     },
-    /// The caller asked to stop.
+    /// The watch asked to stop.
     #[error("measurement cancelled")]
-    Cancelled,
+    Stopped(#[from] Stopped),
 }
 
 impl MeasureError {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::SpectrumError;
+use crate::watch::Stopped;
 
 /// Errors of the optics room; every message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -75,9 +76,9 @@ pub enum OpticsError {
         /// All its resins.
         known: String,
     },
-    /// The caller stopped a simulation.
+    /// The watch asked a simulation to stop.
     #[error("simulation cancelled")]
-    Cancelled,
+    Stopped(#[from] Stopped),
 }
 
 impl OpticsError {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use lumislice::measure::simulate::{Laboratory, Scene, write_capture};
 use lumislice::measure::{Finding, Measurement, ResinFacts};
+use lumislice::watch::Unwatched;
 
 use crate::{PINHOLE, Round, SQUARE, errors, hold, measured, show};
 
@@ -294,7 +295,7 @@ fn a_dng_bracket_is_measured() {
     for length in [12, 100, bytes.len() / 2] {
         fs::write(&cut, &bytes[..length]).unwrap();
         let capture = lumislice::measure::Capture::read(&capture);
-        let error = capture.and_then(|capture| lumislice::measure::measure(capture, &|_, _, _| {}, &|| false));
+        let error = capture.and_then(|capture| lumislice::measure::measure(capture, &Unwatched));
         let error = error.unwrap_err().to_string();
         assert!(error.contains("reflection-03.dng") && error.lines().count() == 1, "{length}: {error}");
     }

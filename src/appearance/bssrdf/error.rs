@@ -2,6 +2,8 @@
 
 use std::{io, path::PathBuf};
 
+use crate::watch::Stopped;
+
 /// Errors of this room; every message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum BssrdfError {
@@ -43,9 +45,9 @@ pub enum BssrdfError {
         /// What is accepted.
         expected: String,
     },
-    /// Whoever listens to the progress asked to stop.
+    /// The watch asked to stop.
     #[error("interrupted")]
-    Cancelled,
+    Stopped(#[from] Stopped),
 }
 
 impl BssrdfError {

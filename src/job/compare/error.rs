@@ -83,7 +83,7 @@ impl CompareError {
     /// Who is to blame.
     pub fn blame(&self) -> Blame {
         match self {
-            Self::Optics(OpticsError::Cancelled) => Blame::Interrupt,
+            Self::Optics(OpticsError::Stopped(_)) => Blame::Interrupt,
             Self::Output(error) if error.is_io() => Blame::Disk,
             Self::Verify(error) => error.blame(),
             Self::Run(error) => error.blame(),
