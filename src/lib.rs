@@ -44,17 +44,23 @@
 //! ```
 
 pub mod appearance;
+pub mod colour;
+mod disjoint_sets;
 pub mod job;
 pub mod look;
 pub mod measure;
 pub mod mesh;
+mod numeric;
 pub mod optics;
 pub mod output;
+mod page;
+mod picture;
 pub mod plot;
 pub mod preview;
 pub mod sdf;
 pub mod search;
 pub mod slice;
-mod suggest;
+mod toml_reader;
 pub mod voxel;
 pub mod watch;
+pub mod words;

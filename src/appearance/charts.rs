@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use glam::Vec2;
 
-use crate::mesh::TriangleMesh;
+use crate::{disjoint_sets::DisjointSets, mesh::TriangleMesh};
 
 /// Most charts told apart; the rest share the last number. An atlas of 65,535 charts has a texel or two for each.
 const MAX_CHARTS: u32 = u16::MAX as u32;
@@ -35,28 +35,6 @@ fn charts(mesh: &TriangleMesh, page_of: &[u16]) -> Vec<u16> {
             *numbers.entry(sets.root(triangle)).or_insert(next)
         })
         .collect()
-}
-
-struct DisjointSets(Vec<u32>);
-
-impl DisjointSets {
-    fn new(len: usize) -> Self {
-        Self((0..len as u32).collect())
-    }
-
-    fn root(&mut self, mut item: u32) -> u32 {
-        while self.0[item as usize] != item {
-            let parent = self.0[item as usize];
-            self.0[item as usize] = self.0[parent as usize];
-            item = self.0[item as usize];
-        }
-        item
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
 }
 
 /// Where a triangle finds its texels.

@@ -7,6 +7,7 @@ use lumislice::{
     appearance::bssrdf::{ClusterCount, FactorOptions},
     job::{FactorError, FactorRequest, Factored, factor_into},
     output::{Existing, OutputFolder},
+    words::counted,
 };
 
 use super::{Answer, print, print_json, progress::Bars, say};
@@ -161,8 +162,4 @@ fn summary(factored: &Factored, folder: &str) -> String {
         text.push('\n');
     }
     text + &format!("  clusters in place of texels change R̂ by {:.1e} (rms)\n", factored.cluster_rms)
-}
-
-fn counted(count: usize, noun: &str) -> String {
-    if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
 }

@@ -24,7 +24,8 @@ mod table;
 mod verify;
 
 use std::{
-    io::{self, Write},
+    borrow::Cow,
+    io::{self, IsTerminal, Write},
     process::ExitCode,
     sync::atomic::{AtomicBool, AtomicUsize, Ordering},
 };
@@ -35,6 +36,7 @@ use lumislice::{
     measure::MeasureError,
     optics::OpticsError,
     watch::{Interrupt, Stopped},
+    words::{escaped, escaped_lines},
 };
 
 /// Slices meshes into voxels of resin that scatter light as specified.
@@ -103,7 +105,7 @@ pub fn run() -> ExitCode {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
         Err(error) => {
-            let _ = writeln!(io::stderr(), "error: {}", one_line(&error));
+            let _ = writeln!(io::stderr(), "error: {}", escaped(&one_line(&error)));
             ExitCode::from(exit_code(&error))
         }
     }
@@ -184,7 +186,9 @@ fn install_interrupt() {
 /// Writes data to stdout. A reader that has seen enough, as `head`, is no error.
 fn print(text: &str) -> anyhow::Result<()> {
     let mut stdout = io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    // A pipe takes what it is given.
+    let shown = if stdout.is_terminal() { Cow::Owned(escaped_lines(text)) } else { Cow::Borrowed(text) };
+    match stdout.write_all(shown.as_bytes()).and_then(|()| stdout.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         Err(error) => Err(anyhow::Error::new(error).context("stdout: writing failed")),
         Ok(()) => Ok(()),
@@ -198,5 +202,5 @@ fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
 
 /// Writes a line of words to stderr.
 fn say(line: &str) {
-    let _ = writeln!(io::stderr(), "{line}");
+    let _ = writeln!(io::stderr(), "{}", escaped(line));
 }

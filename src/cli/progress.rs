@@ -3,7 +3,10 @@
 use std::{io::IsTerminal, sync::Mutex, time::Duration};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use lumislice::watch::{Thousandths, Watch};
+use lumislice::{
+    watch::{Thousandths, Watch},
+    words::escaped,
+};
 
 use super::INTERRUPT;
 
@@ -48,7 +51,7 @@ impl Watch for Bars {
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style.progress_chars("=> "));
         }
-        bar.set_message(name.to_owned());
+        bar.set_message(escaped(name));
         bar.enable_steady_tick(Duration::from_millis(200));
         self.replace(bar);
     }

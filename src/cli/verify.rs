@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use lumislice::job::verify::verify;
+use lumislice::{job::verify::verify, words::counted};
 use serde_json::json;
 
 use super::{Answer, print, print_json, progress::Bars, say};
@@ -41,8 +41,7 @@ pub fn run(args: &VerifyArgs) -> anyhow::Result<Answer> {
         print(&result.findings.iter().map(|finding| format!("{finding}\n")).collect::<String>())?;
         let verdict = match result.findings.len() {
             0 => "sound".to_owned(),
-            1 => "1 finding".to_owned(),
-            n => format!("{n} findings"),
+            n => counted(n, "finding"),
         };
         let (files, slices) = (result.files, result.slices);
         say(&format!("{}: {files} files, {slices} slices: {verdict}", args.folder.display()));

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{optics::OpticsError, watch::Stopped};
+use crate::{optics::OpticsError, toml_reader::Fault, watch::Stopped};
 
 /// Why photographs yield no material; every message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -41,6 +41,12 @@ pub enum MeasureError {
     /// The watch asked to stop.
     #[error("measurement cancelled")]
     Stopped(#[from] Stopped),
+}
+
+impl From<Fault> for MeasureError {
+    fn from(fault: Fault) -> Self {
+        Self::Capture(fault.into())
+    }
 }
 
 impl MeasureError {

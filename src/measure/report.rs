@@ -3,6 +3,7 @@
 use super::figures::plus_minus;
 use super::material::{ChannelMeasurement, Measurement, SeriesMeasurement};
 use super::scan::SeenTilt;
+use crate::page::{escape, page};
 use crate::plot::{Axis, ColourBar, Figure, Format, GREY, Panel, PlotError, Raster, Scale, Series, VERMILION};
 
 /// Powers of ten shown.
@@ -17,40 +18,40 @@ impl Measurement {
     /// None is expected of SVG; [`PlotError`] if a plot fails.
     pub fn report_html(&self) -> Result<String, PlotError> {
         let resin = &self.capture.resin;
-        let title = escape(&format!("{}, {} mm", resin.name, resin.thickness_mm));
-        let mut page = format!(
-            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n<style>\
-             body{{font:16px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}}\
-             table{{border-collapse:collapse}}td,th{{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}}\
-             svg{{max-width:100%;height:auto}}td{{white-space:nowrap}}.how{{color:#666;font-size:.9em}}</style></head><body>\n\
-             <h1>{title}</h1>\n<p>Photographed on {} with {}; measured by lumislice.</p>\n",
+        let title = format!("{}, {} mm", resin.name, resin.thickness_mm);
+        let mut body = format!(
+            "<h1>{}</h1>\n<p>Photographed on {} with {}; measured by lumislice.</p>\n",
+            escape(&title),
             escape(&self.capture.date),
             escape(&self.capture.camera.model),
         );
         for channel in &self.channels {
             if self.channels.len() > 1 {
-                page += &format!("<h2>Channel {}</h2>\n", escape(&channel.name));
+                body += &format!("<h2>Channel {}</h2>\n", escape(&channel.name));
             }
-            page += &table(channel);
-            page += &coefficients(channel);
-            page += "<h3>Noticed and corrected</h3>\n<ul>\n";
+            body += &table(channel);
+            body += &coefficients(channel);
+            body += "<h3>Noticed and corrected</h3>\n<ul>\n";
             let mut quiet = true;
             for (series, finding) in channel.all_findings() {
-                page += &format!("<li>{series}: {}</li>\n", escape(&finding.to_string()));
+                body += &format!("<li>{series}: {}</li>\n", escape(&finding.to_string()));
                 quiet = false;
             }
-            page += if quiet { "<li>nothing</li>\n</ul>\n" } else { "</ul>\n" };
+            body += if quiet { "<li>nothing</li>\n</ul>\n" } else { "</ul>\n" };
             for (name, series) in [("Reflection", &channel.reflection), ("Transmission", &channel.transmission)] {
                 let svg = figure(name, series).encode(Format::Svg)?;
-                page += &String::from_utf8_lossy(&svg);
-                page.push('\n');
+                body += &String::from_utf8_lossy(&svg);
+                body.push('\n');
             }
-            page += HOW_TO_READ;
+            body += HOW_TO_READ;
         }
-        page += "</body></html>\n";
-        Ok(page)
+        Ok(page(&title, CSS, &body))
     }
 }
+
+const CSS: &str = "body{font:16px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}\
+    table{border-collapse:collapse}td,th{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:left}\
+    svg{max-width:100%;height:auto}td{white-space:nowrap}.how{color:#666;font-size:.9em}";
 
 /// What the pictures' marks mean.
 const HOW_TO_READ: &str = "<p class=\"how\">Tilt below x°: none was seen, and a smaller one than x would not be; it is told by perspective, and not known \
@@ -181,8 +182,4 @@ fn harmonics(series: &SeriesMeasurement) -> Panel {
         .title("Asymmetry")
         .with(Series::line("1st harmonic", points(0)))
         .with(Series::line("2nd harmonic", points(1)))
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -124,8 +124,3 @@ pub(super) fn quote(bytes: &[u8]) -> String {
     }
     format!("`{}`", quoted.escape_debug())
 }
-
-/// A foreign error's message on one line.
-pub(super) fn one_line(error: impl std::fmt::Display) -> String {
-    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
-}

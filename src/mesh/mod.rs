@@ -18,7 +18,6 @@ mod error;
 mod heal;
 mod place;
 mod read;
-mod words;
 
 use std::sync::Arc;
 
@@ -125,7 +124,7 @@ pub struct HealthReport {
     pub doubled_triangles: usize,
     /// Triangles dropped because they have no area (those with three distinct corners live on among the caps).
     pub degenerate_triangles: usize,
-    /// Pairs of triangles that cross each other; `None` where the check was too dear.
+    /// Pairs of triangles that cross each other; `None` where the check was too expensive.
     pub self_intersections: Option<usize>,
     /// Connected pieces.
     pub shells: usize,

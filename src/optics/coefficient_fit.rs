@@ -7,9 +7,10 @@
 //! is not fitted, and the phase function of Henyey and Greenstein.
 
 use super::{
-    FrequencyGrid, Light, MAX_COEFFICIENT_PER_MM, RadialProfile, Transport, TransportOptions, VolumeCoefficients,
-    repair_transmission,
+    FrequencyGrid, Light, MAX_COEFFICIENT_PER_MM, RadialProfile, Stack, Transport, TransportOptions,
+    VolumeCoefficients, repair_transmission,
 };
+use crate::numeric::least_squares::{Budget, Descent, curvature, dot, gradient};
 
 /// A slab whose profiles were measured.
 #[derive(Debug, Clone, Copy)]
@@ -66,11 +67,8 @@ const COARSE_STEPS: usize = 12;
 const FINE_STEPS: usize = 8;
 /// Step of the differences in every parameter.
 const DIFFERENCE: f64 = 1e-3;
-/// Damping to start with, as a share of JᵀJ's diagonal, and to end with.
-const DAMPING: f64 = 1e-2;
-const MOST_DAMPING: f64 = 1e6;
-/// A step that gains less than this share is the last.
-const LEAST_GAIN: f64 = 1e-4;
+/// Damping is a share of JᵀJ's diagonal.
+const DESCENT: Descent = Descent { first_damping: 1e-2, most_damping: 1e6, least_gain: 1e-4 };
 /// Errors below this are the model's own (docs/accuracy.md).
 const MODEL_ERROR: f64 = 1e-4;
 /// Least σa and σs′ per mm a fit tells from none.
@@ -181,8 +179,8 @@ impl Data {
         let volume = self.volume(at);
         let mut residuals = Vec::with_capacity(2 * self.grid.len() * self.slabs.len());
         for slab in &self.slabs {
-            let layers = [(volume, slab.thickness_mm)];
-            let found = Transport { layers: &layers, base: None, light: Light::Diffuse, options }.spectra(&self.grid);
+            let stack = Stack::new([(volume, slab.thickness_mm)]);
+            let found = Transport { stack: &stack, light: Light::Diffuse, options }.spectra(&self.grid);
             let off = |found: Vec<f64>, measured: &[f64]| {
                 found.into_iter().zip(measured).map(|(found, measured)| found - measured).collect::<Vec<_>>()
             };
@@ -205,50 +203,32 @@ impl Data {
     }
 
     fn descend(&self, from: Parameters, options: TransportOptions, steps: usize) -> Point {
-        let mut here = self.point(from, options);
-        let mut damping = DAMPING;
-        for _ in 0..steps {
-            let slopes = self.slopes(&here, options);
-            let curvature = curvature(&slopes);
-            let gradient: Vec<f64> = slopes.iter().map(|slope| dot(slope, &here.residuals)).collect();
-            let before = here.objective();
-            while damping < MOST_DAMPING {
-                let mut damped = curvature;
+        DESCENT.run(
+            Budget::Steps(steps),
+            self.point(from, options),
+            Point::objective,
+            |here| {
+                let slopes = self.slopes(here, options);
+                (curvature(&slopes), gradient(&slopes, &here.residuals))
+            },
+            |here, (curvature, gradient), damping| {
+                let mut damped = curvature.clone();
                 (0..3).for_each(|i| damped[i][i] *= 1.0 + damping);
-                let Some(inverse) = inverse(&damped) else { return here };
+                let inverse = inverse(&damped)?;
                 let mut at = here.at;
                 for (at, row) in at.iter_mut().zip(&inverse) {
                     // No step leaves the region the slopes speak for.
-                    *at -= dot(row, &gradient).clamp(-1.0, 1.0);
+                    *at -= dot(row, gradient).clamp(-1.0, 1.0);
                 }
                 at[2] = at[2].clamp(*G.start(), *G.end());
-                let there = self.point(at, options);
-                if there.objective() < before {
-                    here = there;
-                    damping /= 10.0;
-                    break;
-                }
-                damping *= 10.0;
-            }
-            if before - here.objective() < LEAST_GAIN * before {
-                break;
-            }
-        }
-        here
+                Some(self.point(at, options))
+            },
+        )
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// JᵀJ.
-fn curvature(slopes: &[Vec<f64>; 3]) -> [[f64; 3]; 3] {
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| dot(&slopes[i], &slopes[j])))
-}
-
-/// By cofactors; `None` if there is none.
-fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
+/// Of a matrix of 3 × 3, by cofactors; `None` if there is none.
+fn inverse(m: &[Vec<f64>]) -> Option<[[f64; 3]; 3]> {
     let cofactor = |i: usize, j: usize| {
         let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
         m[a][c] * m[b][d] - m[a][d] * m[b][c]

@@ -1,5 +1,6 @@
 //! What can go wrong in this room, by who is to blame: the disk, the file's contents, or a parameter.
 
+use crate::words::suggest;
 use std::path::PathBuf;
 
 use super::SpectrumError;
@@ -82,6 +83,16 @@ pub enum OpticsError {
 }
 
 impl OpticsError {
+    /// No resin `name` among `names` of the set `set`.
+    pub(super) fn unknown_resin<'a>(name: &str, set: &str, names: impl Iterator<Item = &'a str> + Clone) -> Self {
+        Self::UnknownResin {
+            name: name.into(),
+            suggestion: suggest(name, names.clone()).map(String::from),
+            set: set.into(),
+            known: names.collect::<Vec<_>>().join(", "),
+        }
+    }
+
     pub(crate) fn parameter(name: &str, found: impl std::fmt::Display, expected: String) -> Self {
         Self::Parameter { name: name.into(), found: found.to_string(), expected }
     }
@@ -93,14 +104,4 @@ fn at(line: Option<usize>) -> String {
 
 fn did_you_mean(suggestion: Option<&str>) -> String {
     suggestion.map(|name| format!(", did you mean `{name}`?")).unwrap_or_default()
-}
-
-/// The candidate nearest to `word`, if near enough to be a slip of the pen (Jaro–Winkler over 0.8, as cargo and clap do).
-pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    candidates
-        .into_iter()
-        .map(|candidate| (strsim::jaro_winkler(word, candidate), candidate))
-        .filter(|(score, _)| *score > 0.8)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, candidate)| candidate)
 }

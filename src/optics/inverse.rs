@@ -10,6 +10,7 @@
 
 use super::quadrature::bisect;
 use super::{FrequencyGrid, ProfileError, RadialProfile};
+use crate::numeric::quadrature::GAUSS_3;
 
 /// Coefficients averaged at each of the two places the asymptote is read from.
 const WINDOW: usize = 8;
@@ -19,9 +20,6 @@ const INNER: f64 = 0.6;
 const MAX_PHASE: f64 = 0.8;
 /// Above this ratio of neighbours 1/f̂² is no parabola (transmission falls like e^(−hk)) and f̂ itself is interpolated.
 const STEEP: f64 = 2.0;
-/// Three-point Gauss–Legendre rule, exact to degree 5.
-const GAUSS: [(f64, f64); 3] =
-    [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];
 
 /// A spectrum seen as a function of k, ready to be turned back.
 #[derive(Debug, Clone)]
@@ -106,7 +104,7 @@ impl<'a> InverseHankel<'a> {
             for part in 0..parts as usize {
                 let middle = pair[0] + (2 * part + 1) as f64 * half;
                 let value = |k: f64| self.rest(i, k) * libm::j1(k * r);
-                sum += GAUSS.iter().map(|(x, weight)| half * weight * value(middle + half * x)).sum::<f64>();
+                sum += GAUSS_3.iter().map(|(x, weight)| half * weight * value(middle + half * x)).sum::<f64>();
             }
         }
         r * sum + self.centre.energy_within(r)

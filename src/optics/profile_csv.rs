@@ -132,7 +132,7 @@ impl<'a> Table<'a> {
         let mut order = Vec::new();
         for name in header.split(',').map(str::trim) {
             let Some(column) = COLUMNS.iter().position(|known| *known == name) else {
-                let hint = super::error::nearest(name, COLUMNS).map(|near| format!(" (did you mean {near}?)"));
+                let hint = crate::words::suggest(name, COLUMNS).map(|near| format!(" (did you mean {near}?)"));
                 let expected = format!("{}{}", expected_header(), hint.unwrap_or_default());
                 return Err(entry(Some(header_line), "header", format!("column `{name}`"), expected));
             };

@@ -7,13 +7,7 @@
 
 use std::f64::consts::TAU;
 
-/// Abscissae and weights of the 4-point Gauss–Legendre rule on [−1, 1]: exact to degree 7.
-const GAUSS: [(f64, f64); 4] = [
-    (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-    (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-    (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-    (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-];
+use crate::numeric::quadrature::GAUSS_4;
 
 /// Largest advance of the kernel's phase (radians) over one application of the rule: a cubic times a quarter wave leaves the
 /// 4-point rule an error under 1e-8 of the interval's energy.
@@ -146,7 +140,7 @@ impl Nodes {
         let half = 0.5 * (end - start) / parts;
         for part in 0..parts as usize {
             let middle = start + (2 * part + 1) as f64 * half;
-            self.0.extend(GAUSS.iter().map(|(x, weight)| {
+            self.0.extend(GAUSS_4.iter().map(|(x, weight)| {
                 let r = middle + half * x;
                 (r, TAU * half * weight * g(r))
             }));

@@ -1,7 +1,6 @@
 //! Colours of plots.
 
-/// An sRGB colour.
-pub type Rgb = [u8; 3];
+pub use crate::colour::Rgb;
 
 /// Text and axes.
 pub const INK: Rgb = [0x1f, 0x26, 0x30];

@@ -23,6 +23,7 @@ mod axis;
 mod colour;
 mod drawing;
 mod font;
+mod label;
 mod layout;
 mod legend;
 mod pixels;
@@ -37,6 +38,7 @@ use thiserror::Error;
 
 pub use axis::{Axis, Scale};
 pub use colour::{BLACK, BLUE, GREEN, GREY, INK, ORANGE, PINK, RED, Rgb, SERIES, SKY, VERMILION, viridis};
+pub(crate) use label::Label;
 pub use series::{ColourBar, Mark, Note, Raster, Series, Shape};
 
 /// A file format, by the file's extension.

@@ -1,6 +1,5 @@
 //! A drawing as PNG, two pixels to a unit.
 
-use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
 use tiny_skia::{
     Color, FillRule, FilterQuality, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint, Shader, Stroke,
     StrokeDash, Transform,
@@ -12,6 +11,7 @@ use super::{
     drawing::{Drawing, Item, Point, Step},
     font::outline,
 };
+use crate::picture::{Pixels, png};
 
 /// Pixels per unit: a figure of one panel fills a screen.
 const SCALE: f32 = 2.0;
@@ -32,22 +32,7 @@ pub(super) fn encode(drawing: &Drawing) -> Result<Vec<u8>, PlotError> {
     }
     // The page is opaque, so what is premultiplied is what is seen.
     let rgb: Vec<Rgb> = page.pixels().iter().map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();
-    Ok(encode_cells(width as usize, &rgb)?)
-}
-
-/// Rows of `columns` pixels as an 8-bit RGB PNG.
-pub(super) fn encode_cells(columns: usize, pixels: &[Rgb]) -> Result<Vec<u8>, EncodingError> {
-    let rows = pixels.len() / columns.max(1);
-    let mut out = Vec::new();
-    let mut encoder = Encoder::new(&mut out, columns as u32, rows as u32);
-    encoder.set_color(ColorType::Rgb);
-    encoder.set_depth(BitDepth::Eight);
-    encoder.set_compression(Compression::Balanced);
-    encoder.set_filter(Filter::Adaptive);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(pixels[..columns * rows].as_flattened())?;
-    writer.finish()?;
-    Ok(out)
+    Ok(png(width as usize, Pixels::Rgb8(&rgb))?)
 }
 
 fn colour([r, g, b]: Rgb, opacity: f64) -> Color {
@@ -98,7 +83,7 @@ fn paint(page: &mut Pixmap, item: &Item) {
     }
 }
 
-fn path(outline: &[Step]) -> Option<Path> {
+pub(super) fn path(outline: &[Step]) -> Option<Path> {
     let mut builder = PathBuilder::new();
     let f = |[x, y]: Point| (x as f32, y as f32);
     for step in outline {

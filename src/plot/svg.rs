@@ -11,8 +11,8 @@ use super::{
     colour::PAPER,
     drawing::{Drawing, Item, Point, Step},
     font::{Line, Weight, outline},
-    pixels,
 };
+use crate::picture::{Pixels, png};
 
 /// The text of the file.
 pub(super) fn encode(drawing: &Drawing, title: &str) -> String {
@@ -63,14 +63,14 @@ fn push(out: &mut String, item: &Item) {
         }
         Item::Text { line: text, at, upright, colour } => push_text(out, text, *at, *upright, *colour),
         Item::Image { columns, pixels, at, size } => {
-            let Ok(png) = pixels::encode_cells(*columns, pixels) else { return };
+            let Ok(file) = png(*columns, Pixels::Rgb8(pixels)) else { return };
             let ([x, y], [width, height]) = (at.map(Number), size.map(Number));
             line(
                 out,
                 format_args!(
                     "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" preserveAspectRatio=\"none\" \
                      style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{}\"/>",
-                    base64(&png)
+                    base64(&file)
                 ),
             );
         }

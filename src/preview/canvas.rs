@@ -1,8 +1,9 @@
 //! An image to draw on.
 
-use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
+use png::EncodingError;
 
 use super::style::Rgb;
+use crate::picture::{Pixels, png};
 
 /// A rectangle of whole pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,15 +66,6 @@ impl Canvas {
 
     /// The canvas as an 8-bit RGB PNG.
     pub fn png(&self) -> Result<Vec<u8>, EncodingError> {
-        let mut out = Vec::new();
-        let mut encoder = Encoder::new(&mut out, self.width as u32, self.height as u32);
-        encoder.set_color(ColorType::Rgb);
-        encoder.set_depth(BitDepth::Eight);
-        encoder.set_compression(Compression::Balanced);
-        encoder.set_filter(Filter::Adaptive);
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(self.pixels.as_flattened())?;
-        writer.finish()?;
-        Ok(out)
+        png(self.width, Pixels::Rgb8(&self.pixels))
     }
 }

@@ -8,6 +8,7 @@
 //! of the mesh is taken for support, which is what the printer fills it with.
 
 use super::{collect::PreviewBuilder, section::plane_axes};
+use crate::disjoint_sets::DisjointSets;
 
 /// Part of a hollow's faces that may look at the outside before the hollow counts as open. A wall thinner than a cell leaks
 /// through a few of them.
@@ -22,7 +23,7 @@ pub(super) fn mark_enclosed(ids: &mut [u8], width: usize, mark: u8) {
         end: usize,
     }
     let height = ids.len() / width.max(1);
-    let mut parents: Vec<u32> = vec![0];
+    let mut sets = DisjointSets::new(1);
     let mut runs: Vec<Run> = Vec::new();
     let mut above = 0..0;
     for y in 0..height {
@@ -33,10 +34,9 @@ pub(super) fn mark_enclosed(ids: &mut [u8], width: usize, mark: u8) {
             x = end;
             if run[0] == 0 {
                 runs.push(Run { start, end });
-                let node = runs.len() as u32;
-                parents.push(node);
+                let node = sets.push();
                 if start == 0 || end == width || y == 0 || y + 1 == height {
-                    join(&mut parents, node, 0);
+                    sets.join(node, 0);
                 }
             }
         }
@@ -46,7 +46,7 @@ pub(super) fn mark_enclosed(ids: &mut [u8], width: usize, mark: u8) {
                 upper.start += 1;
             }
             for touching in upper.clone().take_while(|&n| runs[n].start < runs[lower].end) {
-                join(&mut parents, touching as u32 + 1, lower as u32 + 1);
+                sets.join(touching as u32 + 1, lower as u32 + 1);
             }
         }
         above = first..runs.len();
@@ -63,26 +63,12 @@ pub(super) fn mark_enclosed(ids: &mut [u8], width: usize, mark: u8) {
             // Runs come in the order they were found.
             let run = &runs[next];
             next += 1;
-            if root(&mut parents, next as u32) != 0 {
+            if sets.root(next as u32) != 0 {
                 row[run.start..run.end].fill(mark);
             }
             x = run.end;
         }
     }
-}
-
-/// The representative of a node; the lowest of its set.
-fn root(parents: &mut [u32], mut node: u32) -> u32 {
-    while parents[node as usize] != node {
-        parents[node as usize] = parents[parents[node as usize] as usize];
-        node = parents[node as usize];
-    }
-    node
-}
-
-fn join(parents: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (root(parents, a), root(parents, b));
-    parents[a.max(b) as usize] = a.min(b);
 }
 
 /// Turns hollows that are open to the outside back into background: in the volume and in all sections.

@@ -2,6 +2,11 @@
 
 use std::fmt::{self, Write};
 
+use crate::{
+    page::{escape, page},
+    words::counted,
+};
+
 /// What the page says. All texts are plain; the page escapes them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ReportData {
@@ -101,19 +106,15 @@ const NUMBERED: f64 = 34.0;
 
 /// Writes the page.
 pub fn report_html(data: &ReportData) -> String {
-    let mut page = String::new();
+    let mut body = String::new();
     // Writing to a string does not fail.
-    let _ = write_page(&mut page, data);
-    page
+    let _ = write_body(&mut body, data);
+    page(&data.job, include_str!("report.css"), &body)
 }
 
-fn write_page(page: &mut String, data: &ReportData) -> fmt::Result {
-    let job = escape(&data.job);
-    writeln!(page, "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">")?;
-    writeln!(page, "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">")?;
-    writeln!(page, "<title>{job}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>", include_str!("report.css"))?;
+fn write_body(page: &mut String, data: &ReportData) -> fmt::Result {
     let extent = std::array::from_fn::<_, 3, _>(|axis| f64::from(data.dims[axis]) * data.pitch_mm[axis]);
-    writeln!(page, "<header>\n<h1>{job}</h1>")?;
+    writeln!(page, "<main>\n<header>\n<h1>{}</h1>", escape(&data.job))?;
     writeln!(page, "<p>{} mm{}</p>\n</header>", times(extent.map(|mm| number(mm, 2))), on(&data.printer))?;
     warnings(page, &data.warnings)?;
 
@@ -145,7 +146,7 @@ fn write_page(page: &mut String, data: &ReportData) -> fmt::Result {
     if !data.generator.is_empty() {
         writeln!(page, "<footer>Written by {}</footer>", escape(&data.generator))?;
     }
-    writeln!(page, "</main>\n</body>\n</html>")
+    writeln!(page, "</main>")
 }
 
 fn on(printer: &str) -> String {
@@ -156,7 +157,7 @@ fn warnings(page: &mut String, warnings: &[String]) -> fmt::Result {
     if warnings.is_empty() {
         return Ok(());
     }
-    let title = if warnings.len() == 1 { "1 warning".to_owned() } else { format!("{} warnings", warnings.len()) };
+    let title = counted(warnings.len(), "warning");
     writeln!(page, "<section class=\"warnings\">\n<strong>{title}</strong>\n<ul>")?;
     for warning in warnings {
         writeln!(page, "<li>{}</li>", escape(warning))?;
@@ -340,24 +341,6 @@ fn health(page: &mut String, health: &[ReportHealth]) -> fmt::Result {
 
 fn is_dark([r, g, b, a]: [u8; 4]) -> bool {
     a != 0 && 2 * u32::from(r) + 5 * u32::from(g) + u32::from(b) < 8 * 120
-}
-
-/// Text for element content and double-quoted attributes.
-fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\'' => out.push_str("&#39;"),
-            // What HTML does not allow at all.
-            c if c.is_control() && !c.is_ascii_whitespace() => out.push('\u{fffd}'),
-            c => out.push(c),
-        }
-    }
-    out
 }
 
 /// A relative path as a URL that stays relative: bytes beyond the unreserved ones are percent-encoded.

@@ -5,11 +5,8 @@
 use std::sync::LazyLock;
 
 use super::PreviewMaterial;
-
-/// An sRGB colour.
-pub(super) type Rgb = [u8; 3];
-/// A colour in linear light, 0 to 1.
-pub(super) type Linear = [f32; 3];
+pub(super) use crate::colour::{LinearRgb as Linear, Rgb};
+use crate::colour::{byte_to_linear, linear_to_byte};
 
 /// The page: light, yet dark enough for white resin to stand out.
 pub(super) const PAGE: Rgb = [0xe9, 0xeb, 0xee];
@@ -100,24 +97,15 @@ pub(super) fn mix(a: Linear, b: Linear, part: f32) -> Linear {
 
 /// Decodes sRGB.
 pub(super) fn linear(colour: Rgb) -> Linear {
-    colour.map(|value| {
-        let v = f32::from(value) / 255.0;
-        if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-    })
+    colour.map(byte_to_linear)
 }
 
 /// Encodes sRGB.
 pub(super) fn encoded(colour: Linear) -> Rgb {
     // Fine enough that every 8-bit value has entries of its own, even at the steep dark end.
     const STEPS: usize = 1 << 13;
-    static TABLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
-        let value = |n: usize| {
-            let v = n as f32 / STEPS as f32;
-            let v = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-            (255.0 * v).round() as u8
-        };
-        (0..=STEPS).map(value).collect()
-    });
+    static TABLE: LazyLock<Vec<u8>> =
+        LazyLock::new(|| (0..=STEPS).map(|n| linear_to_byte(n as f64 / STEPS as f64)).collect());
     let table = &TABLE[..];
     colour.map(|v| table[(v.clamp(0.0, 1.0) * STEPS as f32 + 0.5) as usize])
 }

@@ -1,8 +1,7 @@
-//! Words on a canvas, in an antialiased bitmap font.
-
-use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+//! Words on a canvas, in the font of the plots.
 
 use super::{canvas::Canvas, style::Rgb};
+use crate::plot::Label;
 
 /// A size and weight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,49 +17,55 @@ pub(super) enum Font {
 }
 
 impl Font {
-    fn style(self) -> (FontWeight, RasterHeight) {
+    /// Pixels per em, and whether it is bold.
+    fn style(self) -> (f64, bool) {
         match self {
-            Self::Small => (FontWeight::Regular, RasterHeight::Size20),
-            Self::Normal => (FontWeight::Regular, RasterHeight::Size24),
-            Self::Strong => (FontWeight::Bold, RasterHeight::Size24),
-            Self::Title => (FontWeight::Bold, RasterHeight::Size32),
+            Self::Small => (18.0, false),
+            Self::Normal => (22.0, false),
+            Self::Strong => (22.0, true),
+            Self::Title => (30.0, true),
         }
+    }
+
+    fn label(self, text: &str) -> Label {
+        let (em, bold) = self.style();
+        Label::new(text, em, bold)
     }
 
     /// Height of a line, pixels.
     pub fn height(self) -> usize {
-        self.style().1.val()
+        match self {
+            Self::Small => 20,
+            Self::Normal | Self::Strong => 24,
+            Self::Title => 32,
+        }
     }
 
     /// Width of a text, pixels.
     pub fn width(self, text: &str) -> usize {
-        let (weight, height) = self.style();
-        text.chars().count() * get_raster_width(weight, height)
+        self.label(text).width().ceil() as usize
     }
 
-    /// The text, cut short with two dots if it is wider than `pixels`.
+    /// The text, cut short with an ellipsis if it is wider than `pixels`; nothing where not even that has room.
     pub fn fit(self, text: &str, pixels: usize) -> String {
         if self.width(text) <= pixels {
             return text.to_owned();
         }
-        let room = pixels / self.width("x");
-        let kept = text.chars().take(room.saturating_sub(2));
-        kept.chain("..".chars()).take(room).collect()
+        let mut fitting = String::new();
+        for (end, _) in text.char_indices() {
+            let longer = format!("{}…", &text[..end]);
+            if self.width(&longer) > pixels {
+                break;
+            }
+            fitting = longer;
+        }
+        fitting
     }
 
     /// Draws a text with its upper left corner at (x, y). Characters that the font lacks become question marks.
     pub fn draw(self, canvas: &mut Canvas, [x, y]: [usize; 2], text: &str, colour: Rgb) {
-        let (weight, height) = self.style();
-        let mut left = x;
-        for c in text.chars() {
-            let glyph = get_raster(c, weight, height).or_else(|| get_raster('?', weight, height));
-            let Some(glyph) = glyph else { continue };
-            for (dy, row) in glyph.rows().enumerate() {
-                for (dx, &ink) in row.iter().enumerate().filter(|(_, ink)| **ink > 0) {
-                    canvas.blend(left + dx, y + dy, colour, f32::from(ink) / 255.0);
-                }
-            }
-            left += glyph.width();
-        }
+        self.label(text).paint(self.height(), |dx, dy, coverage| {
+            canvas.blend(x + dx, y + dy, colour, f32::from(coverage) / 255.0);
+        });
     }
 }

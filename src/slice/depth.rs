@@ -9,7 +9,10 @@ use std::{collections::HashMap, ops::Range, sync::Arc};
 use glam::{DVec3, IVec3, Vec2};
 use rayon::prelude::*;
 
-use super::fill::{FillScratch, ObjectField, Site};
+use super::{
+    descent::{DEPTH_MARGIN, EMPTY, Mask, is_set},
+    fill::{LeafScratch, ObjectField, Site},
+};
 use crate::{
     sdf::{
         BlockBox, Cells, DepthRange, FeatureWindow, LpField, LpOffsets, LpScratch, Reach, SLACK, SliceRuns, Surface,
@@ -157,7 +160,7 @@ impl ObjectField {
         if let Measure::Grid { bound } = &self.measure {
             scratch.unopened = Some((nearest + bounds.radius() + bound).min(thickness));
         }
-        self.shallowest(bounds, nearest, scratch) <= thickness + super::fill::DEPTH_MARGIN
+        self.shallowest(bounds, nearest, scratch) <= thickness + DEPTH_MARGIN
     }
 
     /// A lower bound of the measure in a box `nearest` mm from the surface at its centre, mm.
@@ -202,17 +205,17 @@ impl ObjectField {
         }
     }
 
-    /// Measures the masked voxels of the brick at `brick` by the grid; the triangle of each goes to `triangles`, at the voxel's place.
-    pub(super) fn measure_grid(&self, site: Site<'_>, brick: [usize; 3], index: usize, scratch: &mut FillScratch) {
-        let FillScratch { measure, masks, surface, .. } = scratch;
+    /// Measures the masked voxels of the brick at `brick` of a block with these masks by the grid; the triangle of each goes to `triangles`, at the voxel's place.
+    pub(super) fn measure_grid(&self, site: Site<'_>, brick: [usize; 3], masks: &[Mask], scratch: &mut LeafScratch) {
+        let LeafScratch { measure, surface, .. } = scratch;
         if let Some(reach) = measure.unopened.take() {
             self.open_window(site, reach, masks, measure);
         }
-        let (mask, thickness) = (&masks[index], self.layers().thickness());
+        let (mask, thickness) = (&masks[self.shape.brick_index(brick)], self.layers().thickness());
         measure.triangles.clear();
         measure.triangles.resize(BRICK_VOXELS, 0);
         measure.uvs.resize(BRICK_VOXELS, Vec2::ZERO);
-        for voxel in (0..BRICK_VOXELS).filter(|voxel| mask[voxel / 8] >> (voxel % 8) & 1 != 0) {
+        for voxel in (0..BRICK_VOXELS).filter(|&voxel| is_set(mask, voxel)) {
             let at: [i32; 3] = std::array::from_fn(|axis| {
                 site.first[axis] as i32 + (brick[axis] * BRICK + (voxel >> (3 * axis) & 7)) as i32
             });
@@ -232,10 +235,10 @@ impl ObjectField {
     }
 
     /// Computes the feature transform of all bricks of a block that hold inside voxels.
-    fn open_window(&self, site: Site<'_>, reach: f64, masks: &[[u8; BRICK_VOXELS / 8]], measure: &mut MeasureScratch) {
+    fn open_window(&self, site: Site<'_>, reach: f64, masks: &[Mask], measure: &mut MeasureScratch) {
         let [width, height, _] = self.shape.0;
         let (mut low, mut high) = (IVec3::MAX, IVec3::MIN);
-        for (n, _) in masks.iter().enumerate().filter(|(_, mask)| **mask != [0; BRICK_VOXELS / 8]) {
+        for (n, _) in masks.iter().enumerate().filter(|(_, mask)| **mask != EMPTY) {
             let brick = IVec3::new((n % width) as i32, (n / width % height) as i32, (n / (width * height)) as i32);
             (low, high) = (low.min(brick), high.max(brick + 1));
         }
@@ -250,10 +253,10 @@ impl ObjectField {
     }
 
     /// Measures the masked voxels of the brick around `centre` by the Lp-averaged distance; needs their exact ones.
-    pub(super) fn measure_lp(&self, centre: DVec3, index: usize, scratch: &mut FillScratch) {
+    pub(super) fn measure_lp(&self, centre: DVec3, mask: &Mask, scratch: &mut LeafScratch) {
         let Measure::Lp { field, offsets } = &self.measure else { return };
-        let FillScratch { measure, masks, surface, .. } = scratch;
-        field.fill_brick(self.surface().triangles(), centre, offsets, &masks[index], surface, &mut measure.lp);
+        let LeafScratch { measure, surface, .. } = scratch;
+        field.fill_brick(self.surface().triangles(), centre, offsets, mask, surface, &mut measure.lp);
     }
 
     /// Triangle and texture coordinates of the surface point nearest to the centre of a surface voxel.

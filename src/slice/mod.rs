@@ -5,11 +5,13 @@
 //! | file | what it does |
 //! | --- | --- |
 //! | `depth`  | the distances that layers can be laid by |
-//! | `fill`   | one object into one block: descent by halves, uniform tiles, bricks |
+//! | `descent` | one object into one block: by halves, to uniform boxes and single bricks |
+//! | `fill`   | the leaves of that descent that are voxels |
 //! | `engine` | slab after slab, blocks in parallel |
 //! | `meshes` | material meshes from the same field |
 
 mod depth;
+mod descent;
 mod engine;
 mod fill;
 pub mod meshes;

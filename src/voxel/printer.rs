@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use crate::suggest::hint;
+use crate::words::hint;
 
 /// Millimetres in an inch, exactly.
 pub const MM_PER_INCH: f64 = 25.4;

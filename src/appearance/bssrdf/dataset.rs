@@ -10,7 +10,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{BssrdfError, header, npy::NpyHeader, npz, responses::LUMINANCE, responses::Responses, rings::Rings};
+use super::{BssrdfError, header, npy::NpyHeader, npz, responses::Responses, rings::Rings};
+use crate::colour::LUMINANCE;
 
 /// Least and largest pitch accepted, mm.
 pub const PITCH_MM: [f64; 2] = [1e-4, 100.0];

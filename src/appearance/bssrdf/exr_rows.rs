@@ -20,6 +20,7 @@ use super::{
     npz::Scratch,
     responses::Responses,
 };
+use crate::words::one_line;
 
 /// Unpacks a file; `window` is the columns and rows of a window if they are not the layers' height both.
 pub(super) fn unpack(path: &Path, window: Option<[usize; 2]>) -> Result<(Responses, NpyHeader), BssrdfError> {
@@ -123,7 +124,7 @@ pub(super) fn exr_fault(path: &Path, error: ExrError) -> BssrdfError {
             BssrdfError::Read { file: path.to_path_buf(), source }
         }
         other => {
-            let found = other.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+            let found = one_line(other);
             layout_fault(path, "OpenEXR", found, "a whole file that can be read")
         }
     }

@@ -6,8 +6,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use serde::Deserialize;
-
 use super::{
     BssrdfError,
     dataset::{Array, Noise, Parts},
@@ -15,18 +13,36 @@ use super::{
     npy::{NpyError, NpyHeader},
     responses::Responses,
 };
+use crate::{
+    toml_reader::{Fault, Found, IntRange, Problem, Source, Table, Value},
+    words::{excerpt, one_line, suggest},
+};
 
 /// Name of the header in a dataset's folder.
 pub const NAME: &str = "dataset.toml";
 /// Version of the format.
-pub const VERSION: u32 = 1;
+pub const VERSION: u64 = 1;
 /// Largest array read at once: an albedo of the largest dataset in double precision.
 const MAX_ARRAY: u64 = 1 << 33;
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+const KEYS: [&str; 10] = [
+    "version",
+    "pitch-mm",
+    "responses",
+    "albedo",
+    "mask",
+    "channels",
+    "noise-floor-per-mm2",
+    "noise-gain-per-mm2",
+    "window",
+    "full-scale-per-mm2",
+];
+const VERSIONS: IntRange = IntRange { noun: "a version", min: 0, max: u32::MAX as u64 };
+/// What is too large for us is refused once the responses are known.
+const SIDE: IntRange = IntRange { noun: "a number of pixels", min: 0, max: u32::MAX as u64 };
+
 struct Header {
-    version: u32,
+    version: u64,
     pitch_mm: f64,
     responses: PathBuf,
     albedo: Option<PathBuf>,
@@ -38,19 +54,66 @@ struct Header {
     full_scale_per_mm2: Option<f64>,
 }
 
+impl Header {
+    fn parse(text: &str, file: &Path) -> Result<Self, BssrdfError> {
+        let source = Source::new(file, file.parent().unwrap_or(Path::new("")), text, Found::AsWritten);
+        let document = source.parse()?;
+        let top = Table::<BssrdfError>::root(&source, &document);
+        top.allow_only(&KEYS)?;
+        let number = |key: &str| top.number(key).map(|found| found.map(|number| number.value));
+        let path = |key: &str| top.string(key).map(|found| found.map(|path| PathBuf::from(path.value)));
+        Ok(Self {
+            version: top.require("version", "a version")?.integer(VERSIONS)?,
+            pitch_mm: top.require("pitch-mm", "a distance in mm")?.placed_number("a distance in mm")?.value,
+            responses: top.require("responses", "a path")?.text("a path")?.into(),
+            albedo: path("albedo")?,
+            mask: path("mask")?,
+            channels: top.get("channels").map(names).transpose()?,
+            noise_floor_per_mm2: number("noise-floor-per-mm2")?,
+            noise_gain_per_mm2: number("noise-gain-per-mm2")?,
+            window: top.get("window").map(window).transpose()?,
+            full_scale_per_mm2: number("full-scale-per-mm2")?,
+        })
+    }
+}
+
+fn names(value: Value<'_, BssrdfError>) -> Result<Vec<String>, BssrdfError> {
+    let expected = "an array of names";
+    value.list(expected)?.iter().map(|name| Ok(name.text(expected)?.to_owned())).collect()
+}
+
+fn window(value: Value<'_, BssrdfError>) -> Result<[usize; 2], BssrdfError> {
+    let expected = "[columns, rows]";
+    let sides = value.list(expected)?;
+    let [columns, rows] = sides.as_slice() else { return Err(value.refuse(expected)) };
+    Ok([columns.integer(SIDE)? as usize, rows.integer(SIDE)? as usize])
+}
+
+impl From<Fault> for BssrdfError {
+    fn from(Fault { path, place, key, problem }: Fault) -> Self {
+        let line = format!("line {}", place.line);
+        let header = "a header as docs/formats.md describes it".to_owned();
+        let (place, found, expected) = match problem {
+            Problem::Syntax(message) => (line, one_line(message), header),
+            Problem::UnknownKey { name, known, .. } => {
+                let hint = match suggest(&name, known.iter().map(String::as_str)) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => format!("expected one of `{}`", known.join("`, `")),
+                };
+                (line, format!("unknown field `{}`, {hint}", excerpt(&name)), header)
+            }
+            Problem::Missing { .. } => (line, format!("missing field `{key}`"), header),
+            Problem::Conflict { other } => (line, format!("`{key}` together with `{other}`"), header),
+            Problem::Value { found, expected } => (format!("{line}: {key}"), found, expected),
+        };
+        Self::Entry { file: path, place, found, expected }
+    }
+}
+
 /// Reads a header and the small arrays it names.
 pub(super) fn read(file: &Path) -> Result<Parts, BssrdfError> {
     let text = fs::read_to_string(file).map_err(|source| BssrdfError::Read { file: file.to_path_buf(), source })?;
-    let header: Header = toml::from_str(&text).map_err(|error| {
-        let at = error.span().map_or(0, |span| span.start.min(text.len()));
-        let line = 1 + text.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count();
-        BssrdfError::Entry {
-            file: file.to_path_buf(),
-            place: format!("line {line}"),
-            found: error.message().split_whitespace().collect::<Vec<_>>().join(" "),
-            expected: "a header as docs/formats.md describes it".into(),
-        }
-    })?;
+    let header = Header::parse(&text, file)?;
     if header.version != VERSION {
         return Err(BssrdfError::Entry {
             file: file.to_path_buf(),

@@ -13,6 +13,7 @@ use super::{
     npz::Scratch,
     responses::Responses,
 };
+use crate::words::one_line;
 
 /// Cuts the windows out of all images in a folder.
 pub(super) fn unpack(
@@ -107,7 +108,7 @@ impl Picture {
             .and_then(|reader| reader.with_guessed_format())
             .map_err(|source| BssrdfError::Read { file: path.to_path_buf(), source })?
             .decode()
-            .map_err(|error| fault(error.to_string().split_whitespace().collect::<Vec<_>>().join(" "), "a PNG"))?;
+            .map_err(|error| fault(one_line(error), "a PNG"))?;
         let (columns, rows) = (image.width() as usize, image.height() as usize);
         let scale = scale as f32;
         let planes = match image {

@@ -34,7 +34,7 @@ pub use kernel::Variance;
 pub use npy::{NpyHeader, write_npy};
 pub use passes::{Misses, Sums};
 pub use planes::Planes;
-pub use responses::{Channel, LUMINANCE, Responses};
+pub use responses::{Channel, Responses};
 pub use rings::{Offset, Rings, areas};
 pub use tail::{TailKind, TailRings};
 

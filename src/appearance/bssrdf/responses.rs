@@ -9,9 +9,7 @@ use std::{
 use tempfile::NamedTempFile;
 
 use super::{BssrdfError, npy::NpyHeader};
-
-/// Rec. 709 weights of linear red, green and blue.
-pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+use crate::colour::LUMINANCE;
 
 /// An array `[row][column][channel][window row][window column]` in a file.
 #[derive(Debug)]

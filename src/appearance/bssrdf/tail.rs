@@ -15,6 +15,8 @@
 
 use rayon::prelude::*;
 
+use crate::numeric::quadrature::{GAUSS_3, of_unit};
+
 /// Each ring beyond the window is this much wider than the one before.
 const GROWTH: f64 = 1.25;
 /// Radius at which tails end, mm, or this many windows if that is more.
@@ -26,9 +28,6 @@ const SLOPE_FROM: f64 = 0.6;
 const STEEPEST: f64 = 50.0;
 /// m of a tail whose energy nobody measured.
 const FAR_FIELD: f64 = 1.0;
-/// Nodes of a ring: abscissae and weights of the Gauss–Legendre rule of three points on [0, 1].
-const GAUSS: [(f64, f64); 3] =
-    [(0.112_701_665_379_258_3, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
 
 /// How a texel's tail came about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,7 +65,7 @@ impl TailRings {
             width *= GROWTH;
         }
         let nodes = edges_mm.windows(2).flat_map(|edge| {
-            GAUSS.map(|(x, weight)| {
+            of_unit(GAUSS_3).map(|(x, weight)| {
                 let r = edge[0] + x * (edge[1] - edge[0]);
                 [r, (r / cut).ln(), std::f64::consts::TAU * cut * weight * (edge[1] - edge[0])]
             })
@@ -143,7 +142,7 @@ impl TailRings {
     fn energies(&self, value: f64, kappa: f64, m: f64) -> Vec<f64> {
         let cut = self.edges_mm[0];
         let node = |[r, log, weight]: &[f64; 3]| weight * value * (-m * log - kappa * (r - cut)).exp();
-        self.nodes.chunks(GAUSS.len()).map(|ring| ring.iter().map(node).sum()).collect()
+        self.nodes.chunks(GAUSS_3.len()).map(|ring| ring.iter().map(node).sum()).collect()
     }
 
     fn scaled(&self, value: f64, kappa: f64, m: f64, total: Option<f64>) -> Vec<f64> {

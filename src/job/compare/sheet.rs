@@ -3,7 +3,11 @@
 use std::fmt::Write as _;
 
 use super::{Comparison, Stage};
-use crate::plot::{Axis, Figure, Format, Panel, PlotError, Raster, Rgb, Series};
+use crate::{
+    colour::{Rgb, linear_to_byte},
+    page::{escape, page},
+    plot::{Axis, Figure, Format, Panel, PlotError, Raster, Series},
+};
 
 /// Longer side of a picture, units of the plot: room for three ticks.
 const PICTURE: f64 = 260.0;
@@ -62,7 +66,7 @@ impl Comparison {
 
     fn colour(&self, stage: &Stage, lamp: usize, texel: usize, white: f64) -> Rgb {
         let channels = stage.radiosity.len();
-        let channel = |c: usize| srgb(f64::from(stage.radiosity[c][lamp][texel]) / white);
+        let channel = |c: usize| linear_to_byte(f64::from(stage.radiosity[c][lamp][texel]) / white);
         if channels == 3 { [channel(0), channel(1), channel(2)] } else { [channel(0); 3] }
     }
 
@@ -91,18 +95,14 @@ impl Comparison {
         let svg = |figure: &Figure| -> Result<String, PlotError> {
             Ok(String::from_utf8_lossy(&figure.encode(Format::Svg)?).into_owned())
         };
-        let mut page = format!(
-            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{0}</title><style>{CSS}</style></head>\n<body><h1>{0}</h1>\n<p>{1}</p>\n",
-            escaped(&self.name),
-            escaped(&self.words()),
-        );
-        let _ = write!(page, "<figure>{}</figure>\n{}", svg(&self.pictures())?, self.fits());
-        let _ = write!(page, "<h2>Pictures in numbers</h2>\n{}", self.table());
+        let mut body = format!("<h1>{}</h1>\n<p>{}</p>\n", escape(&self.name), escape(&self.words()));
+        let _ = write!(body, "<figure>{}</figure>\n{}", svg(&self.pictures())?, self.fits());
+        let _ = write!(body, "<h2>Pictures in numbers</h2>\n{}", self.table());
         for warning in &self.warnings {
-            let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(warning));
+            let _ = writeln!(body, "<p class=\"warning\">{}</p>", escape(warning));
         }
-        let _ = write!(page, "<figure>{}</figure>\n</body></html>\n", svg(&self.edge_figure())?);
-        Ok(page)
+        let _ = writeln!(body, "<figure>{}</figure>", svg(&self.edge_figure())?);
+        Ok(page(&self.name, CSS, &body))
     }
 
     fn words(&self) -> String {
@@ -122,8 +122,8 @@ impl Comparison {
             let _ = writeln!(
                 rows,
                 "<tr><td>{}</td><td>{}</td><td>{lamp}</td><td>{:+.4}</td><td>{:.4}</td><td>{:.2}%</td><td>{correlation}</td><td>{noise}</td></tr>",
-                escaped(stage),
-                escaped(against),
+                escape(stage),
+                escape(against),
                 apart.bias,
                 apart.rms,
                 100.0 * apart.relative_rms,
@@ -154,7 +154,7 @@ impl Comparison {
             let _ = writeln!(
                 rows,
                 "<tr><td>{}</td><td>{:.2e}</td><td>{:.2e}</td><td>{:.2e}</td><td>{:.2e}</td><td>{:.4}</td><td>{:.3}</td></tr>",
-                escaped(&job.name),
+                escape(&job.name),
                 transport.mean,
                 transport.worst,
                 scalar.mean,
@@ -175,21 +175,10 @@ figure{margin:1rem 0;overflow-x:auto}svg{max-width:100%;height:auto}table{border
 td,th{padding:.2rem .7rem;text-align:right;border-bottom:1px solid #ddd}td:nth-child(-n+3),th:nth-child(-n+3){text-align:left}\
 .warning{color:#a33}";
 
-/// A linear value as an 8-bit sRGB one.
-fn srgb(linear: f64) -> u8 {
-    let value = linear.clamp(0.0, 1.0);
-    let encoded = if value <= 0.003_130_8 { 12.92 * value } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * encoded).round() as u8
-}
-
 /// −1 blue, 0 white, 1 red.
 fn diverging(value: f64) -> Rgb {
     const ENDS: [Rgb; 2] = [[0x21, 0x66, 0xac], [0xb2, 0x18, 0x2b]];
     let end = ENDS[usize::from(value > 0.0)];
     let part = value.abs().min(1.0);
     end.map(|channel| (255.0 + (f64::from(channel) - 255.0) * part).round() as u8)
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

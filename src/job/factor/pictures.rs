@@ -1,17 +1,20 @@
 //! Pictures of a factored dataset: clusters and their palette, albedo, residual by place.
 
-use png::{BitDepth, ColorType, Encoder};
-
 use super::{ClusterRecord, texels::Texels};
 use crate::{
-    appearance::bssrdf::{Dataset, Misses},
-    plot::{Axis, ColourBar, Figure, Format, Panel, PlotError, Raster, Rgb, Scale, Series, viridis},
+    appearance::{
+        ClusterId,
+        bssrdf::{Dataset, Misses},
+    },
+    colour::{Rgb, linear_to_byte},
+    picture::{Pixels, png},
+    plot::{Axis, ColourBar, Figure, Format, Panel, PlotError, Raster, Scale, Series, viridis},
 };
 
 /// Label of every texel as 16-bit grey.
-pub(super) fn labels(labels: &[u32], dataset: &Dataset) -> Vec<u8> {
-    let bytes: Vec<u8> = labels.iter().flat_map(|label| (*label as u16).to_be_bytes()).collect(); // k is at most 65,535
-    encode(dataset, ColorType::Grayscale, BitDepth::Sixteen, &bytes)
+pub(super) fn labels(labels: &[ClusterId], dataset: &Dataset) -> Vec<u8> {
+    let labels: Vec<u16> = labels.iter().map(|label| label.0).collect();
+    encode(dataset, Pixels::Grey16(&labels))
 }
 
 /// Albedo as it would look, in sRGB; the first channel for grey, three for colour.
@@ -19,25 +22,15 @@ pub(super) fn albedo(texels: &Texels, dataset: &Dataset) -> Vec<u8> {
     let colour = dataset.channels.len() == 3;
     let shown = if colour { 3 } else { 1 };
     let bytes: Vec<u8> =
-        (0..dataset.texels()).flat_map(|texel| texels.albedo(texel).take(shown).map(to_srgb)).collect();
-    encode(dataset, if colour { ColorType::Rgb } else { ColorType::Grayscale }, BitDepth::Eight, &bytes)
+        (0..dataset.texels()).flat_map(|texel| texels.albedo(texel).take(shown).map(linear_to_byte)).collect();
+    encode(dataset, if colour { Pixels::Rgb8(bytes.as_chunks().0) } else { Pixels::Grey8(&bytes) })
 }
 
-fn to_srgb(linear: f64) -> u8 {
-    let linear = linear.clamp(0.0, 1.0);
-    let encoded = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * encoded).round() as u8
-}
-
-fn encode(dataset: &Dataset, colour: ColorType, depth: BitDepth, bytes: &[u8]) -> Vec<u8> {
-    let mut out = Vec::new();
-    let mut encoder = Encoder::new(&mut out, dataset.width as u32, dataset.height as u32);
-    encoder.set_color(colour);
-    encoder.set_depth(depth);
-    // Writing into memory cannot fail, and the size is right by construction.
-    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(bytes));
+fn encode(dataset: &Dataset, pixels: Pixels<'_>) -> Vec<u8> {
+    let written = png(dataset.width, pixels);
+    // The size is right by construction.
     debug_assert!(written.is_ok());
-    out
+    written.unwrap_or_default()
 }
 
 /// A map over the patch, mm.
@@ -64,9 +57,13 @@ fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
 }
 
 /// What every cluster reflects and how far light travels in it, over the patch.
-pub(super) fn clusters(records: &[ClusterRecord], labels: &[u32], dataset: &Dataset) -> Result<Vec<u8>, PlotError> {
+pub(super) fn clusters(
+    records: &[ClusterRecord],
+    labels: &[ClusterId],
+    dataset: &Dataset,
+) -> Result<Vec<u8>, PlotError> {
     let over = |label: &str, scale: Scale, of: &dyn Fn(&ClusterRecord) -> f64| {
-        let values: Vec<f64> = labels.iter().map(|label| of(&records[*label as usize])).collect();
+        let values: Vec<f64> = labels.iter().map(|label| of(&records[label.index()])).collect();
         let range = span(values.iter().copied());
         let bar = ColourBar { label: label.into(), range, scale };
         map("", dataset, |x, y| Raster::heat_map(dataset.width, &values, x, y, bar))

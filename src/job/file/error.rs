@@ -1,26 +1,7 @@
 //! What can be wrong with a job, each said in one line: place, key, found, expected.
 
-use std::fmt;
-use std::sync::Arc;
-
 use super::stack::StackError;
-
-/// A place in a job file. Lines and columns count from 1; a column is a character, not a byte.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
-    /// The job file as it was named.
-    pub file: Arc<str>,
-    /// Line, from 1.
-    pub line: u32,
-    /// Character in the line, from 1.
-    pub column: u32,
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{}:{}", self.file, self.line, self.column)
-    }
-}
+use crate::toml_reader::Place;
 
 /// Why a job is refused. Every message is one line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -145,30 +126,4 @@ pub enum JobError {
         /// What there is instead.
         expected: String,
     },
-}
-
-/// Most characters of a found text that a message repeats.
-const MAX_QUOTED: usize = 60;
-
-/// `text` on one line and of a length that suits a message, without quotes.
-pub(super) fn one_line(text: &str) -> String {
-    let mut line = escaped(text.chars().take(MAX_QUOTED));
-    if text.chars().nth(MAX_QUOTED).is_some() {
-        line.push('…');
-    }
-    line
-}
-
-/// A path on one line, never cut.
-pub(super) fn one_line_path(path: &std::path::Path) -> String {
-    escaped(path.to_string_lossy().chars())
-}
-
-/// Characters with those that would break a line or a terminal written out.
-pub(in crate::job) fn escaped(chars: impl Iterator<Item = char>) -> String {
-    let mut line = String::new();
-    for c in chars {
-        if c.is_control() { line.extend(c.escape_default()) } else { line.push(c) }
-    }
-    line
 }

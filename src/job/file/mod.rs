@@ -12,7 +12,6 @@ mod paths;
 mod ranges;
 mod read;
 mod resolved;
-mod source;
 mod stack;
 mod target;
 #[cfg(test)]
@@ -24,8 +23,7 @@ use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
-pub(super) use error::escaped;
-pub use error::{JobError, Place};
+pub use error::JobError;
 pub use object::{DepthFrom, ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
@@ -33,15 +31,14 @@ pub use options::{
 };
 pub use paths::InputPath;
 pub use resolved::ResolvedJob;
-pub use stack::{StackError, format_stack, parse_stack};
+pub use stack::StackError;
 pub use target::{AlbedoSource, TargetSpec};
 
-pub use crate::mesh::Unit;
+pub use crate::{mesh::Unit, toml_reader::Place};
 
-use crate::suggest::hint;
+use crate::toml_reader::{Found, Places, Source};
 use crate::voxel::Printer;
-use error::{one_line, one_line_path};
-use source::{Places, Source};
+use crate::words::{excerpt, hint, path_line};
 
 /// Largest job file that is read, bytes. A job that lists 10 000 profiles stays below it.
 pub const MAX_JOB_BYTES: u64 = 1 << 20;
@@ -82,11 +79,11 @@ impl Job {
     /// [`Job::from_toml`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, JobError> {
         let path = path.as_ref();
-        let file_name = || one_line_path(path);
+        let file_name = || path_line(path);
         let unreadable = |found: String| JobError::Unreadable { file: file_name(), found };
         let disk = |error: std::io::Error| match error.kind() {
             std::io::ErrorKind::NotFound => unreadable("no such file".to_owned()),
-            _ => unreadable(one_line(&error.to_string())),
+            _ => unreadable(excerpt(&error.to_string())),
         };
         let metadata = std::fs::metadata(path).map_err(disk)?;
         if metadata.is_dir() {
@@ -115,15 +112,12 @@ impl Job {
     pub fn from_toml(text: &str, path: impl AsRef<Path>, base_dir: impl AsRef<Path>) -> Result<Self, JobError> {
         let path = path.as_ref();
         if text.len() as u64 > MAX_JOB_BYTES {
-            let (file, found) = (one_line_path(path), text.len() as u64);
+            let (file, found) = (path_line(path), text.len() as u64);
             return Err(JobError::TooLarge { file, found, limit: MAX_JOB_BYTES });
         }
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let source = Source::new(path, text, base_dir.as_ref());
-        let document = DeTable::parse(text).map_err(|error| JobError::Syntax {
-            place: source.place(error.span().map_or(0, |span| span.start)),
-            message: syntax_message(error.message()),
-        })?;
+        let source = Source::new(path, base_dir.as_ref(), text, Found::AsWritten);
+        let document = source.parse()?;
         let root = read::Table::root(&source, &document);
         root.allow_only(ROOT_KEYS)?;
         // A table with defaults reads the same whether it is empty or left out.
@@ -148,10 +142,10 @@ impl Job {
     /// [`JobError::UnknownName`] for the first that is not, with the nearest name.
     pub fn check_resins(&self, names: &[&str]) -> Result<(), JobError> {
         for (index, object) in self.objects.iter().enumerate() {
-            if let TargetSpec::Stacking { layers } = &object.target {
+            if let TargetSpec::Stacking { stack } = &object.target {
                 let own = format!("object[{index}].target.stack");
                 let key = if self.places.contains_key(&own) { own } else { "target.stack".to_owned() };
-                layers.iter().try_for_each(|(resin, _)| self.check_name("resin", &key, resin, names))?;
+                stack.pairs().try_for_each(|(resin, _)| self.check_name("resin", &key, resin, names))?;
             }
         }
         for (index, limit) in self.stacking.limits.iter().enumerate() {
@@ -193,7 +187,7 @@ impl Job {
             return Ok(());
         }
         let hint = hint(name, names.iter().copied());
-        Err(JobError::UnknownName { place: self.place(key), key: key.to_owned(), kind, found: one_line(name), hint })
+        Err(JobError::UnknownName { place: self.place(key), key: key.to_owned(), kind, found: excerpt(name), hint })
     }
 
     /// Where `key` (as `output.mesh-pitch-mm` or `object[0].mesh`) stands in the job file; for one that the job leaves to
@@ -206,7 +200,7 @@ impl Job {
             }
             match around.rfind(['.', '[']) {
                 Some(end) => around = &around[..end],
-                None => return Place { file: one_line_path(&self.path).into(), line: 1, column: 1 },
+                None => return Place { file: path_line(&self.path).into(), line: 1, column: 1 },
             }
         }
     }
@@ -221,10 +215,4 @@ impl Job {
     pub fn resolved(&self) -> ResolvedJob {
         resolved::resolve(self)
     }
-}
-
-/// The parser's message on one line.
-fn syntax_message(message: &str) -> String {
-    let parts: Vec<&str> = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-    error::escaped(parts.join(", ").chars())
 }

@@ -8,6 +8,7 @@ use super::ranges as range;
 use super::read::{Result, Table, Value};
 use crate::search::{Norm, Objective, ResinLimit};
 use crate::voxel::Printer;
+use crate::words::quoted_list;
 
 /// Where the resins come from.
 #[derive(Debug, Clone, PartialEq)]
@@ -367,7 +368,7 @@ pub(super) fn read_output(table: &Table<'_>) -> Result<OutputOptions> {
 
 fn read_formats(value: &Value<'_>) -> Result<Vec<OutputFormat>> {
     let names: Vec<&str> = OutputFormat::ALL.iter().map(|&(name, _)| name).collect();
-    let expected = format!("an array of formats from \"{}\"", names.join("\", \""));
+    let expected = format!("an array of formats from {}", quoted_list(names.iter().copied()));
     let mut formats = Vec::new();
     for element in value.list(&expected)? {
         if let Ok(name) = element.text("")
@@ -375,9 +376,9 @@ fn read_formats(value: &Value<'_>) -> Result<Vec<OutputFormat>> {
         {
             return Err(JobError::NotBuilt {
                 place: element.place(),
-                key: element.path().to_owned(),
+                key: element.key().to_owned(),
                 found: name.to_owned(),
-                expected: format!("one of \"{}\"", names.join("\", \"")),
+                expected: format!("one of {}", quoted_list(names.iter().copied())),
             });
         }
         let format = element.choice(&OutputFormat::ALL)?;

@@ -4,8 +4,9 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use super::error::{JobError, one_line, one_line_path};
+use super::error::JobError;
 use super::read::{Result, Value};
+use crate::words::{excerpt, path_line};
 
 /// A file or folder that the job reads. It was there when the job was loaded.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -69,16 +70,16 @@ impl Value<'_> {
         if written.trim().is_empty() {
             return Err(self.refuse(format!("the path of {expected}")));
         }
-        let path = self.source.base_dir.join(written);
+        let path = self.base().join(written);
         match problem(&path, kind) {
             None => Ok(InputPath { written: written.to_owned(), path }),
             Some(problem) => Err(JobError::Input {
                 place: self.place(),
-                key: self.path().to_owned(),
-                found: one_line(written).into(),
+                key: self.key().to_owned(),
+                found: excerpt(written).into(),
                 problem,
                 expected,
-                looked_at: one_line_path(&path).into(),
+                looked_at: path_line(&path).into(),
             }),
         }
     }
@@ -89,7 +90,7 @@ fn problem(path: &Path, kind: Kind) -> Option<String> {
     let words = |error: std::io::Error| match error.kind() {
         ErrorKind::NotFound => "which does not exist".to_owned(),
         ErrorKind::PermissionDenied => "which may not be read".to_owned(),
-        _ => format!("which cannot be opened ({})", one_line(&error.to_string())),
+        _ => format!("which cannot be opened ({})", excerpt(&error.to_string())),
     };
     let found = match fs::metadata(path) {
         Ok(found) => found,

@@ -4,16 +4,15 @@ use super::error::JobError;
 use super::paths::InputPath;
 use super::ranges::{ALBEDO, CLUSTERS, MAX_ALBEDO, MEAN_FREE_PATH};
 use super::read::{Result, Table, Value};
-use super::stack::parse_stack;
+use crate::optics::Stack;
 
 /// What an object should look like.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TargetSpec {
     /// The same layers everywhere; nothing is optimised.
     Stacking {
-        /// Resin and thickness in mm (0.0001 to 2000) of each layer, top first, at least one. Not bound by
-        /// `max-thickness-mm` nor by the limits, which are the search's.
-        layers: Vec<(String, f64)>,
+        /// Layers of 0.0001 to 2000 mm, at least one. Not bound by `max-thickness-mm` nor by the limits, which are the search's.
+        stack: Stack<String>,
     },
     /// The same profile everywhere.
     Profile {
@@ -84,13 +83,10 @@ fn read(table: &Table<'_>) -> Result<TargetSpec> {
     match kind {
         "stacking" => {
             let stack = table.require("stack", "layers like \"white:0.5,support:1.0\"")?;
-            let layers = parse_stack(stack.text("layers like \"white:0.5,support:1.0\"")?);
-            let layers = layers.map_err(|error| JobError::Stack {
-                place: stack.place(),
-                key: stack.path().to_owned(),
-                error,
-            })?;
-            Ok(TargetSpec::Stacking { layers })
+            let layers = stack.text("layers like \"white:0.5,support:1.0\"")?.parse();
+            let layers =
+                layers.map_err(|error| JobError::Stack { place: stack.place(), key: stack.key().to_owned(), error })?;
+            Ok(TargetSpec::Stacking { stack: layers })
         }
         "profile" => Ok(TargetSpec::Profile { paths: read_profile(&table.require("profile", PROFILE_PATH)?)? }),
         "texture" => read_texture(table),
@@ -147,9 +143,9 @@ fn refuse_foreign_keys(table: &Table<'_>, kind: &str, keys: &[&str]) -> Result<(
     let known: Vec<&str> = keys.iter().copied().chain(["kind"]).collect();
     let Some((key, at)) = table.first_not_in(&known) else { return Ok(()) };
     let owner = KINDS.iter().find(|(_, keys)| keys.contains(&key.as_str())).map_or("another kind", |(name, _)| name);
-    Err(table.misplaced(
-        &key,
+    Err(table.error(
         at,
+        &key,
         format!("a key of kind = \"{owner}\""),
         format!("only keys of kind = \"{kind}\": {}", keys.join(", ")),
     ))

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageReader};
 
-use crate::appearance::bssrdf::LUMINANCE;
+use crate::appearance::ClusterId;
 use crate::job::RunError;
+use crate::words::one_line;
 
 /// Most texels of a texture: 16k × 16k.
 const MAX_TEXELS: u64 = 1 << 28;
@@ -35,11 +36,11 @@ pub fn read_picture(path: &Path) -> Result<Picture, RunError> {
     Ok(Picture { width, height, rgb })
 }
 
-/// Reads an image of whole numbers: width, height, values row by row. Grey of 8 or 16 bits.
-pub fn read_labels(path: &Path) -> Result<(u32, u32, Vec<u16>), RunError> {
+/// Reads an image of labels: width, height, clusters row by row. Grey of 8 or 16 bits.
+pub fn read_labels(path: &Path) -> Result<(u32, u32, Vec<ClusterId>), RunError> {
     let image = open(path)?;
     let (width, height) = (image.width(), image.height());
-    let labels = match image {
+    let labels: Vec<u16> = match image {
         DynamicImage::ImageLuma8(grey) => grey.into_raw().into_iter().map(u16::from).collect(),
         DynamicImage::ImageLuma16(grey) => grey.into_raw(),
         other => {
@@ -51,24 +52,20 @@ pub fn read_labels(path: &Path) -> Result<(u32, u32, Vec<u16>), RunError> {
             });
         }
     };
-    Ok((width, height, labels))
+    Ok((width, height, labels.into_iter().map(ClusterId).collect()))
 }
 
 fn open(path: &Path) -> Result<DynamicImage, RunError> {
     let fault = |found: String| RunError::Texture { path: path.to_path_buf(), found, expected: "a PNG or JPEG image" };
-    let read = |error: std::io::Error| fault(one_line(&error.to_string()));
+    let read = |error: std::io::Error| fault(one_line(error));
     let reader = || ImageReader::open(path).and_then(|reader| reader.with_guessed_format()).map_err(read);
-    let (width, height) = reader()?.into_dimensions().map_err(|error| fault(one_line(&error.to_string())))?;
+    let (width, height) = reader()?.into_dimensions().map_err(|error| fault(one_line(error)))?;
     if u64::from(width) * u64::from(height) > MAX_TEXELS {
         return Err(fault(format!("{width} × {height} texels, over the limit of {MAX_TEXELS}")));
     }
     let mut reader = reader()?;
     reader.no_limits(); // bounded above
-    reader.decode().map_err(|error| fault(one_line(&error.to_string())))
-}
-
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+    reader.decode().map_err(|error| fault(one_line(error)))
 }
 
 impl Picture {
@@ -76,21 +73,5 @@ impl Picture {
     pub fn nearest(&self, u: f32, v: f32) -> [f32; 3] {
         let texel = |at: f32, size: u32| ((at * size as f32) as u32).min(size - 1) as usize;
         self.rgb[texel(u, self.width) + self.width as usize * texel(v, self.height)]
-    }
-}
-
-/// Decodes an sRGB value (IEC 61966-2-1).
-pub fn srgb_to_linear(encoded: f32) -> f32 {
-    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-}
-
-/// The albedo a set of `channels` sees in a linear colour: itself for three, the luminance (Rec. 709) for one.
-pub fn to_channels(rgb: [f32; 3], channels: usize, out: &mut Vec<f32>) {
-    if channels == 3 {
-        out.extend(rgb);
-    } else {
-        let [r, g, b] = LUMINANCE.map(|weight| weight as f32);
-        let luminance = r * rgb[0] + g * rgb[1] + b * rgb[2];
-        out.extend(std::iter::repeat_n(luminance, channels));
     }
 }

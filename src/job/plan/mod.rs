@@ -23,8 +23,7 @@ mod stacking_report;
 mod stackings;
 
 pub(super) use factored::FactoredMap;
-pub use images::{srgb_to_linear, to_channels};
 pub use job_targets::{JobTarget, targets};
 pub(super) use layer_maps::LayerMaps;
 pub use prepare::{InputFile, Prepared, PreparedObject};
-pub use stacking_report::{GamutMapEntry, LayerEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};
+pub use stacking_report::{GamutMapEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};

@@ -6,6 +6,7 @@ use crate::{
     appearance::HeightFields,
     job::{RunError, plan::LayerMaps},
     output::{OutputFolder, pretty},
+    picture::{Pixels, png},
 };
 
 /// One level of the images, mm: 16 bits reach 65 mm.
@@ -56,7 +57,7 @@ pub(super) fn write<'a>(
             };
             let mut layers = Vec::new();
             for (layer, &resin) in fields.sequence.iter().enumerate() {
-                let resin = resins[resin].as_str();
+                let resin = resins[resin.0].as_str();
                 let bottom = format!("{FOLDER}/{stem}layer_{layer:02}_{resin}.png");
                 output.write(&bottom, &grey16(fields, layer))?;
                 layers.push(LayerRecord { resin, bottom, thickest_mm: thickest(fields, layer) });
@@ -83,13 +84,8 @@ fn thickest(fields: &HeightFields, layer: usize) -> f64 {
 }
 
 fn grey16(fields: &HeightFields, layer: usize) -> Vec<u8> {
-    let mut out = Vec::new();
-    let mut encoder = png::Encoder::new(&mut out, fields.width as u32, fields.height as u32);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Sixteen);
-    let bytes: Vec<u8> = fields.levels(layer, LEVEL_MM).into_iter().flat_map(u16::to_be_bytes).collect();
-    // Writing into memory cannot fail, and the size is right by construction.
-    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&bytes));
+    let written = png(fields.width, Pixels::Grey16(&fields.levels(layer, LEVEL_MM)));
+    // The size is right by construction.
     debug_assert!(written.is_ok());
-    out
+    written.unwrap_or_default()
 }

@@ -48,7 +48,7 @@ pub(super) fn check<'a>(check: &Check<'a>, result: &mut Verification) -> Result<
             check.watch.advance(1);
             Ok((outcome.0, outcome.1.map(|problem| Finding::new(&file.path, problem))))
         })
-        .collect::<Result<_, _>>()?;
+        .collect::<Result<_, VerifyError>>()?;
     for (file, (usable, finding)) in unique.into_iter().zip(outcomes) {
         result.findings.extend(finding);
         if usable {

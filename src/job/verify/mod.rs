@@ -30,10 +30,11 @@ use std::{
 use serde::Serialize;
 use thiserror::Error;
 
-use super::{Blame, MANIFEST_VERSION, Manifest, file::escaped};
+use super::{Blame, MANIFEST_VERSION, Manifest};
 use crate::{
     output::MANIFEST,
     watch::{Stopped, Watch},
+    words::escaped,
 };
 
 /// Longest manifest that is read, bytes: a full tray of 14 µm layers with six masks each lists 100 000 files in 20 MB.
@@ -50,7 +51,7 @@ pub struct Finding {
 
 impl Finding {
     fn new(path: &str, problem: impl Into<String>) -> Self {
-        Self { path: escaped(path.chars()), problem: escaped(problem.into().chars()) }
+        Self { path: escaped(path), problem: escaped(&problem.into()) }
     }
 
     pub(super) fn manifest(key: &str, problem: impl Into<String>) -> Self {

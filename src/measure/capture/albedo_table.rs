@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use super::read::{Headers, Reader, Result, bounds};
+use super::reader::{Headers, Reader, Result, bounds};
 use super::{Albedo, Exposure, Rect};
 use crate::measure::MeasureError;
 use crate::measure::frame::Header;
-use crate::optics::toml_source::At;
+use crate::toml_reader::At;
 
 /// Its keys.
 pub(super) const ALBEDO_KEYS: [&str; 13] = [
@@ -25,7 +25,7 @@ pub(super) const ALBEDO_KEYS: [&str; 13] = [
     "without-exposure-s",
 ];
 
-impl Reader<'_, '_> {
+impl Reader<'_> {
     /// A single picture and its exposure, 1 s where nobody says, for pictures that are compared within themselves.
     fn picture(&self, key: &str, time_key: Option<&str>, all: &Headers<'_>) -> Result<Option<(Exposure, Header)>> {
         let Some(name) = self.keys.string(key)? else { return Ok(None) };
@@ -45,14 +45,14 @@ impl Reader<'_, '_> {
     }
 
     fn require_picture(&self, key: &str, time: Option<&str>, all: &Headers<'_>) -> Result<(Exposure, Header)> {
-        self.picture(key, time, all)?.ok_or_else(|| self.keys.missing(key, "the name of a picture").into())
+        self.picture(key, time, all)?.ok_or_else(|| self.keys.missing(key, "the name of a picture"))
     }
 
     /// Where the albedo comes from.
     pub(super) fn albedo(&self, series: &str, all: &Headers<'_>) -> Result<Albedo> {
         if let Some(values) = self.keys.per_channel("value", all.planes.len())? {
             if let Some(out) = values.iter().find(|v| !(v.value > 0.0 && v.value <= 1.0)) {
-                return Err(self.keys.wrong("value", out, "a share of the light, above 0 and at most 1").into());
+                return Err(self.keys.wrong("value", out, "a share of the light, above 0 and at most 1"));
             }
             let value = values.into_iter().map(|value| value.value).collect();
             return Ok(Albedo::Given { value, error: self.number("error", bounds::SHARE)?.unwrap_or(0.0) });
@@ -86,7 +86,7 @@ impl Reader<'_, '_> {
             "`value`, {}",
             if series == "reflection" { "or `picture` with a grey card" } else { "or `with` and `without` the sample" }
         );
-        Err(self.keys.error(self.keys.start, "keys", "none that says it".into(), expected).into())
+        Err(self.keys.error(self.keys.start, "keys", "none that says it", expected))
     }
 
     fn rect(&self, key: &str, header: &Header) -> Result<Rect> {

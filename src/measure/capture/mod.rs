@@ -1,11 +1,12 @@
 //! A capture: which pictures show what, taken how.
 //!
-//! **In:** `CAPTURE.toml`. **Out:** a [`Capture`] with every key known and in its range, every picture found, of one size, linear,
-//! and with an exposure time; or one line that says where it is wrong. Only headers are read here.
+//! **In:** `CAPTURE.toml`. **Out:** a [`Capture`] with every key known and in its range, every picture found, of one
+//! size, linear, and with an exposure time; or one line that says where it is wrong. Only headers are read here.
 
 mod albedo_table;
 mod files;
 mod read;
+mod reader;
 
 use std::path::{Path, PathBuf};
 
@@ -98,7 +99,8 @@ pub struct Exposure {
 /// The spot of light, of even brightness.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aperture {
-    /// A projector's pixel, its sides along the camera's rows and columns. Turned by an angle, its mean over rings is the same.
+    /// A projector's pixel, its sides along the camera's rows and columns. Turned by an angle, its mean over rings is
+    /// the same.
     Square {
         /// Length of a side, mm.
         side_mm: f64,

@@ -1,20 +1,17 @@
 //! Reading and checking a capture file. `docs/measure.md` lists every key.
 
-use std::path::{Path, PathBuf};
-
-use toml::Spanned;
-use toml::de::DeValue;
+use std::path::Path;
 
 use super::albedo_table::ALBEDO_KEYS;
 use super::files::matching;
+use super::reader::{Headers, Reader, Result, bounds};
 use super::{Aperture, Camera, Capture, Exposure, ResinFacts, Series};
 use crate::measure::MeasureError;
-use crate::measure::frame::{self, ColourPlane, Header};
+use crate::measure::frame::{ColourPlane, Header};
 use crate::optics::resin_table::{DENSITY, MAX_THICKNESS_MM, is_name, rgba};
-use crate::optics::toml_source::{At, Keys, Source, kind};
 use crate::optics::{MAX_REFRACTIVE_INDEX, OpticsError};
-
-pub(super) type Result<T> = std::result::Result<T, MeasureError>;
+use crate::toml_reader::{At, Found, Source, Table};
+use crate::words::excerpt;
 
 const TOP_KEYS: [&str; 5] = ["resin", "camera", "profile", "reflection", "transmission"];
 const RESIN_KEYS: [&str; 8] =
@@ -49,28 +46,6 @@ const DEFAULT_BIN_MM: f64 = 0.044;
 /// Largest capture file accepted, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Bounds that catch slips of unit.
-pub(super) mod bounds {
-    use std::ops::RangeInclusive;
-    pub(super) const LEVEL: RangeInclusive<f64> = -1e6..=1e9;
-    pub(super) const GAIN: RangeInclusive<f64> = 1e-4..=1e7;
-    pub(super) const READ_NOISE: RangeInclusive<f64> = 0.0..=1e4;
-    pub(super) const MM_PER_PIXEL: RangeInclusive<f64> = 1e-4..=5.0;
-    pub(super) const DISTANCE: RangeInclusive<f64> = 5.0..=1e4;
-    pub(super) const BIN: RangeInclusive<f64> = 1e-3..=5.0;
-    pub(super) const APERTURE: RangeInclusive<f64> = 1e-4..=10.0;
-    pub(in super::super) const SECONDS: RangeInclusive<f64> = 1e-6..=1e5;
-    pub(in super::super) const SHARE: RangeInclusive<f64> = 0.0..=1.0;
-    pub(super) const RULER: RangeInclusive<f64> = 0.1..=1e4;
-    pub(super) const PIXEL: RangeInclusive<f64> = 0.0..=1e6;
-}
-
-/// A table of the file and where its pictures are.
-pub(super) struct Reader<'a, 't> {
-    pub(super) keys: Keys<'a, 't>,
-    pub(super) folder: &'t Path,
-}
-
 /// Reads a capture file and the headers of its pictures.
 pub(super) fn capture(path: &Path) -> Result<Capture> {
     let disk = |source| OpticsError::File { file: path.to_path_buf(), source };
@@ -80,12 +55,11 @@ pub(super) fn capture(path: &Path) -> Result<Capture> {
         return Err(MeasureError::frame(path, format!("{size} bytes"), expected));
     }
     let text = std::fs::read_to_string(path).map_err(disk)?;
-    let source = Source { text: &text, path };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let source = Source::new(path, folder, &text, Found::ByType);
     let document = source.parse()?;
-    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-    let keys = Keys { source, table: document.get_ref(), start: 0, prefix: String::new() };
-    keys.reject_unknown(&TOP_KEYS)?;
-    let top = Reader { keys, folder: &folder };
+    let top = Reader { keys: Table::root(&source, &document), folder };
+    top.keys.allow_only(&TOP_KEYS)?;
 
     let resin_table = top.require("resin", &RESIN_KEYS)?;
     let resin = resin_table.resin()?;
@@ -112,61 +86,19 @@ pub(super) fn capture(path: &Path) -> Result<Capture> {
     Ok(Capture { path: path.to_path_buf(), resin, date, planes, camera, bin_mm, reflection, transmission })
 }
 
-impl<'a, 't> Reader<'a, 't> {
-    /// The table under `name`, none of whose keys is unknown.
-    fn table(&self, name: &str, known: &[&str]) -> Result<Option<Reader<'a, 't>>> {
-        let Some(value) = self.keys.get(name) else { return Ok(None) };
-        let at = value.span().start;
-        let Some(table) = value.get_ref().as_table() else {
-            return Err(self.keys.error(at, name, kind(value.get_ref()), format!("a table [{name}]")).into());
-        };
-        let prefix = format!("{}{name}.", self.keys.prefix);
-        let keys = Keys { source: self.keys.source, table, start: at, prefix };
-        keys.reject_unknown(known)?;
-        Ok(Some(Reader { keys, folder: self.folder }))
-    }
-
-    fn require(&self, name: &str, known: &[&str]) -> Result<Reader<'a, 't>> {
-        let missing = || self.keys.missing(name, &format!("a table [{name}]")).into();
-        self.table(name, known)?.ok_or_else(missing)
-    }
-
-    pub(super) fn number(&self, key: &str, range: std::ops::RangeInclusive<f64>) -> Result<Option<f64>> {
-        match self.keys.number(key)? {
-            Some(number) if !range.contains(&number.value) => {
-                let expected = format!("a number of {} to {}", range.start(), range.end());
-                Err(self.keys.wrong(key, &number, &expected).into())
-            }
-            number => Ok(number.map(|number| number.value)),
-        }
-    }
-
-    pub(super) fn require_number(&self, key: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64> {
-        let expected = format!("a number of {} to {}", range.start(), range.end());
-        self.number(key, range)?.ok_or_else(|| self.keys.missing(key, &expected).into())
-    }
-
-    /// Where `key` stands, for complaints about its value.
-    fn at(&self, key: &str) -> usize {
-        self.keys.get(key).map_or(self.keys.start, |value| value.span().start)
-    }
-
-    pub(super) fn refuse<T>(&self, key: &str, found: impl Into<String>, expected: impl Into<String>) -> Result<T> {
-        Err(self.keys.error(self.at(key), key, found.into(), expected.into()).into())
-    }
-
+impl Reader<'_> {
     fn resin(&self) -> Result<ResinFacts> {
         let keys = &self.keys;
         let name = keys.string("name")?.ok_or_else(|| keys.missing("name", "a name"))?;
         if !is_name(&name.value) {
             let expected = "letters, digits, spaces, `-`, `_`, `+` or `.`, a letter or digit first";
-            return Err(keys.wrong("name", &name, expected).into());
+            return Err(keys.wrong("name", &name, expected));
         }
         let print_as_background = match keys.string("print-as")? {
             None => false,
             Some(text) if text.value == "resin" => false,
             Some(text) if text.value == "background" => true,
-            Some(text) => return Err(keys.wrong("print-as", &text, "\"background\" or \"resin\"").into()),
+            Some(text) => return Err(keys.wrong("print-as", &text, "\"background\" or \"resin\"")),
         };
         let thickness_mm = self.require_number("thickness-mm", 0.0..=MAX_THICKNESS_MM)?;
         if thickness_mm == 0.0 {
@@ -184,13 +116,7 @@ impl<'a, 't> Reader<'a, 't> {
     }
 
     fn camera(&self) -> Result<Camera> {
-        let linear = match self.keys.get("linear") {
-            None => false,
-            Some(value) => match value.get_ref() {
-                DeValue::Boolean(linear) => *linear,
-                other => return self.refuse("linear", kind(other), "true or false"),
-            },
-        };
+        let linear = self.keys.get("linear").map_or(Ok(false), |value| value.truth())?;
         let camera = Camera {
             model: self.keys.string("model")?.map_or("not stated".into(), |model| model.value),
             black_level: self.number("black-level", bounds::LEVEL)?,
@@ -213,7 +139,7 @@ impl<'a, 't> Reader<'a, 't> {
         for item in list.items {
             match ColourPlane::from_letter(&item.value) {
                 Some(plane) if !planes.contains(&plane) => planes.push(plane),
-                _ => return Err(self.keys.wrong("channels", &item, "\"R\", \"G\" or \"B\", each once").into()),
+                _ => return Err(self.keys.wrong("channels", &item, "\"R\", \"G\" or \"B\", each once")),
             }
         }
         if planes.is_empty() { self.refuse("channels", "none", "\"G\", or [\"R\", \"G\", \"B\"]") } else { Ok(planes) }
@@ -221,7 +147,7 @@ impl<'a, 't> Reader<'a, 't> {
 
     fn series(
         &self,
-        camera_table: &Reader<'_, '_>,
+        camera_table: &Reader<'_>,
         planes: &[ColourPlane],
         name: &'static str,
         camera: &Camera,
@@ -229,14 +155,14 @@ impl<'a, 't> Reader<'a, 't> {
         let mut all = Headers { first: None, planes, camera };
         let frames = self.exposures("frames", "exposures-s", &mut all)?;
         let Some((_, header)) = frames.first().cloned() else {
-            return Err(self.keys.missing("frames", "the pictures of the bracket").into());
+            return Err(self.keys.missing("frames", "the pictures of the bracket"));
         };
         let dark = self.exposures("dark", "dark-exposures-s", &mut all)?;
         let shape = match self.keys.string("aperture")? {
             None => name == "transmission",
             Some(text) if text.value == "disc" => true,
             Some(text) if text.value == "square" => false,
-            Some(text) => return Err(self.keys.wrong("aperture", &text, "\"square\" or \"disc\"").into()),
+            Some(text) => return Err(self.keys.wrong("aperture", &text, "\"square\" or \"disc\"")),
         };
         let aperture = self.number("aperture-mm", bounds::APERTURE)?.map(|size| match shape {
             true => Aperture::Disc { diameter_mm: size },
@@ -259,7 +185,7 @@ impl<'a, 't> Reader<'a, 't> {
     }
 
     /// mm per pixel: said here, by a ruler in the picture, or for the whole camera.
-    fn scale(&self, camera_table: &Reader<'_, '_>) -> Result<f64> {
+    fn scale(&self, camera_table: &Reader<'_>) -> Result<f64> {
         let ruler = self.keys.numbers("ruler-px")?;
         let own = self.number("mm-per-pixel", bounds::MM_PER_PIXEL)?;
         if let (Some(_), Some(_)) = (&ruler, own) {
@@ -271,7 +197,7 @@ impl<'a, 't> Reader<'a, 't> {
                 return self.refuse("ruler-px", format!("{} numbers", numbers.len()), "[x, y, x, y] of its two ends");
             };
             if let Some(out) = ends.value.iter().find(|end| !bounds::PIXEL.contains(&end.value)) {
-                return Err(self.keys.wrong("ruler-px", out, "a place in the picture, pixels").into());
+                return Err(self.keys.wrong("ruler-px", out, "a place in the picture, pixels"));
             }
             let scale = self.require_number("ruler-mm", bounds::RULER)? / (x1 - x0).hypot(y1 - y0);
             if !bounds::MM_PER_PIXEL.contains(&scale) {
@@ -294,7 +220,7 @@ impl<'a, 't> Reader<'a, 't> {
                 .map_err(|source| OpticsError::File { file: self.folder.join(&pattern), source })?;
             if found.is_empty() {
                 let expected = "pictures of such names".to_owned();
-                return Err(self.keys.error(at, key, format!("nothing that fits \"{pattern}\""), expected).into());
+                return Err(self.keys.error(at, key, format!("nothing that fits \"{pattern}\""), expected));
             }
             files.extend(found);
         }
@@ -324,54 +250,17 @@ impl<'a, 't> Reader<'a, 't> {
     /// Exposure times in s, as numbers or as photographers write them: `"1/15"`.
     fn seconds(&self, key: &str) -> Result<Option<Vec<f64>>> {
         let Some(value) = self.keys.get(key) else { return Ok(None) };
-        let Some(array) = value.get_ref().as_array() else {
-            return self.refuse(key, kind(value.get_ref()), "an array of times in s");
-        };
         let expected = "a time in s, 0.000001 to 100000, or a fraction such as \"1/15\"";
-        let refused = |item: &Spanned<DeValue<'_>>, found: String| {
-            Err(self.keys.error(item.span().start, key, found, expected.into()).into())
-        };
         let mut times = Vec::new();
-        for item in array {
-            let time = match item.get_ref() {
-                DeValue::Float(number) => number.as_str().parse().ok(),
-                DeValue::Integer(number) => number.as_str().parse().ok(),
-                DeValue::String(text) => fraction(text),
-                other => return refused(item, kind(other)),
+        for item in value.list("an array of times in s")? {
+            let time = match item.as_number() {
+                Some(time) => Some(time),
+                None => fraction(item.text(expected)?),
             };
-            match time {
-                Some(time) if bounds::SECONDS.contains(&time) => times.push(time),
-                _ => return refused(item, self.keys.source.text[item.span()].chars().take(60).collect()),
-            }
+            let time = time.filter(|time| bounds::SECONDS.contains(time));
+            times.push(time.ok_or_else(|| item.refuse_as(excerpt(item.written()), expected))?);
         }
         Ok(Some(times))
-    }
-}
-
-/// What the pictures of a series have in common.
-pub(super) struct Headers<'a> {
-    pub(super) first: Option<(PathBuf, usize, usize)>,
-    pub(super) planes: &'a [ColourPlane],
-    pub(super) camera: &'a Camera,
-}
-
-impl Headers<'_> {
-    /// The header of a picture that fits those before it.
-    pub(super) fn check(&mut self, file: &Path) -> Result<Header> {
-        let header = frame::header(file)?;
-        if let Some(curve) = header.curve.as_ref().filter(|_| !self.camera.linear) {
-            let expected = "values proportional to light (`linear = true` under [camera] vouches for them)";
-            return Err(MeasureError::frame(file, curve.clone(), expected));
-        }
-        if !header.colour && self.planes.len() > 1 {
-            return Err(MeasureError::frame(file, "a grey picture", "colours, as [camera] `channels` asks for"));
-        }
-        let (name, width, height) = self.first.get_or_insert_with(|| (file.to_path_buf(), header.width, header.height));
-        if (*width, *height) != (header.width, header.height) {
-            let found = format!("{} × {} pixels", header.width, header.height);
-            return Err(MeasureError::frame(file, found, format!("{width} × {height} as {}", name.display())));
-        }
-        Ok(header)
     }
 }
 

@@ -9,6 +9,7 @@ use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
 use super::{Defects, Scene, SimulatedCamera, Truth};
 use crate::measure::{Aperture, ResinFacts};
+use crate::picture::{Pixels, fast_png};
 
 /// A place where a resin is photographed.
 #[derive(Debug, Clone, PartialEq)]
@@ -182,13 +183,5 @@ impl Laboratory {
 }
 
 fn write_png(path: &Path, values: &[u16], width: usize) -> io::Result<()> {
-    let file = io::BufWriter::new(std::fs::File::create(path)?);
-    let mut encoder = png::Encoder::new(file, width as u32, (values.len() / width) as u32);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Sixteen);
-    encoder.set_compression(png::Compression::Fast);
-    let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_be_bytes()).collect();
-    let mut writer = encoder.write_header().map_err(io::Error::other)?;
-    writer.write_image_data(&bytes).map_err(io::Error::other)?;
-    writer.finish().map_err(io::Error::other)
+    std::fs::write(path, fast_png(width, Pixels::Grey16(values)).map_err(io::Error::other)?)
 }

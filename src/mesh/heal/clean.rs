@@ -9,6 +9,7 @@
 
 use super::edges::{Edges, triangle_of};
 use super::{HealthReport, TriangleMesh};
+use crate::disjoint_sets::DisjointSets;
 
 pub(super) fn clean(mesh: &mut TriangleMesh, health: &mut HealthReport) {
     let before = mesh.triangles.len();
@@ -85,7 +86,7 @@ fn settle_pairs(mesh: &TriangleMesh, pairs: &[[u32; 2]], keep: &mut [bool]) {
         pair.iter().for_each(|&t| pair_of[t as usize] = i as u32);
     }
     let edges = Edges::new(mesh.positions.len(), &mesh.triangles);
-    let mut patches = super::nesting::UnionFind::new(pairs.len());
+    let mut patches = DisjointSets::new(pairs.len());
     // Rim edges with an odd and with an even number of other triangles, per pair.
     let mut odd = vec![0usize; pairs.len()];
     let mut even = vec![0usize; pairs.len()];

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::edges::{Edges, triangle_of};
 use super::fill::Cap;
 use super::{HealthReport, TriangleMesh, area};
-use crate::mesh::bounds;
+use crate::{disjoint_sets::DisjointSets, mesh::bounds};
 
 /// Solid angles that the cavity test may compute: about a second on two cores.
 const BUDGET: usize = 50_000_000;
@@ -40,7 +40,7 @@ pub(super) struct Shell {
 
 impl Shells {
     pub(super) fn new(mesh: &TriangleMesh, edges: &Edges) -> Self {
-        let mut pieces = UnionFind::new(mesh.triangles.len());
+        let mut pieces = DisjointSets::new(mesh.triangles.len());
         for edge in edges.iter() {
             for pair in edge.half_edges.windows(2) {
                 pieces.join(triangle_of(pair[0]) as u32, triangle_of(pair[1]) as u32);
@@ -170,29 +170,4 @@ pub(super) fn solid_angle(corners: [DVec3; 3], p: DVec3) -> f64 {
     let numerator = a.dot(b.cross(c));
     let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
     2.0 * numerator.atan2(denominator)
-}
-
-/// Disjoint sets with path halving; the lowest member is the root.
-pub(super) struct UnionFind {
-    parent: Vec<u32>,
-}
-
-impl UnionFind {
-    pub(super) fn new(count: usize) -> Self {
-        Self { parent: (0..count as u32).collect() }
-    }
-
-    pub(super) fn root(&mut self, mut i: u32) -> u32 {
-        while self.parent[i as usize] != i {
-            let up = self.parent[self.parent[i as usize] as usize];
-            self.parent[i as usize] = up;
-            i = up;
-        }
-        i
-    }
-
-    pub(super) fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parent[a.max(b) as usize] = a.min(b);
-    }
 }

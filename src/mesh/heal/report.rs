@@ -1,7 +1,7 @@
 //! The health report in sentences.
 
 use super::HealthReport;
-use crate::mesh::words::{counted, is_are, was_were};
+use crate::words::{counted, is_are, was_were};
 
 impl HealthReport {
     /// What a user should know, one sentence with counts for each finding; empty for a sound mesh.

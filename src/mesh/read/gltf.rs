@@ -15,9 +15,9 @@ use super::accessor;
 use super::gltf_container::{resolve, split};
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::{Source, texture};
-use crate::mesh::error::{Fault, Parsed, one_line, quote};
-use crate::mesh::words::counted;
+use crate::mesh::error::{Fault, Parsed, quote};
 use crate::mesh::{SurfaceMaterial, Texture};
+use crate::words::{counted, one_line};
 
 /// Required extensions that do not change a shape we could not read: the accessors here read quantised
 /// positions, and a texture in another codec is warned about where it is missed.

@@ -34,7 +34,8 @@ use glam::{DMat4, DVec3};
 
 use self::raw::RawMesh;
 use super::TriangleMesh;
-use super::error::{Fault, MeshError, Parsed, one_line, quote};
+use super::error::{Fault, MeshError, Parsed, quote};
+use crate::words::one_line;
 
 /// Longest side of a mesh that is believed, in mm. No printer's tray is a thousandth of it.
 pub const MAX_EXTENT_MM: f64 = 1e6;

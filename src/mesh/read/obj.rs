@@ -12,7 +12,7 @@ use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::{Source, mtl};
 use crate::mesh::SurfaceMaterial;
 use crate::mesh::error::{Fault, Parsed, quote};
-use crate::mesh::words::counted;
+use crate::words::counted;
 
 /// Marks a corner without texture coordinate.
 const NO_UV: u32 = u32::MAX;

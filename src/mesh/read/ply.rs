@@ -9,7 +9,7 @@ use super::ply_header::{self, Element, Encoding, Kind, Scalar};
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::{Source, texture};
 use crate::mesh::error::{Fault, Parsed, quote};
-use crate::mesh::words::counted;
+use crate::words::counted;
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let header = ply_header::parse(source.bytes)?;

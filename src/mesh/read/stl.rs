@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::Source;
 use super::raw::{RawMesh, finite};
 use crate::mesh::error::{Fault, Parsed, quote};
-use crate::mesh::words::counted;
+use crate::words::counted;
 
 const HEADER: usize = 84;
 const RECORD: usize = 50;

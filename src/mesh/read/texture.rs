@@ -6,7 +6,7 @@ use std::sync::Arc;
 use image::ImageReader;
 
 use crate::mesh::Texture;
-use crate::mesh::error::one_line;
+use crate::words::one_line;
 
 /// Longest side of a texture; an image header may claim any size, and 16k squared already takes 1 GiB.
 const MAX_SIDE: u32 = 16_384;

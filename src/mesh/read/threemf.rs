@@ -12,7 +12,8 @@ use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::threemf_model::{self, Instance, Model, Object, Properties, Triangle};
 use super::{MAX_TRIANGLES, Source, texture};
 use crate::mesh::SurfaceMaterial;
-use crate::mesh::error::{Fault, Parsed, one_line, quote};
+use crate::mesh::error::{Fault, Parsed, quote};
+use crate::words::one_line;
 
 /// Most bytes a part may unpack to: about 15 million triangles of XML, and a stop for zip bombs.
 const MAX_PART_BYTES: u64 = 1 << 30;

@@ -11,8 +11,10 @@ use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 
 use super::raw::{finite, plain};
+use crate::colour::byte_to_linear;
 use crate::mesh::SurfaceMaterial;
-use crate::mesh::error::{Fault, Parsed, one_line, quote};
+use crate::mesh::error::{Fault, Parsed, quote};
+use crate::words::one_line;
 
 /// Extensions that may be required of us: we read them, or they add nothing to the shape.
 const SUPPORTED: [&str; 4] = [
@@ -171,10 +173,9 @@ impl Tag<'_> {
             (Some(rgba), 8) => rgba,
             _ => return self.fault(format!("{name} = {}", quote(text.as_bytes())), "#RRGGBB or #RRGGBBAA"),
         };
-        let [r, g, b, a] = rgba.to_be_bytes().map(|byte| f32::from(byte) / 255.0);
-        // IEC 61966-2-1.
-        let linear = |c: f32| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
-        Ok([linear(r), linear(g), linear(b), a])
+        let [r, g, b, a] = rgba.to_be_bytes();
+        let [r, g, b] = [r, g, b].map(byte_to_linear);
+        Ok([r, g, b, f32::from(a) / 255.0])
     }
 }
 

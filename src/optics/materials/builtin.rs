@@ -1,6 +1,6 @@
 //! Built-in sets: material files compiled in, with profiles simulated once and stored.
 //!
-//! None is a measurement of a printer's resin, and each says so in its provenance. `cargo run --release --example
+//! None is a measurement of a printer's resin, and each says so in its provenance. `cargo run --release -p tools --bin
 //! regenerate_builtin` writes the stored profiles anew; they depend on nothing but coefficients, thickness, photons and seed.
 
 use std::path::Path;
@@ -9,8 +9,8 @@ use super::file::MaterialFile;
 use super::toml_source::Folder;
 use super::{DEFAULT_SEED, MaterialSet, SimulatedProfile};
 use crate::optics::OpticsError;
-use crate::optics::error::nearest;
 use crate::watch::{StopOnly, Unwatched, Watch};
+use crate::words::suggest;
 
 /// Photons behind each stored profile: R̂(0) within 1.1e-4 (one σ).
 pub const BUILTIN_PHOTONS: u64 = 20_000_000;
@@ -87,7 +87,7 @@ impl MaterialFile {
     pub fn builtin(name: &str) -> Result<Self, OpticsError> {
         let text = MaterialSet::builtin_toml(name).ok_or_else(|| OpticsError::UnknownSet {
             name: name.into(),
-            suggestion: nearest(name, MaterialSet::builtin_names()).map(String::from),
+            suggestion: suggest(name, MaterialSet::builtin_names()).map(String::from),
             known: MaterialSet::builtin_names().collect::<Vec<_>>().join(", "),
         })?;
         let mut file = Self::parse(text, Path::new(&format!("{name}.toml")), &Folder::Embedded(&PROFILES))?;

@@ -35,10 +35,10 @@ use std::path::{Path, PathBuf};
 use super::resin_table::{Draft, is_name};
 use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
 use super::spectra::ResinSpectrum;
-use super::toml_source::{Folder, Keys, Source, Strings, kind};
-use super::{MaterialSet, Resin};
-use crate::optics::error::nearest;
-use crate::optics::{FrequencyGrid, OpticsError, VolumeCoefficients};
+use super::toml_source::{Folder, Keys};
+use super::{MaterialSet, Resin, ResinChannel};
+use crate::optics::{FrequencyGrid, OpticsError, ResinId, Stack, VolumeCoefficients};
+use crate::toml_reader::{Found, Source, Strings};
 use crate::watch::{Thousandths, Unwatched, Watch};
 
 const TOP_KEYS: [&str; 4] = ["name", "channels", "provenance", "resin"];
@@ -73,22 +73,25 @@ impl MaterialSet {
 
 impl MaterialFile {
     /// Names of the resins, in the order of the file.
-    pub fn resin_names(&self) -> impl Iterator<Item = &str> {
+    pub fn resin_names(&self) -> impl Iterator<Item = &str> + Clone {
         self.resins.iter().map(|draft| draft.name.as_str())
     }
 
-    /// Index of the resin of this name.
+    /// Which resin has this name.
     ///
     /// # Errors
     /// [`OpticsError::UnknownResin`] with the nearest name.
-    pub fn resin_index(&self, name: &str) -> Result<usize, OpticsError> {
-        let unknown = || OpticsError::UnknownResin {
-            name: name.into(),
-            suggestion: nearest(name, self.resin_names()).map(String::from),
-            set: self.name.clone(),
-            known: self.resin_names().collect::<Vec<_>>().join(", "),
-        };
-        self.resin_names().position(|known| known == name).ok_or_else(unknown)
+    pub fn resin_id(&self, name: &str) -> Result<ResinId, OpticsError> {
+        let place = self.resin_names().position(|known| known == name);
+        place.map(ResinId).ok_or_else(|| OpticsError::unknown_resin(name, &self.name, self.resin_names()))
+    }
+
+    /// A stack of named resins as one of the file's.
+    ///
+    /// # Errors
+    /// [`OpticsError::UnknownResin`] with the nearest name.
+    pub fn stack(&self, named: &Stack<String>) -> Result<Stack, OpticsError> {
+        named.try_map(|name| self.resin_id(name))
     }
 
     /// Reads and checks a file and the profiles it names; quick.
@@ -112,10 +115,10 @@ impl MaterialFile {
     }
 
     pub(super) fn parse(text: &str, path: &Path, folder: &Folder<'_>) -> Result<Self, OpticsError> {
-        let source = Source { text, path };
+        let source = Source::new(path, path.parent().unwrap_or(Path::new("")), text, Found::ByType);
         let document = source.parse()?;
-        let top = Keys { source, table: document.get_ref(), start: 0, prefix: String::new() };
-        top.reject_unknown(&TOP_KEYS)?;
+        let top = Keys::root(&source, &document);
+        top.allow_only(&TOP_KEYS)?;
         let stem = || path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         let mut file = Self {
             name: top.string("name")?.map_or_else(stem, |name| name.value),
@@ -127,22 +130,16 @@ impl MaterialFile {
             first_seed: DEFAULT_SEED,
             remarks: Vec::new(),
         };
-        let tables = top.get("resin").ok_or_else(|| top.missing("resin", "at least one [[resin]] table"))?;
-        let (at, not_tables) = (tables.span().start, "[[resin]] tables".to_string());
-        let Some(array) = tables.get_ref().as_array() else {
-            return Err(top.error(at, "resin", kind(tables.get_ref()), not_tables));
-        };
-        for (index, item) in array.iter().enumerate() {
-            let Some(table) = item.get_ref().as_table() else {
-                return Err(top.error(item.span().start, "resin", kind(item.get_ref()), not_tables));
-            };
-            let keys = Keys { source, table, start: item.span().start, prefix: format!("resin {}: ", index + 1) };
+        let tables = top.require("resin", "at least one [[resin]] table")?;
+        const TABLES: &str = "[[resin]] tables";
+        for (index, item) in tables.list(TABLES)?.into_iter().enumerate() {
+            let keys = item.table_as(format!("resin {}: ", index + 1), TABLES)?;
             let draft = Draft::read(keys, folder, &file.channels, &file.resins)?;
             file.resins.push(draft);
         }
         if file.resins.is_empty() || file.resins.len() > MAX_RESINS {
             let found = format!("{} resins", file.resins.len());
-            return Err(top.error(at, "resin", found, format!("1 to {MAX_RESINS}")));
+            return Err(tables.refuse_as(found, format!("1 to {MAX_RESINS}")));
         }
         Ok(file)
     }
@@ -183,11 +180,10 @@ impl MaterialFile {
         order.sort_by_key(|(_, draft)| draft.profiles.is_none()); // what was measured can be refused before slow work starts
         let mut resins = BTreeMap::new();
         for (index, draft) in order {
-            let mut profiles = Vec::new();
-            let mut spectra = Vec::new();
+            let mut known = Vec::with_capacity(self.channels.len());
             for (channel, channel_name) in self.channels.iter().enumerate() {
                 let thickness = draft.thickness_mm[channel];
-                let pair = match (&draft.profiles, &draft.volume) {
+                let (reflection, transmission) = match (&draft.profiles, &draft.volume) {
                     (Some(profiles), _) => profiles[channel].clone(),
                     (None, Some(volume)) => {
                         // Resins and channels get random numbers of their own.
@@ -197,34 +193,33 @@ impl MaterialFile {
                     }
                     (None, None) => continue, // refused when the file was read
                 };
-                let spectrum = ResinSpectrum::from_profiles(&pair.0, &pair.1, thickness, &grid).map_err(|source| {
-                    OpticsError::Spectrum {
-                        file: self.path.clone(),
-                        line: draft.line,
-                        resin: draft.name.clone(),
-                        channel: channel_name.clone(),
-                        source,
-                    }
+                let spectrum = ResinSpectrum::from_profiles(&reflection, &transmission, thickness, &grid);
+                let spectrum = spectrum.map_err(|source| OpticsError::Spectrum {
+                    file: self.path.clone(),
+                    line: draft.line,
+                    resin: draft.name.clone(),
+                    channel: channel_name.clone(),
+                    source,
                 })?;
                 let remarks = spectrum.remarks().into_iter();
                 warnings
                     .extend(remarks.map(|remark| format!("resin {}, channel {channel_name}: {remark}", draft.name)));
-                profiles.push(pair);
-                spectra.push(spectrum);
+                known.push(ResinChannel {
+                    volume: draft.volume.as_ref().map(|volume| volume[channel]),
+                    fit: draft.fit.as_ref().map(|fit| fit[channel]),
+                    kubelka_munk: spectrum.kubelka_munk,
+                    slab: spectrum.slab,
+                    slab_mm: thickness,
+                    reflection,
+                    transmission,
+                });
             }
-            let (slab, kubelka_munk) =
-                spectra.into_iter().map(|spectrum| (spectrum.slab, spectrum.kubelka_munk)).unzip();
             let resin = Resin {
                 name: draft.name,
                 rgba: draft.rgba,
                 density_g_per_cm3: draft.density,
                 print_as_background: draft.background,
-                volume: draft.volume,
-                fit: draft.fit,
-                kubelka_munk,
-                slab,
-                profiles,
-                representative_thickness_mm: draft.thickness_mm,
+                channels: known,
                 refractive_index: draft.refractive_index,
                 notes: draft.notes,
             };
@@ -267,9 +262,9 @@ impl MaterialFile {
     }
 }
 
-fn channels(top: &Keys<'_, '_>) -> Result<Vec<String>, OpticsError> {
+fn channels(top: &Keys<'_>) -> Result<Vec<String>, OpticsError> {
     let Some(Strings { items: names, .. }) = top.strings("channels")? else { return Ok(vec!["Y".into()]) };
-    let at = top.get("channels").map_or(0, |value| value.span().start);
+    let at = top.get("channels").map_or(0, |value| value.start());
     if names.is_empty() || names.len() > MAX_CHANNELS {
         return Err(top.error(at, "channels", format!("{} channels", names.len()), format!("1 to {MAX_CHANNELS}")));
     }

@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
-use super::toml_source::{At, Folder, Keys, Strings, kind};
+use super::toml_source::{Folder, Keys};
 use crate::optics::{
     CoefficientFit, MAX_REFRACTIVE_INDEX, MeasuredSlab, OpticsError, ProfileFile, RadialProfile, VolumeCoefficients,
     fit_coefficients,
 };
+use crate::toml_reader::{At, Fault, Strings, Table, Value};
 
 const RESIN_KEYS: [&str; 13] = [
     "name",
@@ -59,7 +60,7 @@ pub(super) struct Slab {
 impl Draft {
     /// Reads the table of a resin that comes after those in `earlier`.
     pub(super) fn read(
-        mut keys: Keys<'_, '_>,
+        mut keys: Keys<'_>,
         folder: &Folder<'_>,
         channels: &[String],
         earlier: &[Self],
@@ -67,7 +68,7 @@ impl Draft {
         if let Ok(Some(name)) = keys.string("name") {
             keys.prefix = format!("resin {}: ", name.value);
         }
-        keys.reject_unknown(&RESIN_KEYS)?;
+        keys.allow_only(&RESIN_KEYS)?;
         let name = keys.string("name")?.ok_or_else(|| keys.missing("name", "a name"))?;
         if !is_name(&name.value) {
             return Err(keys.wrong(
@@ -95,7 +96,7 @@ impl Draft {
             Some(text) if text.value == "background" => {
                 if let Some(other) = earlier.iter().find(|other| other.background) {
                     let expected = format!("one background resin at most, which {} is", other.name);
-                    return Err(keys.error(text.at, "print-as", "background".into(), expected));
+                    return Err(keys.error(text.at, "print-as", "background", expected));
                 }
                 true
             }
@@ -103,7 +104,7 @@ impl Draft {
         };
         if !background && rgba.value[3] != 255 {
             // Printers blend or reject what is not opaque.
-            let expected = "alpha 255, or none, for a resin that is printed".into();
+            let expected = "alpha 255, or none, for a resin that is printed";
             return Err(keys.error(rgba.at, "rgba", format!("{:?}", rgba.value), expected));
         }
         let refractive_index = match keys.number("refractive-index")? {
@@ -137,7 +138,7 @@ impl Draft {
             (None, _) => return Err(keys.missing("thickness-mm", "the thickness of the slab whose profiles these are")),
         };
         let notes = keys.string("notes")?.map(|notes| notes.value).unwrap_or_default();
-        let line = 1 + keys.source.text[..keys.start].matches('\n').count();
+        let line = keys.line();
         let (name, rgba, density) = (name.value, rgba.value, density.value);
         Ok(Self {
             name,
@@ -196,7 +197,7 @@ pub(crate) fn is_name(name: &str) -> bool {
         && name.chars().all(|c| c.is_alphanumeric() || " -_+.".contains(c))
 }
 
-pub(crate) fn rgba(keys: &Keys<'_, '_>) -> Result<At<[u8; 4]>, OpticsError> {
+pub(crate) fn rgba<E: From<Fault>>(keys: &Table<'_, E>) -> Result<At<[u8; 4]>, E> {
     let expected = "[red, green, blue] or [red, green, blue, alpha], integers of 0 to 255";
     let numbers = keys.numbers("rgba")?.ok_or_else(|| keys.missing("rgba", expected))?;
     let byte = |number: &At<f64>| {
@@ -208,18 +209,18 @@ pub(crate) fn rgba(keys: &Keys<'_, '_>) -> Result<At<[u8; 4]>, OpticsError> {
         Some(&[r, g, b, a]) => [r, g, b, a],
         _ => {
             let found: Vec<String> = numbers.value.iter().map(|number| number.value.to_string()).collect();
-            return Err(keys.error(numbers.at, "rgba", format!("[{}]", found.join(", ")), expected.into()));
+            return Err(keys.error(numbers.at, "rgba", format!("[{}]", found.join(", ")), expected));
         }
     };
     if value == [0; 4] {
         let expected = "any other colour: slices use this one for background";
-        return Err(keys.error(numbers.at, "rgba", "[0, 0, 0, 0]".into(), expected.into()));
+        return Err(keys.error(numbers.at, "rgba", "[0, 0, 0, 0]", expected));
     }
     Ok(At { value, at: numbers.at })
 }
 
 fn volume(
-    keys: &Keys<'_, '_>,
+    keys: &Keys<'_>,
     channels: usize,
     refractive_index: f64,
 ) -> Result<Option<Vec<VolumeCoefficients>>, OpticsError> {
@@ -248,14 +249,14 @@ fn volume(
     });
     let coefficients: Vec<_> = coefficients.collect::<Result<_, _>>()?;
     if let Some(i) = coefficients.iter().position(|c| c.sigma_t() == 0.0) {
-        let expected = "a resin that scatters or absorbs".into();
-        return Err(keys.error(scattering[i].at, "scattering-per-mm", "0, and no absorption".into(), expected));
+        let expected = "a resin that scatters or absorbs";
+        return Err(keys.error(scattering[i].at, "scattering-per-mm", "0, and no absorption", expected));
     }
     Ok(Some(coefficients))
 }
 
 /// Thickness of a slab per channel.
-fn thickness(keys: &Keys<'_, '_>, channels: usize) -> Result<Option<Vec<f64>>, OpticsError> {
+fn thickness(keys: &Keys<'_>, channels: usize) -> Result<Option<Vec<f64>>, OpticsError> {
     let Some(given) = keys.per_channel("thickness-mm", channels)? else { return Ok(None) };
     if let Some(wrong) = given.iter().find(|t| !(t.value > 0.0 && t.value <= MAX_THICKNESS_MM)) {
         return Err(keys.wrong("thickness-mm", wrong, "more than 0, at most 100"));
@@ -264,31 +265,23 @@ fn thickness(keys: &Keys<'_, '_>, channels: usize) -> Result<Option<Vec<f64>>, O
 }
 
 /// The [[resin.slab]] tables.
-fn slabs(keys: &Keys<'_, '_>, folder: &Folder<'_>, channels: &[String]) -> Result<Vec<Slab>, OpticsError> {
+fn slabs(keys: &Keys<'_>, folder: &Folder<'_>, channels: &[String]) -> Result<Vec<Slab>, OpticsError> {
+    const TABLES: &str = "[[resin.slab]] tables";
     let Some(value) = keys.get("slab") else { return Ok(Vec::new()) };
-    let expected = || "[[resin.slab]] tables".to_owned();
-    let Some(tables) = value.get_ref().as_array() else {
-        return Err(keys.error(value.span().start, "slab", kind(value.get_ref()), expected()));
-    };
-    let one = |(index, item): (usize, &toml::Spanned<toml::de::DeValue<'_>>)| {
-        let at = item.span().start;
-        let Some(table) = item.get_ref().as_table() else {
-            return Err(keys.error(at, "slab", kind(item.get_ref()), expected()));
-        };
-        let prefix = format!("{}slab {}: ", keys.prefix, index + 1);
-        let keys = Keys { source: keys.source, table, start: at, prefix };
-        keys.reject_unknown(&SLAB_KEYS)?;
+    let one = |(index, item): (usize, Value<'_, OpticsError>)| {
+        let keys = item.table_as(format!("{}slab {}: ", keys.prefix, index + 1), TABLES)?;
+        keys.allow_only(&SLAB_KEYS)?;
         let profiles = profiles(&keys, folder, channels)?;
         let profiles = profiles.ok_or_else(|| keys.missing("reflection", "the slab's profiles"))?;
         let thickness_mm = thickness(&keys, channels.len())?;
         let thickness_mm = thickness_mm.ok_or_else(|| keys.missing("thickness-mm", "the slab's thickness"))?;
         Ok(Slab { profiles, thickness_mm })
     };
-    tables.iter().enumerate().map(one).collect()
+    value.list(TABLES)?.into_iter().enumerate().map(one).collect()
 }
 
 fn profiles(
-    keys: &Keys<'_, '_>,
+    keys: &Keys<'_>,
     folder: &Folder<'_>,
     channels: &[String],
 ) -> Result<Option<Vec<(RadialProfile, RadialProfile)>>, OpticsError> {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::optics::{
-    Layer, Light, MonteCarlo, MonteCarloResult, OpticsError, ProfileFile, RadialProfile, RingEdges, VolumeCoefficients,
+    Light, MonteCarlo, MonteCarloResult, OpticsError, ProfileFile, RadialProfile, RingEdges, Stack, VolumeCoefficients,
 };
 use crate::watch::Watch;
 
@@ -38,8 +38,7 @@ pub fn simulate_profile(
     watch: &dyn Watch,
 ) -> Result<SimulatedProfile, OpticsError> {
     let job = MonteCarlo {
-        layers: vec![Layer { coefficients: coefficients.with_refractive_index(1.0), thickness_mm }],
-        base: None,
+        stack: Stack::new([(coefficients.with_refractive_index(1.0), thickness_mm)]),
         light: Light::Diffuse,
         photons,
         seed,

@@ -11,18 +11,7 @@ use super::{
     rays::{Ray, stream},
     scattering::{Scattering, ratio},
 };
-
-/// Abscissae and weights of the 8-point Gauss–Legendre rule on [0, 1].
-const GAUSS: [(f64, f64); 8] = [
-    (0.019_855_071_751_231_884, 0.050_614_268_145_188_13),
-    (0.101_666_761_293_186_63, 0.111_190_517_226_687_24),
-    (0.237_233_795_041_835_5, 0.156_853_322_938_943_64),
-    (0.408_282_678_752_175_1, 0.181_341_891_689_181),
-    (0.591_717_321_247_825, 0.181_341_891_689_181),
-    (0.762_766_204_958_164_5, 0.156_853_322_938_943_64),
-    (0.898_333_238_706_813_4, 0.111_190_517_226_687_24),
-    (0.980_144_928_248_768_1, 0.050_614_268_145_188_13),
-];
+use crate::numeric::quadrature::GAUSS_8_OF_UNIT;
 
 /// What is left out of the integral, roughly.
 const TOLERANCE: f64 = 1e-9;
@@ -110,7 +99,7 @@ impl Beam {
                 return Self { ways };
             }
             let step = (0.25 * (1.0 + from)).min(PI / turn);
-            for (x, weight) in GAUSS {
+            for (x, weight) in GAUSS_8_OF_UNIT {
                 let u = from + step * x;
                 let squared = 1.0 + u * u;
                 let ray = Ray::new(layers, 1.0 / squared.sqrt(), 1.0);

@@ -9,9 +9,8 @@
 //! In the azimuth: the cosines cos(mφ), of which a source without a preferred azimuth is the zeroth. Light that varies as
 //! e^{ikx} couples order m to m ± 1 by a factor i; in L_m = i^m L′_m the equations are real.
 
-use std::f64::consts::PI;
-
 use super::{TransportOptions, rays::Ray, scattering::Scattering};
+use crate::numeric::quadrature::gauss_legendre;
 
 /// Index of what surrounds a stack.
 pub(super) const AIR: f64 = 1.0;
@@ -146,25 +145,6 @@ impl Hemisphere {
 /// How much order m − 1 feeds order m and is fed by it, in k tanθ.
 pub(super) fn coupling(order: usize) -> f64 {
     if order == 1 { std::f64::consts::FRAC_1_SQRT_2 } else { 0.5 }
-}
-
-/// Nodes and weights on (0, 1): roots of the Legendre polynomial by Newton's method.
-pub(super) fn gauss_legendre(n: usize) -> (Vec<f64>, Vec<f64>) {
-    let node = |i: usize| {
-        let mut x = -(PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
-        let mut slope = 1.0;
-        for _ in 0..16 {
-            let (mut before, mut here) = (1.0, x);
-            for l in 2..=n {
-                let l = l as f64;
-                (before, here) = (here, ((2.0 * l - 1.0) * x * here - (l - 1.0) * before) / l);
-            }
-            slope = n as f64 * (x * here - before) / (x * x - 1.0);
-            x -= here / slope;
-        }
-        (0.5 * (x + 1.0), 1.0 / ((1.0 - x * x) * slope * slope))
-    };
-    (0..n).map(node).unzip()
 }
 
 #[cfg(test)]

@@ -4,15 +4,14 @@
 //! beyond the grid as R ~ 1/r at the centre makes it, it is one dot product for each of a few radii. Good to about 1% of the radius,
 //! 3% below 0.1 mm where the default grid ends too early (a test compares), which is ample to tell cells of a gamut apart; what is shown is reckoned again.
 
+use crate::numeric::quadrature::GAUSS_3;
 use crate::optics::FrequencyGrid;
 
 /// Radii of the table, mm: from finer than a printer's voxel to where the default grid aliases.
 pub(super) const RADII_MM: [f64; 2] = [0.01, 20.0];
 const RADII: usize = 72;
-/// Largest phase kr per Gauss step, and the three-point rule.
+/// Largest phase kr per step of the three-point rule.
 const MAX_PHASE: f64 = 0.8;
-const GAUSS: [(f64, f64); 3] =
-    [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];
 
 /// Weights that turn a spectrum into the energy within a radius.
 pub(super) struct RadiusTable {
@@ -57,7 +56,7 @@ fn energy_weights(k: &[f64], r: f64) -> Vec<f64> {
         let half = 0.5 * (k[i + 1] - k[i]) / parts;
         for part in 0..parts as usize {
             let middle = k[i] + (2 * part + 1) as f64 * half;
-            for (x, weight) in GAUSS {
+            for (x, weight) in GAUSS_3 {
                 let at = middle + half * x;
                 let t = (at - k[i]) / (k[i + 1] - k[i]);
                 let kernel = r * half * weight * libm::j1(at * r);
@@ -92,7 +91,7 @@ fn j1_over_x(x: f64) -> f64 {
     let value = |u: f64| if u > 0.0 { libm::j1(u) / u } else { 0.5 };
     let part = |n: usize| {
         let middle = (2 * n + 1) as f64 * half;
-        GAUSS.iter().map(|(x, weight)| half * weight * value(middle + half * x)).sum::<f64>()
+        GAUSS_3.iter().map(|(x, weight)| half * weight * value(middle + half * x)).sum::<f64>()
     };
     (0..parts as usize).map(part).sum()
 }

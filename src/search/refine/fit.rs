@@ -1,6 +1,7 @@
 //! Thicknesses of one sequence of resins: Levenberg and Marquardt's method with linear constraints.
 
-use super::polytope::{Polytope, dot};
+use super::polytope::Polytope;
+use crate::numeric::least_squares::{Budget, Descent, curvature, dot, gradient};
 
 /// Residuals √w (R̂ − R̂_t) and their slopes per mm, layer after layer.
 pub(super) struct Residuals {
@@ -21,12 +22,8 @@ pub(super) struct Fit {
     pub(super) objective: f64,
 }
 
-/// Damping to start with, as a share of H's diagonal; a tenth after a good step, ten times after a bad one.
-const FIRST_DAMPING: f64 = 1e-3;
-/// Gives up when no damping helps.
-const MOST_DAMPING: f64 = 1e6;
-/// A step that gains less than this share of the objective is the last.
-const LEAST_GAIN: f64 = 1e-3;
+/// Damping is a share of H's diagonal.
+const DESCENT: Descent = Descent { first_damping: 1e-3, most_damping: 1e6, least_gain: 1e-3 };
 /// Share of the mean curvature that a layer without any gets, so that H can be inverted.
 const FLOOR: f64 = 1e-9;
 
@@ -41,36 +38,25 @@ pub(super) fn fit(
     let n = mm.len();
     let identity: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| if i == j { 1.0 } else { 0.0 }).collect()).collect();
     let inside = polytope.step(mm, &identity, &vec![0.0; n])?;
-    let mut mm: Vec<f64> = mm.iter().zip(inside).map(|(h, d)| h + d).collect();
-    let mut here = residuals(&mm);
-    let mut damping = FIRST_DAMPING;
-    let mut evaluations = 1;
-    while evaluations < steps && damping < MOST_DAMPING {
-        let gradient: Vec<f64> = here.per_mm.iter().map(|slope| dot(slope, &here.values)).collect();
-        let Some(step) = polytope.step(&mm, &damped_inverse(&here.per_mm, damping)?, &gradient) else { break };
-        let there: Vec<f64> = mm.iter().zip(&step).map(|(h, d)| h + d).collect();
-        let next = residuals(&there);
-        evaluations += 1;
-        let (before, after) = (here.objective(), next.objective());
-        if after < before {
-            (mm, here) = (there, next);
-            damping /= 10.0;
-            if before - after < LEAST_GAIN * before {
-                break;
-            }
-        } else {
-            damping *= 10.0;
-        }
-    }
-    Some(Fit { objective: here.objective(), mm })
+    let moved = |mm: &[f64], step: &[f64]| -> Vec<f64> { mm.iter().zip(step).map(|(h, d)| h + d).collect() };
+    let at = |mm: Vec<f64>| (residuals(&mm), mm);
+    // Slopes without a sense end the fit without a result.
+    let mut senseless = false;
+    let (here, mm) = DESCENT.run(
+        Budget::Evaluations(steps),
+        at(moved(mm, &inside)),
+        |(here, _)| here.objective(),
+        |(here, _)| gradient(&here.per_mm, &here.values),
+        |(here, mm), gradient, damping| {
+            let inverse = damped_inverse(&here.per_mm, damping);
+            senseless |= inverse.is_none();
+            Some(at(moved(mm, &polytope.step(mm, &inverse?, gradient)?)))
+        },
+    );
+    (!senseless).then(|| Fit { objective: here.objective(), mm })
 }
 
 impl Residuals {
-    /// JᵀJ.
-    pub(super) fn curvature(&self) -> Vec<Vec<f64>> {
-        self.per_mm.iter().map(|a| self.per_mm.iter().map(|b| dot(a, b)).collect()).collect()
-    }
-
     /// By how much the objective would rise were a layer left out and the others fitted anew, to second order: h² / (H⁻¹)_ii, after Hassibi
     /// and Stork 1992. `None` where the layers' effects cannot be told apart.
     pub(super) fn loss_without(&self, mm: &[f64]) -> Option<Vec<f64>> {
@@ -82,7 +68,7 @@ impl Residuals {
 /// (JᵀJ + damping · diag)⁻¹ by Gauss and Jordan's elimination with pivots on the diagonal: the matrix is positive definite.
 fn damped_inverse(per_mm: &[Vec<f64>], damping: f64) -> Option<Vec<Vec<f64>>> {
     let n = per_mm.len();
-    let mut matrix: Vec<Vec<f64>> = per_mm.iter().map(|a| per_mm.iter().map(|b| dot(a, b)).collect()).collect();
+    let mut matrix = curvature(per_mm);
     let mean = (0..n).map(|i| matrix[i][i]).sum::<f64>() / n as f64;
     let mut inverse: Vec<Vec<f64>> = vec![vec![0.0; n]; n];
     for i in 0..n {

@@ -1,0 +1,53 @@
+//! Pages of HTML that are whole in themselves: no scripts, nothing to be fetched but pictures beside them.
+
+/// A page. `title` is plain text; `css` and `body` are taken as they are.
+pub(crate) fn page(title: &str, css: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{}</title>\n<style>\n{}\n</style>\n</head>\n<body>\n{body}</body>\n</html>\n",
+        escape(title),
+        css.trim_end(),
+    )
+}
+
+/// Text for element content and quoted attributes.
+pub(crate) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            // What HTML does not allow at all.
+            c if c.is_control() && !c.is_ascii_whitespace() => out.push('\u{fffd}'),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_stays_text() {
+        assert_eq!(
+            escape("<b>\"A\" & 'B'</b>\n\u{1b}"),
+            "&lt;b&gt;&quot;A&quot; &amp; &#39;B&#39;&lt;/b&gt;\n\u{fffd}"
+        );
+    }
+
+    #[test]
+    fn a_page_holds_what_it_is_given() {
+        let page = page("a < b", "p{color:red}\n", "<p>text</p>\n");
+        assert!(page.starts_with("<!DOCTYPE html>\n<html lang=\"en\">\n<head>"));
+        assert!(
+            page.contains("<title>a &lt; b</title>\n<style>\np{color:red}\n</style>\n</head>\n<body>\n<p>text</p>\n")
+        );
+        assert!(page.ends_with("</p>\n</body>\n</html>\n"));
+    }
+}

@@ -1,0 +1,138 @@
+//! What messages are made of: counts, foreign text made fit for a line, and "did you mean …?".
+//!
+//! Every room words its own messages; what all of them need stands here, below all rooms.
+
+use std::{fmt::Display, path::Path};
+
+/// `1 hole`, `5 holes`.
+pub fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
+/// `1 edge is`, `2 edges are`.
+pub(crate) fn is_are(count: usize, noun: &str) -> String {
+    format!("{} {}", counted(count, noun), if count == 1 { "is" } else { "are" })
+}
+
+/// `1 shell was`, `2 shells were`.
+pub(crate) fn was_were(count: usize, noun: &str) -> String {
+    format!("{} {}", counted(count, noun), if count == 1 { "was" } else { "were" })
+}
+
+/// The text with control characters written out (`\n`, `\u{1b}`), which would break a line or steer a terminal.
+pub fn escaped(text: &str) -> String {
+    escaped_but(text, |_| false)
+}
+
+/// Lines of text for a terminal: [`escaped`], but for the ends of its lines and tabulators.
+pub fn escaped_lines(text: &str) -> String {
+    escaped_but(text, |c| matches!(c, '\n' | '\t'))
+}
+
+fn escaped_but(text: &str, kept: impl Fn(char) -> bool) -> String {
+    let mut line = String::with_capacity(text.len());
+    for c in text.chars() {
+        if c.is_control() && !kept(c) { line.extend(c.escape_default()) } else { line.push(c) }
+    }
+    line
+}
+
+/// Most characters of a found text that a message repeats.
+const MAX_QUOTED: usize = 60;
+
+/// What a message repeats of a found text: one line, cut where it grows long, without quotes.
+pub(crate) fn excerpt(text: &str) -> String {
+    match text.char_indices().nth(MAX_QUOTED) {
+        Some((end, _)) => escaped(&text[..end]) + "…",
+        None => escaped(text),
+    }
+}
+
+/// A path on one line, never cut.
+pub(crate) fn path_line(path: &Path) -> String {
+    escaped(&path.to_string_lossy())
+}
+
+/// A foreign error's message on one line, blanks folded.
+pub(crate) fn one_line(error: impl Display) -> String {
+    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// `"a", "b", "c"`.
+pub(crate) fn quoted_list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    format!("\"{}\"", names.into_iter().collect::<Vec<_>>().join("\", \""))
+}
+
+/// Names at most this share of the longer one's length apart (in edits) count as a slip of the pen: `heigth-mm`,
+/// `j750-27`. One edit is always allowed, so that two-letter names can be mistyped too.
+const MAX_EDITS_PER_CHAR: f64 = 0.34;
+
+/// The name in `known` nearest to `word` by Damerau–Levenshtein distance, case ignored; the first one on a tie,
+/// `None` when nothing is near.
+pub(crate) fn suggest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    // Far longer words cannot be near; measuring them would cost the product of the lengths.
+    const LONGEST: usize = 64;
+    if word.len() > LONGEST {
+        return None;
+    }
+    let word = word.to_lowercase();
+    let mut best: Option<(usize, &str)> = None;
+    for name in known {
+        let edits = strsim::damerau_levenshtein(&word, &name.to_lowercase());
+        let length = word.chars().count().max(name.chars().count());
+        let allowed = ((length as f64 * MAX_EDITS_PER_CHAR) as usize).max(1);
+        if edits <= allowed && best.is_none_or(|(fewest, _)| edits < fewest) {
+            best = Some((edits, name));
+        }
+    }
+    best.map(|(_, name)| name)
+}
+
+/// A hint for an unknown name: "did you mean `x`?", or else the list of what is known.
+pub(crate) fn hint<'a>(word: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
+    match suggest(word, known.clone()) {
+        Some(name) => format!("did you mean `{name}`?"),
+        None => {
+            let names: Vec<&str> = known.into_iter().collect();
+            if names.is_empty() { "none is known".to_owned() } else { format!("expected one of {}", names.join(", ")) }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_is_not_many() {
+        assert_eq!([0, 1, 2].map(|n| counted(n, "hole")), ["0 holes", "1 hole", "2 holes"]);
+        assert_eq!([is_are(1, "edge"), was_were(2, "shell")], ["1 edge is", "2 shells were"]);
+    }
+
+    #[test]
+    fn found_text_stays_on_its_line() {
+        assert_eq!(escaped("a\u{1b}[31m\nµ"), "a\\u{1b}[31m\\nµ");
+        assert_eq!(escaped_lines("a\u{1b}[31m\n\tµ"), "a\\u{1b}[31m\n\tµ");
+        assert_eq!(one_line("a\n  b\t c"), "a b c");
+        assert_eq!(excerpt(&"é".repeat(60)), "é".repeat(60));
+        assert_eq!(excerpt(&"é".repeat(61)), "é".repeat(60) + "…");
+        assert_eq!(excerpt(&"\n".repeat(61)), "\\n".repeat(60) + "…");
+    }
+
+    #[test]
+    fn slips_are_understood_and_strangers_are_not() {
+        let known = ["mesh", "height-mm", "scale", "unit"];
+        assert_eq!(suggest("heigth-mm", known), Some("height-mm"));
+        assert_eq!(suggest("height_mm", known), Some("height-mm"));
+        assert_eq!(suggest("Unit", known), Some("unit"));
+        assert_eq!(suggest("inches", ["mm", "inch"]), Some("inch"));
+        assert_eq!(suggest("colour", known), None);
+        assert_eq!(suggest(&"mesh".repeat(100), known), None);
+        assert_eq!(hint("colour", ["a", "b"]), "expected one of a, b");
+    }
+
+    #[test]
+    fn the_first_name_wins_a_tie() {
+        assert_eq!(suggest("bat", ["cat", "rat"]), Some("cat"));
+    }
+}

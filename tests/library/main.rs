@@ -1,0 +1,8 @@
+//! The library through its doors, room by room.
+#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)] // helpers of tests
+
+mod job;
+mod measure;
+mod mesh;
+mod preview;
+mod refined_by_photons;
