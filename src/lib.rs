@@ -44,6 +44,7 @@
 //! ```
 
 pub mod appearance;
+pub mod blame;
 pub mod colour;
 mod disjoint_sets;
 pub mod job;

@@ -4,7 +4,11 @@ use std::path::Path;
 
 use lumislice::optics::{MaterialFile, MaterialSet, OpticsError};
 
-use super::{progress::Bars, say};
+use super::{
+    failure::{Failure, refusal},
+    progress::Bars,
+    say,
+};
 
 /// Materials as far as they are read quickly.
 pub struct Materials {
@@ -56,7 +60,7 @@ pub fn say_provenance(set: &str, provenance: &str) {
 }
 
 /// The error of a model that needs what a resin of `materials` does not have.
-pub fn no_coefficients(resin: &str, materials: &Path) -> anyhow::Error {
+pub fn no_coefficients(resin: &str, materials: &Path) -> Failure {
     let needed = "this model needs scattering-per-mm and absorption-per-mm";
-    anyhow::anyhow!("{}: resin {resin}: found no coefficients; {needed}", materials.display())
+    refusal!("{}: resin {resin}: found no coefficients; {needed}", materials.display())
 }

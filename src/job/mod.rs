@@ -36,4 +36,4 @@ pub use plan::{
     TransportEntry, targets,
 };
 pub use run::{Estimate, Finished, REPORT, RedrawError, RunOptions, draw_again, redraw, report_data, run};
-pub use run_error::{Blame, RunError};
+pub use run_error::RunError;

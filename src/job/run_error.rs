@@ -6,8 +6,15 @@ use thiserror::Error;
 
 use super::JobError;
 use crate::{
-    mesh::MeshError, optics::OpticsError, output::OutputError, preview::PreviewError, search::SearchError,
-    slice::meshes::MeshingError, voxel::LatticeError, watch::Stopped,
+    blame::{Blame, Blamed, Remedy},
+    mesh::MeshError,
+    optics::OpticsError,
+    output::OutputError,
+    preview::PreviewError,
+    search::SearchError,
+    slice::meshes::MeshingError,
+    voxel::LatticeError,
+    watch::Stopped,
 };
 
 /// Why a job was not done.
@@ -52,7 +59,7 @@ pub enum RunError {
     #[error("printer: {0}")]
     Lattice(#[from] LatticeError),
     /// A range of slices that the job does not have.
-    #[error("--slices: found {}..{}, expected a range within 0..{slices} that is not empty", found.start, found.end)]
+    #[error("slices: found {}..{}, expected a range within 0..{slices} that is not empty", found.start, found.end)]
     Slices {
         /// What was asked for.
         found: std::ops::Range<u32>,
@@ -69,19 +76,8 @@ pub enum RunError {
     #[error(transparent)]
     Output(#[from] OutputError),
     /// The watch asked to stop.
-    #[error("interrupted; files written so far are whole, and --resume goes on from there")]
+    #[error("interrupted; files written so far are whole")]
     Stopped(#[from] Stopped),
-}
-
-/// Who is to blame, as the exit code says it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Blame {
-    /// Usage, job or input.
-    Input,
-    /// The disk.
-    Disk,
-    /// Somebody pressed Ctrl-C.
-    Interrupt,
 }
 
 impl From<OpticsError> for RunError {
@@ -102,13 +98,27 @@ impl From<MeshingError> for RunError {
     }
 }
 
-impl RunError {
-    /// Who is to blame.
-    pub fn blame(&self) -> Blame {
+impl Blamed for RunError {
+    fn blame(&self) -> Blame {
         match self {
-            Self::Output(error) if error.is_io() => Blame::Disk,
-            Self::Stopped(_) => Blame::Interrupt,
-            _ => Blame::Input,
+            Self::Job(error) => error.blame(),
+            Self::Mesh(error) | Self::Shape { source: error, .. } => error.blame(),
+            Self::Optics(error) => error.blame(),
+            Self::Search { source, .. } => source.blame(),
+            Self::Lattice(error) => error.blame(),
+            Self::Meshes(error) => error.blame(),
+            Self::Preview(error) => error.blame(),
+            Self::Output(error) => error.blame(),
+            Self::Texture { .. } | Self::Slices { .. } => Blame::Input,
+            Self::Stopped(stopped) => stopped.blame(),
+        }
+    }
+
+    fn remedy(&self) -> Option<Remedy> {
+        match self {
+            Self::Output(error) => error.remedy(),
+            Self::Stopped(_) => Some(Remedy::Resume),
+            _ => None,
         }
     }
 }

@@ -2,7 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{optics::OpticsError, toml_reader::Fault, watch::Stopped};
+use crate::{
+    blame::{Blame, Blamed},
+    optics::OpticsError,
+    toml_reader::Fault,
+    watch::Stopped,
+};
 
 /// Why photographs yield no material; every message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -41,6 +46,16 @@ pub enum MeasureError {
     /// The watch asked to stop.
     #[error("measurement cancelled")]
     Stopped(#[from] Stopped),
+}
+
+impl Blamed for MeasureError {
+    fn blame(&self) -> Blame {
+        match self {
+            Self::Capture(error) => error.blame(),
+            Self::Stopped(_) => Blame::Interrupt,
+            _ => Blame::Input,
+        }
+    }
 }
 
 impl From<Fault> for MeasureError {

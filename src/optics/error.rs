@@ -4,6 +4,7 @@ use crate::words::suggest;
 use std::path::PathBuf;
 
 use super::SpectrumError;
+use crate::blame::{Blame, Blamed};
 use crate::watch::Stopped;
 
 /// Errors of the optics room; every message is one line.
@@ -80,6 +81,15 @@ pub enum OpticsError {
     /// The watch asked a simulation to stop.
     #[error("simulation cancelled")]
     Stopped(#[from] Stopped),
+}
+
+impl Blamed for OpticsError {
+    fn blame(&self) -> Blame {
+        match self {
+            Self::Stopped(_) => Blame::Interrupt,
+            _ => Blame::Input,
+        }
+    }
 }
 
 impl OpticsError {

@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use super::Blame;
 use crate::{
     appearance::bssrdf::{
         self, BssrdfError, Channel, ClusterCount, Dataset, FactorOptions, Freedom, Metric, TailRings, areas, write_npy,
     },
+    blame::{Blame, Blamed, Remedy},
     optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile},
     output::{Existing, GENERATOR, OutputError, OutputFolder, Task, hex, pretty},
     plot::PlotError,
@@ -72,15 +72,18 @@ pub enum FactorError {
     Picture(#[from] PlotError),
 }
 
-impl FactorError {
-    /// Who is to blame.
-    pub fn blame(&self) -> Blame {
+impl Blamed for FactorError {
+    fn blame(&self) -> Blame {
         match self {
-            Self::Dataset(BssrdfError::Stopped(_)) => Blame::Interrupt,
-            Self::Dataset(error) if error.is_io() => Blame::Disk,
-            Self::Output(error) if error.is_io() => Blame::Disk,
-            _ => Blame::Input,
+            Self::Dataset(error) => error.blame(),
+            Self::Output(error) => error.blame(),
+            Self::Optics(error) => error.blame(),
+            Self::Picture(error) => error.blame(),
         }
+    }
+
+    fn remedy(&self) -> Option<Remedy> {
+        if let Self::Output(error) = self { error.remedy() } else { None }
     }
 }
 

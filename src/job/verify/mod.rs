@@ -30,8 +30,9 @@ use std::{
 use serde::Serialize;
 use thiserror::Error;
 
-use super::{Blame, MANIFEST_VERSION, Manifest};
+use super::{MANIFEST_VERSION, Manifest};
 use crate::{
+    blame::{Blame, Blamed},
     output::MANIFEST,
     watch::{Stopped, Watch},
     words::escaped,
@@ -124,9 +125,8 @@ pub enum VerifyError {
     Stopped(#[from] Stopped),
 }
 
-impl VerifyError {
-    /// Who is to blame.
-    pub fn blame(&self) -> Blame {
+impl Blamed for VerifyError {
+    fn blame(&self) -> Blame {
         match self {
             Self::Stopped(_) => Blame::Interrupt,
             _ => Blame::Input,

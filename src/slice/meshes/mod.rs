@@ -46,6 +46,7 @@ use self::{
 };
 use super::ObjectField;
 use crate::{
+    blame::{Blame, Blamed},
     voxel::MaterialId,
     watch::{Stopped, Watch},
 };
@@ -88,6 +89,15 @@ pub enum MeshingError {
     /// The watch asked to stop.
     #[error("meshing was interrupted")]
     Stopped(#[from] Stopped),
+}
+
+impl Blamed for MeshingError {
+    fn blame(&self) -> Blame {
+        match self {
+            Self::Stopped(_) => Blame::Interrupt,
+            _ => Blame::Input,
+        }
+    }
 }
 
 /// Which part has the triangles of a material id; `None` for voids.
