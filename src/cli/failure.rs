@@ -108,8 +108,8 @@ mod tests {
     #[test]
     fn folders_that_are_taken_come_with_advice() {
         let taken = || OutputError::NotEmpty { path: PathBuf::from("out") };
-        let text = "out: found a folder that is not empty, expected a new or empty one (--overwrite replaces files written \
-                    earlier, slice --resume goes on with an interrupted job)";
+        let text = "out: found a folder that is not empty, expected a new or empty one (--overwrite replaces files \
+                    written earlier, slice --resume goes on with an interrupted job)";
         says(RunError::from(taken()), 2, text);
         says(FactorError::from(taken()), 2, text);
         says(CompareError::from(taken()), 2, text);
