@@ -42,12 +42,24 @@
 //!        └──────── x                 └──────────────┘ last row = j 0
 //!   voxel (i, j, k) has its centre at origin + (index + ½) · pitch, pitch per axis
 //! ```
+//!
+//! # Features
+//!
+//! | feature | adds | brings in |
+//! | --- | --- | --- |
+//! | `cli`, default | the program `lumislice`; implies `measure` | clap, indicatif, ctrlc |
+//! | `measure` | `lumislice::measure`: resins from photographs | readers of TIFF and EXIF |
+//! | `raw` | camera raw files, of which the decoder is LGPL-2.1; implies `measure` | rawler |
+//!
+//! A program that slices by itself needs none of them: `default-features = false`.
 
 pub mod appearance;
+pub mod blame;
 pub mod colour;
 mod disjoint_sets;
 pub mod job;
 pub mod look;
+#[cfg(feature = "measure")]
 pub mod measure;
 pub mod mesh;
 mod numeric;
@@ -62,4 +74,5 @@ pub mod search;
 pub mod slice;
 mod toml_reader;
 pub mod voxel;
+pub mod watch;
 pub mod words;

@@ -2,22 +2,23 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
 use clap::Args;
 use lumislice::{
     appearance::NormalizedDiffusion,
-    job::{self, Job, MaterialSource, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
+    job::{self, Job, MaterialSource, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
     optics::{FrequencyGrid, MaterialSet, ProfileFile, Resin, ResinId, Stack},
     plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
     search::{
         ChannelGamut, Gamut, GamutMap, GamutPoint, RefineOptions, ResinLimit, SearchError, SearchOptions, SearchTarget,
         layer_space,
     },
+    watch::Watch,
 };
 use serde_json::json;
 
 use super::{
-    Answer, INTERRUPT,
+    Answer, Result,
+    failure::refuse,
     match_target::{MEAN_FREE_PATH_MM, kubelka_munk, parse_depth, parse_layer, parse_min_depth},
     materials::{Materials, no_coefficients},
     output_file::OutputFile,
@@ -95,13 +96,13 @@ struct Named {
 }
 
 /// Runs the command. The answer is no if a target lies outside.
-pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &GamutArgs) -> Result<Answer> {
     let job = args.job.as_deref().map(Job::load).transpose()?;
     let named = job.as_ref().map(|job| match &job.materials {
         MaterialSource::Set(name) => PathBuf::from(name),
         MaterialSource::File(path) => path.as_ref().to_path_buf(),
     });
-    let Some(named) = args.materials.clone().or(named) else { bail!("--materials: found none, expected one") };
+    let Some(named) = args.materials.clone().or(named) else { refuse!("--materials: found none, expected one") };
     let mut materials = Materials::read(&named)?;
     let stacking = job.as_ref().map(|job| &job.stacking);
     let core_name = args.core.as_deref().or(stacking.map(StackingOptions::core_name));
@@ -169,12 +170,12 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
 }
 
 /// The targets of a job.
-fn job_targets(path: &Path, job: Job, channels: &[String], bars: &Bars) -> anyhow::Result<Vec<Named>> {
-    let found = job::targets(job, bars, &INTERRUPT)?;
+fn job_targets(path: &Path, job: Job, channels: &[String], bars: &Bars) -> Result<Vec<Named>> {
+    let found = job::targets(job, bars)?;
     let named = found.into_iter().map(|found| {
         if found.target.channels.len() != channels.len() {
             let (has, expected) = (found.target.channels.len(), channels.len());
-            bail!("{}: found targets of {has} channels, expected {expected} as --materials has", path.display());
+            refuse!("{}: found targets of {has} channels, expected {expected} as --materials has", path.display());
         }
         Ok(Named { name: found.name, weight: found.share, target: found.target })
     });
@@ -191,7 +192,7 @@ impl GamutArgs {
     }
 
     /// Fits coefficients to resins given by profiles, for the transport model; whether it can be asked.
-    fn fit(&self, materials: &mut Materials, model: Option<Judge>, named: &Path, bars: &Bars) -> anyhow::Result<bool> {
+    fn fit(&self, materials: &mut Materials, model: Option<Judge>, named: &Path, bars: &Bars) -> Result<bool> {
         if model == Some(Judge::Km) {
             return Ok(false);
         }
@@ -204,11 +205,11 @@ impl GamutArgs {
         }
     }
 
-    fn limits(&self, materials: &Materials) -> anyhow::Result<Vec<ResinLimit>> {
+    fn limits(&self, materials: &Materials) -> Result<Vec<ResinLimit>> {
         for (index, (resin, _)) in self.min_depth.iter().enumerate() {
             materials.file.resin_id(resin)?;
             if self.min_depth[..index].iter().any(|other| other.0 == *resin) {
-                bail!("--min-depth: found {resin} a second time, expected each resin once");
+                refuse!("--min-depth: found {resin} a second time, expected each resin once");
             }
         }
         let limit = |name: &str| {
@@ -220,7 +221,7 @@ impl GamutArgs {
     }
 
     /// The targets named by files and by pairs of numbers.
-    fn targets(&self, channels: usize) -> anyhow::Result<Vec<Named>> {
+    fn targets(&self, channels: usize) -> Result<Vec<Named>> {
         let grid = FrequencyGrid::default();
         let mut targets = Vec::new();
         let mut add = |name: String, spectrum: Vec<f64>| {
@@ -228,14 +229,14 @@ impl GamutArgs {
         };
         for path in &self.target {
             let Some(reflection) = ProfileFile::read(path)?.reflection else {
-                bail!("{}: header: found no reflection_per_mm2 column, expected one", path.display());
+                refuse!("{}: header: found no reflection_per_mm2 column, expected one", path.display());
             };
             let name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
             add(name, reflection.hankel(&grid).values);
         }
         let (albedos, paths) = (&self.albedo, &self.mean_free_path_mm);
         if paths.len() > 1 && paths.len() != albedos.len() {
-            bail!(
+            refuse!(
                 "--mean-free-path-mm: found {} values, expected 1 or {}, one for each albedo",
                 paths.len(),
                 albedos.len()
@@ -244,11 +245,11 @@ impl GamutArgs {
         for (index, &albedo) in albedos.iter().enumerate() {
             let path = paths[index.min(paths.len() - 1)];
             if !(0.0..=1.0).contains(&albedo) {
-                bail!("--albedo: found {albedo}, expected 0 to 1");
+                refuse!("--albedo: found {albedo}, expected 0 to 1");
             }
             if !MEAN_FREE_PATH_MM.contains(&path) {
                 let (least, most) = (MEAN_FREE_PATH_MM.start(), MEAN_FREE_PATH_MM.end());
-                bail!("--mean-free-path-mm: found {path}, expected {least} to {most} mm");
+                refuse!("--mean-free-path-mm: found {path}, expected {least} to {most} mm");
             }
             add(format!("albedo {albedo}, mfp {path} mm"), NormalizedDiffusion::new(albedo, path)?.spectrum(&grid));
         }

@@ -2,12 +2,11 @@
 
 use std::path::PathBuf;
 
-use anyhow::{anyhow, bail};
 use clap::Args;
 use lumislice::{
     appearance::NormalizedDiffusion,
     colour::{srgb_to_linear, to_channels},
-    job::{NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
+    job::{NamedLimit, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
     optics::{
         DEFAULT_SEED, FrequencyGrid, KubelkaMunk, Light, MaterialSet, PhotonOptions, Prediction, ProfileFile, Resin,
         Stack, TransportOptions, VolumeCoefficients,
@@ -17,13 +16,16 @@ use lumislice::{
         BlockTable, Match, Norm, Objective, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget,
         match_target, reflection_of,
     },
+    watch::Watch,
 };
 use serde_json::json;
 
 use super::{
-    Answer, leave_at_once,
+    Answer, INTERRUPT, Result,
+    failure::{refusal, refuse},
+    leave_at_once,
     match_plot::MatchPlot,
-    materials::{Materials, go_on, no_coefficients},
+    materials::{Materials, no_coefficients},
     plots::PlotFile,
     print, print_json,
     progress::Bars,
@@ -145,7 +147,7 @@ struct Judged {
 }
 
 /// Runs the command.
-pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &MatchArgs) -> Result<Answer> {
     args.check()?;
     let mut materials = Materials::read(&args.materials)?;
     let target = args.target(materials.file.channels().len())?;
@@ -215,23 +217,23 @@ pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
 
 impl MatchArgs {
     /// What is to be matched, on the grid of all resins.
-    fn target(&self, channels: usize) -> anyhow::Result<SearchTarget> {
+    fn target(&self, channels: usize) -> Result<SearchTarget> {
         let grid = FrequencyGrid::default();
         let per_channel = |flag: &str, given: usize| match given {
             1 => Ok(()),
             n if n == channels => Ok(()),
-            n => Err(anyhow!("{flag}: found {n} values, expected 1 or {channels}, one for each channel")),
+            n => Err(refusal!("{flag}: found {n} values, expected 1 or {channels}, one for each channel")),
         };
         let of = |values: &[f64], channel: usize| values[channel.min(values.len() - 1)];
         if !self.target.is_empty() {
             per_channel("--target", self.target.len())?;
             let spectra = self.target.iter().map(|path| {
                 let Some(reflection) = ProfileFile::read(path)?.reflection else {
-                    bail!("{}: header: found no reflection_per_mm2 column, expected one", path.display());
+                    refuse!("{}: header: found no reflection_per_mm2 column, expected one", path.display());
                 };
                 Ok(reflection.hankel(&grid).values)
             });
-            let spectra = spectra.collect::<anyhow::Result<Vec<_>>>()?;
+            let spectra = spectra.collect::<Result<Vec<_>>>()?;
             let channels = (0..channels).map(|channel| spectra[channel.min(spectra.len() - 1)].clone());
             return Ok(SearchTarget { channels: channels.collect() });
         }
@@ -239,7 +241,7 @@ impl MatchArgs {
             None => self.albedo.clone(),
             Some(srgb) => {
                 if !matches!(channels, 1 | 3) {
-                    bail!("--srgb: found a set of {channels} channels, expected one of 1 or 3");
+                    refuse!("--srgb: found a set of {channels} channels, expected one of 1 or 3");
                 }
                 let mut linear = Vec::new();
                 to_channels(srgb.map(|value| srgb_to_linear(f32::from(value) / 255.0)), channels, &mut linear);
@@ -249,20 +251,20 @@ impl MatchArgs {
         per_channel("--albedo", albedo.len())?;
         per_channel("--mean-free-path-mm", self.mean_free_path_mm.len())?;
         if let Some(found) = albedo.iter().find(|albedo| !(0.0..=1.0).contains(*albedo)) {
-            bail!("--albedo: found {found}, expected 0 to 1");
+            refuse!("--albedo: found {found}, expected 0 to 1");
         }
         if let Some(found) = self.mean_free_path_mm.iter().find(|mm| !MEAN_FREE_PATH_MM.contains(*mm)) {
             let (least, most) = (MEAN_FREE_PATH_MM.start(), MEAN_FREE_PATH_MM.end());
-            bail!("--mean-free-path-mm: found {found}, expected {least} to {most} mm");
+            refuse!("--mean-free-path-mm: found {found}, expected {least} to {most} mm");
         }
         let spectra = (0..channels).map(|channel| {
             let material = NormalizedDiffusion::new(of(&albedo, channel), of(&self.mean_free_path_mm, channel));
             Ok(material?.spectrum(&grid))
         });
-        Ok(SearchTarget { channels: spectra.collect::<anyhow::Result<_>>()? })
+        Ok(SearchTarget { channels: spectra.collect::<Result<_>>()? })
     }
 
-    fn limits(&self, materials: &Materials) -> anyhow::Result<Vec<lumislice::search::ResinLimit>> {
+    fn limits(&self, materials: &Materials) -> Result<Vec<lumislice::search::ResinLimit>> {
         let mut limits: Vec<NamedLimit> = Vec::new();
         let limit = |resin: &str, min_depth_mm: f64| NamedLimit {
             resin: resin.to_owned(),
@@ -273,7 +275,7 @@ impl MatchArgs {
         for (resin, mm) in &self.min_depth {
             materials.file.resin_id(resin)?;
             if limits.iter().any(|other| other.resin == *resin) {
-                bail!("--min-depth: found {resin} a second time, expected each resin once");
+                refuse!("--min-depth: found {resin} a second time, expected each resin once");
             }
             limits.push(limit(resin, *mm));
         }
@@ -302,9 +304,9 @@ impl MatchArgs {
         Objective { norm, dc_weight: self.dc_weight }
     }
 
-    fn check(&self) -> anyhow::Result<()> {
+    fn check(&self) -> Result<()> {
         if self.model == Judge::Km && (self.min_layer_mm.is_some() || self.layer_step_mm.is_some()) {
-            bail!(
+            refuse!(
                 "--min-layer-mm and --layer-step-mm: whole units know neither, expected --model transport beside them"
             );
         }
@@ -319,7 +321,7 @@ impl MatchArgs {
 
     /// Who asks for transport or photons needs coefficients of every resin; what fits none is left to Kubelka–Munk. The answer is the model
     /// to refine in.
-    fn fit(&self, materials: &mut Materials, bars: &Bars) -> anyhow::Result<Judge> {
+    fn fit(&self, materials: &mut Materials, bars: &Bars) -> Result<Judge> {
         if self.model == Judge::Km && self.photons.is_none() {
             return Ok(Judge::Km);
         }
@@ -372,10 +374,10 @@ impl Scorer<'_> {
         Some(Prediction::transport(&self.set.channels, &stack, Light::Diffuse, directions))
     }
 
-    fn trace(&self, stacking: &Stack, photons: u64) -> anyhow::Result<Prediction> {
+    fn trace(&self, stacking: &Stack, photons: u64) -> Result<Prediction> {
         let stack = self.coefficients(stacking).expect("checked with the arguments");
         let options = PhotonOptions { light: Light::Diffuse, photons, seed: DEFAULT_SEED };
-        Ok(Prediction::monte_carlo(&self.set.channels, &stack, options, |_| go_on())?)
+        Ok(Prediction::monte_carlo(&self.set.channels, &stack, options, &INTERRUPT)?)
     }
 
     fn figure(&self, stacking: &Stack, monte_carlo: Option<&Prediction>) -> Figure {

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{anyhow, bail};
 use clap::{Args, ValueEnum};
 use lumislice::{
     optics::{
@@ -14,8 +13,9 @@ use lumislice::{
 use serde_json::json;
 
 use super::{
-    Answer,
-    materials::{Materials, go_on, no_coefficients},
+    Answer, Result,
+    failure::{refusal, refuse},
+    materials::{Materials, no_coefficients},
     output_file::OutputFile,
     plots::{Curve, Look, PlotFile, Side, channel_colours, profile_panel},
     print, print_json,
@@ -88,9 +88,9 @@ enum Source {
 }
 
 /// Runs the command.
-pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &PredictArgs) -> Result<Answer> {
     args.check()?;
-    let named: Stack<String> = args.stack.parse().map_err(|error| anyhow!("--stack: {error}"))?;
+    let named: Stack<String> = args.stack.parse().map_err(|error| refusal!("--stack: {error}"))?;
     let named = named.over(args.core.clone());
     let mut materials = Materials::read(&args.materials)?;
     let file = &materials.file;
@@ -104,7 +104,7 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
         let refused = materials.fit(Some(&names), &bars)?;
         if let Some(reason) = refused.first() {
             if model == Model::MonteCarlo || args.light == Source::Normal {
-                bail!("{}: {reason}", args.materials.display());
+                refuse!("{}: {reason}", args.materials.display());
             }
             // Loading says what was refused, and why.
             say("warning: predicting by Kubelka-Munk instead");
@@ -163,14 +163,14 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
 }
 
 impl PredictArgs {
-    fn check(&self) -> anyhow::Result<()> {
+    fn check(&self) -> Result<()> {
         if self.model == Model::Km && self.light == Source::Normal {
-            bail!(
+            refuse!(
                 "--light normal: Kubelka-Munk knows diffuse light only, expected --model transport or monte-carlo beside it"
             );
         }
         if self.model != Model::MonteCarlo && (self.photons.is_some() || self.seed.is_some()) {
-            bail!("--photons and --seed: this model traces no photons, expected --model monte-carlo beside them");
+            refuse!("--photons and --seed: this model traces no photons, expected --model monte-carlo beside them");
         }
         Ok(())
     }
@@ -183,37 +183,29 @@ impl PredictArgs {
     }
 
     /// The stack of coefficients.
-    fn volumes<'a>(
-        &self,
-        file: &'a MaterialFile,
-        named: &Stack<String>,
-    ) -> anyhow::Result<Stack<&'a [VolumeCoefficients]>> {
+    fn volumes<'a>(&self, file: &'a MaterialFile, named: &Stack<String>) -> Result<Stack<&'a [VolumeCoefficients]>> {
         named.try_map(|name| file.volume(name).ok_or_else(|| no_coefficients(name, &self.materials)))
     }
 
-    fn transport(&self, file: &MaterialFile, named: &Stack<String>) -> anyhow::Result<Prediction> {
+    fn transport(&self, file: &MaterialFile, named: &Stack<String>) -> Result<Prediction> {
         let options = TransportOptions::for_accuracy(self.accuracy, self.light());
         Ok(Prediction::transport(file.channels(), &self.volumes(file, named)?, self.light(), options))
     }
 
-    fn trace(&self, file: &MaterialFile, named: &Stack<String>, bars: &Bars) -> anyhow::Result<Prediction> {
+    fn trace(&self, file: &MaterialFile, named: &Stack<String>, bars: &Bars) -> Result<Prediction> {
         let stack = self.volumes(file, named)?;
         let options = PhotonOptions {
             light: self.light(),
             photons: self.photons.unwrap_or(DEFAULT_PHOTONS),
             seed: self.seed.unwrap_or(DEFAULT_SEED),
         };
-        let mut step = bars.share("photons");
-        let prediction = Prediction::monte_carlo(file.channels(), &stack, options, |share| {
-            step(share);
-            go_on()
-        });
+        let prediction = Prediction::monte_carlo(file.channels(), &stack, options, bars);
         bars.finish();
         Ok(prediction?)
     }
 
     /// The files of `--csv`, one per channel.
-    fn open_csv(&self, channels: &[String]) -> anyhow::Result<Vec<OutputFile>> {
+    fn open_csv(&self, channels: &[String]) -> Result<Vec<OutputFile>> {
         let Some(path) = &self.csv else { return Ok(Vec::new()) };
         if channels.len() == 1 {
             return Ok(vec![OutputFile::open(path)?]);

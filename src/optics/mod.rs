@@ -43,6 +43,7 @@ pub use hankel::ProfileSpectrum;
 pub use ids::{ChannelId, ResinId};
 pub use inverse::InverseHankel;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
+#[cfg(feature = "measure")]
 pub(crate) use materials::resin_table;
 pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinChannel,

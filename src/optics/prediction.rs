@@ -8,12 +8,11 @@
 //!
 //! Over a core no light is transmitted: the half-space below has no other side.
 
-use std::ops::ControlFlow;
-
 use super::{
     Composite, FrequencyGrid, InverseHankel, Light, MaterialSet, MonteCarlo, OpticsError, RadialProfile, ResinId,
     RingEdges, Stack, Transport, TransportOptions, VolumeCoefficients,
 };
+use crate::watch::{Thousandths, Watch};
 
 /// Rings of predicted profiles end here, mm: beyond π/Δk of the default grid, 20 mm, the inverse transform aliases.
 const PROFILE_REACH_MM: f64 = 20.0;
@@ -106,8 +105,8 @@ impl Prediction {
         Self { channels: channels.to_vec(), light: predicted.collect(), grid }
     }
 
-    /// By Monte Carlo, with resins given by their coefficients per channel. `progress` hears the share that is done, 0 to 1, about
-    /// every million photons, and may break off.
+    /// By Monte Carlo, with resins given by their coefficients per channel. `watch` hears the stage
+    /// "photons", about every million of them.
     ///
     /// # Errors
     /// As [`MonteCarlo::run_with`].
@@ -115,9 +114,10 @@ impl Prediction {
         channels: &[String],
         stack: &Stack<&[VolumeCoefficients]>,
         options: PhotonOptions,
-        mut progress: impl FnMut(f64) -> ControlFlow<()>,
+        watch: &dyn Watch,
     ) -> Result<Self, OpticsError> {
         let grid = FrequencyGrid::default();
+        let photons = Thousandths::begin(watch, "photons", options.photons.saturating_mul(channels.len() as u64));
         let mut light = Vec::with_capacity(channels.len());
         for channel in 0..channels.len() {
             let simulation = MonteCarlo {
@@ -127,9 +127,7 @@ impl Prediction {
                 seed: options.seed.wrapping_add(channel as u64),
                 rings: RingEdges::growing(),
             };
-            let result = simulation.run_with(|photons| {
-                progress((channel as f64 + photons as f64 / options.photons as f64) / channels.len() as f64)
-            })?;
+            let result = simulation.run_with(&photons)?;
             let profiles = (&result.reflection_profile, &result.transmission_profile);
             let predicted = ChannelPrediction::from_profiles(profiles.0, profiles.1, &grid);
             light.push(ChannelPrediction { glint: result.glint.mean, ..predicted });
@@ -201,6 +199,7 @@ mod tests {
 
     use super::*;
     use crate::optics::ProfileFile;
+    use crate::watch::{Interrupt, Unwatched};
 
     fn synthetic() -> MaterialSet {
         MaterialSet::builtin("synthetic").unwrap()
@@ -214,8 +213,7 @@ mod tests {
     fn by_photons(set: &MaterialSet, stack: &Stack, photons: u64) -> Prediction {
         let volumes = stack.map(|&resin| set[resin].volumes().unwrap());
         let options = PhotonOptions { light: Light::Diffuse, photons, seed: 1 };
-        let go_on = |_| ControlFlow::Continue(());
-        Prediction::monte_carlo(&set.channels, &volumes.map(|resin| resin.as_slice()), options, go_on).unwrap()
+        Prediction::monte_carlo(&set.channels, &volumes.map(|resin| resin.as_slice()), options, &Unwatched).unwrap()
     }
 
     #[test]
@@ -266,9 +264,10 @@ mod tests {
     fn breaking_off_is_an_error() {
         let volume = [VolumeCoefficients::new(1.0, 1.0, 0.0).unwrap()];
         let options = PhotonOptions { light: Light::Normal, photons: 10, seed: 1 };
-        let stop = |_: f64| ControlFlow::Break(());
+        let stop = Interrupt::new();
+        stop.request();
         let stack = Stack::new([(volume.as_slice(), 1.0)]);
-        let result = Prediction::monte_carlo(&["Y".into()], &stack, options, stop);
-        assert!(matches!(result, Err(OpticsError::Cancelled)));
+        let result = Prediction::monte_carlo(&["Y".into()], &stack, options, &stop);
+        assert!(matches!(result, Err(OpticsError::Stopped(_))));
     }
 }

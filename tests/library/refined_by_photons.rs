@@ -5,11 +5,12 @@
 //! 3e-6 on average at 2e7 photons. A stacking is therefore judged by several independent runs R_1 … R_K. The mean over pairs i ≠ j of
 //! Σ w (R_i − R_t)(R_j − R_t) has no noise in its mean, and leaving out each run in turn tells its standard error.
 
-use std::{ops::ControlFlow, time::Instant};
+use std::time::Instant;
 
 use lumislice::{
     optics::{Light, MaterialSet, PhotonOptions, Prediction, ResinId, Stack},
     search::{BlockTable, Objective, RefineOptions, Refiner, ResinLimit, SearchOptions, SearchTarget, match_sequences},
+    watch::Unwatched,
 };
 
 /// A small generator of random numbers in [0, 1), after Steele, Lea and Flood 2014: the targets must not change with a library's version.
@@ -51,9 +52,9 @@ impl Judge {
     fn reflection(&mut self, stacking: &Stack, photons: u64) -> Vec<f64> {
         let seed = self.seeds.next();
         let volumes = stacking.map(|&resin| self.set[resin].volumes().expect("synthetic resins have coefficients"));
-        let (stack, go_on) = (volumes.map(|resin| resin.as_slice()), |_| ControlFlow::Continue(()));
+        let stack = volumes.map(|resin| resin.as_slice());
         let options = PhotonOptions { light: Light::Diffuse, photons, seed };
-        let found = Prediction::monte_carlo(&self.set.channels, &stack, options, go_on).unwrap();
+        let found = Prediction::monte_carlo(&self.set.channels, &stack, options, &Unwatched).unwrap();
         found.light.into_iter().next().unwrap().reflection_hankel
     }
 

@@ -133,7 +133,7 @@ fn texture_wanted(
     warnings: &mut Vec<String>,
 ) -> Result<Wanted, RunError> {
     let channels = context.materials.channels.len();
-    context.progress.stage("clusters", 0);
+    context.watch.stage("clusters", 0);
     let sizes: Vec<_> = appearance.pages.iter().map(|page| (page.width, page.height)).collect();
     let atlas = Atlas::new(&context.solid.mesh, &sizes, &appearance.page_of);
     let scale =
@@ -158,7 +158,7 @@ fn texture_wanted(
     };
     let clusters = cluster(&spectra, &weights, &options)
         .map_err(|error| context.refuse("clusters", error, "profiles that can be grouped"))?;
-    context.stop_if_interrupted()?;
+    context.watch.go_on()?;
     let count = clusters.centroids.len();
     // One appearance everywhere is what a constant target is, not a lack of clusters.
     if count < clusters.requested && appearances.distinct.len() > 1 {

@@ -1,11 +1,12 @@
 //! What every step of an object's plan needs at hand.
 
 use crate::{
-    job::{Interrupt, Job, Progress, RunError},
+    job::{Job, RunError},
     mesh::Solid,
     optics::{KubelkaMunk, MaterialSet, Resin, ResinId, VolumeCoefficients},
     search::{ResinLimit, SearchError, SearchOptions},
     voxel::MaterialId,
+    watch::Watch,
 };
 
 /// What a target is turned into layers with.
@@ -17,8 +18,7 @@ pub(super) struct TargetContext<'a> {
     /// Whether the mesh file has texture coordinates.
     pub has_uvs: bool,
     pub object: usize,
-    pub progress: &'a dyn Progress,
-    pub interrupt: &'a Interrupt,
+    pub watch: &'a dyn Watch,
 }
 
 impl TargetContext<'_> {
@@ -30,10 +30,6 @@ impl TargetContext<'_> {
 
     pub(super) fn refuse(&self, key: &str, found: impl ToString, expected: &str) -> RunError {
         self.job.refuse(key, found.to_string(), expected).into()
-    }
-
-    pub(super) fn stop_if_interrupted(&self) -> Result<(), RunError> {
-        if self.interrupt.requested() { Err(RunError::Interrupted) } else { Ok(()) }
     }
 
     pub(super) fn parameters(&self) -> Vec<Vec<KubelkaMunk>> {

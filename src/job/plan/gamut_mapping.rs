@@ -16,7 +16,7 @@ impl TargetContext<'_> {
         if !self.job.objects[self.object].gamut_map {
             return Ok(None);
         }
-        self.progress.stage("gamut", 0);
+        self.watch.stage("gamut", 0);
         let by_transport = self.job.stacking.model != StackingModel::KubelkaMunk;
         let volumes = by_transport.then(|| self.volumes()).transpose()?;
         let layers = self.job.layer_options(self.object);

@@ -141,7 +141,7 @@ impl TargetContext<'_> {
     }
 
     fn search(&self, core: ResinId, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
-        self.progress.stage("stackings", targets.len() as u64);
+        self.watch.stage("stackings", targets.len() as u64);
         let options = self.search_options(core);
         let fault = |source| self.search_fault(source);
         let table = BlockTable::new(&self.parameters(), &options).map_err(fault)?;
@@ -149,7 +149,7 @@ impl TargetContext<'_> {
         // In batches, so that the user sees progress and can stop.
         let mut found = Vec::with_capacity(targets.len());
         for batch in targets.chunks(SEARCH_BATCH) {
-            self.stop_if_interrupted()?;
+            self.watch.go_on()?;
             match &refiner {
                 None => {
                     let matches = match_targets(&table, batch).map_err(fault)?;
@@ -160,7 +160,7 @@ impl TargetContext<'_> {
                     found.extend(matches.into_iter().map(|(search, refined)| Found { search, refined: Some(refined) }));
                 }
             }
-            self.progress.advance(batch.len() as u64);
+            self.watch.advance(batch.len() as u64);
         }
         Ok(found)
     }
@@ -229,7 +229,7 @@ impl TargetContext<'_> {
         entries: Vec<StackingEntry>,
         core: ResinId,
     ) -> Result<(LayerField, StackingReport), RunError> {
-        self.progress.stage("layers", 0);
+        self.watch.stage("layers", 0);
         let stackings: Vec<_> = matches.iter().map(|found| found.stacking().clone()).collect();
         let aligned = align(&stackings);
         let ids: Vec<_> = aligned.sequence.iter().map(|&resin| self.id(resin)).collect();

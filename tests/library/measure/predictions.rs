@@ -5,6 +5,7 @@ use lumislice::optics::{
     ChannelPrediction, Light, MaterialFile, MaterialSet, PhotonOptions, Prediction, Stack, TransportOptions,
     VolumeCoefficients,
 };
+use lumislice::watch::Unwatched;
 
 use super::Round;
 
@@ -53,9 +54,9 @@ fn predictions_from_the_measurement_hold() {
     let folder = tempfile::tempdir().unwrap();
     let mut file = measured_set(folder.path());
     // No coefficients are in the file: `predict`, `match` and jobs fit them by the same call.
-    let refused = file.fit(None, |_, _| std::ops::ControlFlow::Continue(())).unwrap();
+    let refused = file.fit(None, &Unwatched).unwrap();
     assert!(refused.is_empty(), "{refused:?}");
-    let measured = file.into_set(|_, _| std::ops::ControlFlow::Continue(())).unwrap();
+    let measured = file.into_set(&Unwatched).unwrap();
     let exact = MaterialSet::builtin("synthetic").unwrap();
     for resin in &measured.resins {
         let (fit, truth) =
@@ -70,9 +71,8 @@ fn predictions_from_the_measurement_hold() {
     for (thin, stack) in THICK.iter().map(|stack| (false, *stack)).chain(THIN.iter().map(|stack| (true, *stack))) {
         let (own, true_ones) = (volumes(&measured, stack), volumes(&exact, stack));
         let options = PhotonOptions { light: Light::Diffuse, photons: 1_000_000, seed: 4 };
-        let go_on = |_| std::ops::ControlFlow::Continue(());
         let photons =
-            Prediction::monte_carlo(&exact.channels, &true_ones.map(|resin| resin.as_slice()), options, go_on);
+            Prediction::monte_carlo(&exact.channels, &true_ones.map(|resin| resin.as_slice()), options, &Unwatched);
         let photons = photons.unwrap().light.remove(0);
         let transport = |stack: &Stack<Vec<VolumeCoefficients>>| {
             let stack = stack.map(|resin| resin.as_slice());

@@ -1,13 +1,12 @@
 //! The synthetic resins, and a stack of them in all three models.
 
-use std::ops::ControlFlow;
-
 use lumislice::{
     optics::{
         KubelkaMunk, Light, MaterialSet, OpticsError, PhotonOptions, Prediction, Resin, ResinId, Stack,
         TransportOptions, VolumeCoefficients,
     },
     search::{ResinLimit, SearchOptions},
+    watch::Unwatched,
 };
 
 /// Layers by the names of their resins, top first, mm.
@@ -76,7 +75,7 @@ impl Resins {
         let stack = self.coefficients(stack);
         let stack = stack.map(|resin| resin.as_slice());
         let options = PhotonOptions { light: Light::Diffuse, photons, seed: 5 };
-        Prediction::monte_carlo(&self.set.channels, &stack, options, |_| ControlFlow::Continue(()))
+        Prediction::monte_carlo(&self.set.channels, &stack, options, &Unwatched)
     }
 
     pub fn predict(&self, layers: Layers, photons: u64) -> Result<Predicted, OpticsError> {

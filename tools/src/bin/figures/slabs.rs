@@ -8,11 +8,12 @@ use std::{fmt::Write, fs};
 
 use lumislice::{
     colour::linear_to_byte,
-    job::{self, Interrupt, Job, Prepared, RunOptions, Silent},
+    job::{self, Job, Prepared, RunOptions},
     optics::{ChannelPrediction, EdgeResponse},
     output::Existing,
     plot::{Axis, Figure, Panel, Raster, Rgb, Series, Shape, viridis},
     search::{BlockTable, Match, RefineOptions, Refined, Refiner, SearchTarget, place_of},
+    watch::Unwatched,
 };
 
 use super::{
@@ -179,9 +180,9 @@ fn slice(options: &Options, resins: &Resins, found: &[(Match, Refined)]) -> Outc
     }
     let path = folder.join("slabs.toml");
     fs::write(&path, &text)?;
-    let prepared = Prepared::new(Job::load(&path)?, &Silent, &Interrupt::new())?;
+    let prepared = Prepared::new(Job::load(&path)?, &Unwatched)?;
     let run = RunOptions { existing: Existing::Overwrite, slices: None };
-    let manifest = job::run(&prepared, &folder.join("out"), &run, &Silent, &Interrupt::new())?.manifest;
+    let manifest = job::run(&prepared, &folder.join("out"), &run, &Unwatched)?.manifest;
     println!(
         "\nsliced: {} × {} × {} voxels",
         prepared.lattice.dims[0], prepared.lattice.dims[1], prepared.lattice.dims[2]
