@@ -124,6 +124,15 @@ pub struct HealthReport {
     pub doubled_triangles: usize,
     /// Triangles dropped because they have no area (those with three distinct corners live on among the caps).
     pub degenerate_triangles: usize,
+    /// Corners joined with others that they missed by rounding.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub joined_corners: usize,
+    /// Sheets without thickness that were dropped from beside a solid.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub dropped_sheets: usize,
+    /// Triangles of those sheets.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub dropped_sheet_triangles: usize,
     /// Pairs of triangles that cross each other; `None` where the check was too expensive.
     pub self_intersections: Option<usize>,
     /// Connected pieces.
@@ -144,4 +153,8 @@ pub struct HealthReport {
 fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
     let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     positions.iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
