@@ -34,7 +34,7 @@ pub fn targets(job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Resu
         if object.depth_from == DepthFrom::Top {
             solid.measure_from_top();
         }
-        let has_uvs = complete_uvs(&mut solid);
+        let has_uvs = complete_uvs(&mut solid, &object.target)?;
         let context = TargetContext {
             job: &job,
             materials: &materials,

@@ -130,6 +130,9 @@ impl TriangleMesh {
         if let Some(uv) = self.uvs.get_mut(t) {
             uv.swap(1, 2);
         }
+        if let Some(colors) = self.corner_colors.get_mut(t) {
+            colors.swap(1, 2);
+        }
     }
 
     /// Drops triangles by index, with their attributes.
@@ -143,6 +146,7 @@ impl TriangleMesh {
         }
         retain(&mut self.triangles, &keep);
         retain(&mut self.uvs, &keep);
+        retain(&mut self.corner_colors, &keep);
         retain(&mut self.material_of, &keep);
     }
 }
