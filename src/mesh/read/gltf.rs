@@ -38,6 +38,10 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         .map(|buffer| {
             let place = || format!("buffer {}", buffer.index());
             let bytes = match buffer.source() {
+                // A buffer without bytes of its own is what an extension would unpack to.
+                gltf::buffer::Source::Bin if buffer.index() > 0 => {
+                    return Err(Fault::new(place(), "no URI", "bytes that no extension has to unpack"));
+                }
                 gltf::buffer::Source::Bin => {
                     blob.map(<[u8]>::to_vec).ok_or_else(|| Fault::new(place(), "no BIN chunk", "the buffer's bytes"))?
                 }

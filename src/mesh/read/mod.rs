@@ -177,6 +177,10 @@ impl Source<'_> {
     fn companion(&self, name: &str) -> PathBuf {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let verbatim = folder.join(name);
+        let bare = name.strip_prefix('"').and_then(|name| name.strip_suffix('"'));
+        if let Some(bare) = bare.filter(|_| !verbatim.exists()) {
+            return self.companion(bare);
+        }
         if name.contains('\\') && !verbatim.exists() { folder.join(name.replace('\\', "/")) } else { verbatim }
     }
 }

@@ -260,6 +260,11 @@ impl<'a> Reader<'a> {
             let colorless = format!("materials without Kd or map_Kd stay white: `{}`", colorless.join("`, `"));
             self.raw.lose_color(colorless);
         }
+        let nameless =
+            self.raw.material_of.iter().filter(|&&m| self.raw.materials[usize::from(m)].name.is_empty()).count();
+        if nameless > 0 && self.colors.is_empty() {
+            self.raw.warnings.push(format!("{} without a material: white", counted(nameless, "triangle")));
+        }
         if !missing.is_empty() {
             let missing = format!("materials nowhere defined stay white: `{}`", missing.join("`, `"));
             self.raw.lose_color(missing);

@@ -37,6 +37,12 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         }
     }
     check_indices(&raw)?;
+    for element in &header.elements {
+        let colors = ColorProperties::of(&element.properties).is_some();
+        if element.name.starts_with("multi_texture") || element.name == "material" && colors {
+            raw.lose_color(format!("colours by the element `{}` are not read", element.name));
+        }
+    }
     dress(&mut raw, source, &header.texture_files, &textures)?;
     Ok(raw)
 }
@@ -82,7 +88,10 @@ fn dress(raw: &mut RawMesh, source: &Source, files: &[String], textures: &Textur
             raw.warnings.push(format!("the vertex colours of {triangles} with a texture are not used"));
         }
     }
-    if files.is_empty() && textures.numbered {
+    if files.len() > 1 && !textures.numbered {
+        raw.lose_color(format!("which of {} textures a face has is not said by a texnumber", files.len()));
+    }
+    if files.is_empty() && textures.of.iter().any(|&number| number != Textures::NONE) && textures.numbered {
         raw.lose_color("faces name textures by number, but no comment names a TextureFile".to_owned());
     }
     Ok(())
@@ -102,7 +111,7 @@ impl Textures {
 
     /// Texture of a face that names one, or none.
     fn number(&mut self, named: Option<f64>, place: impl Fn() -> String) -> Parsed<u16> {
-        self.numbered |= named.is_some_and(|number| number >= 0.0);
+        self.numbered |= named.is_some();
         match named {
             None => Ok(0),
             // Without a texture, by MeshLab's custom.

@@ -199,7 +199,12 @@ pub(super) const ROWS: &[Row] = &[
          sRGB, where there is no texture; several textures",
     ),
     row("PLY", Fate::Ignored, &[], "other elements and properties; vertex colours under a texture, with a warning"),
-    row("PLY", Fate::Lost, &[], "missing or unreadable textures; a texture without coordinates"),
+    row(
+        "PLY",
+        Fate::Lost,
+        &[],
+        "`multi_texture` and `material` elements; several textures without a texnumber; missing or unreadable textures; a texture without coordinates",
+    ),
     row("PLY", Fate::Refused, &[], "indices out of range, a texnumber without TextureFile"),
     row(
         "3MF",

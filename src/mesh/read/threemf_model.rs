@@ -270,6 +270,9 @@ impl Builder {
                 self.open_group(tag, Properties::Texture { texture, coordinates: Vec::new() })?;
             }
             "base" => {
+                if tag.text("displaycolor")?.is_none() {
+                    self.warn("a base material states no displaycolor: it is white");
+                }
                 let material = plain(tag.text("name")?.unwrap_or_default(), tag.color("displaycolor")?);
                 self.add_material(material);
             }

@@ -104,8 +104,10 @@ fn mtl_options_place_the_texture() {
         ("-s 0.5 1 1 -o 0.5 0 0", WHOLE, BLUE),
         ("-clamp on", beyond, BLUE),
         ("-clamp off", beyond, RED),
+        ("-o 1 2 3 \"red tex.png\" #", WHOLE, RED),
     ] {
-        let loaded = plain_obj(&format!("newmtl m\nmap_Kd {option} half.png"), Some(uvs));
+        let file = if option.contains('"') { "" } else { "half.png" };
+        let loaded = plain_obj(&format!("newmtl m\nmap_Kd {option} {file}"), Some(uvs));
         assert_eq!(lost(&loaded), "");
         println!("{option}");
         assert_shares(&loaded, &[(color, 1.0)]);
@@ -242,6 +244,12 @@ fn several_textures_of_a_ply() {
     // No coordinates; no files; too high a number.
     let bare = files(ply(header, none, ("property int texnumber\n", &|_| "1".to_owned())));
     assert!(lost(&bare).contains("12 of 12 triangles with the texture of material `blue 2.png`"), "{}", lost(&bare));
+    let untold =
+        files(ply(header, none, ("property list uchar float texcoord\n", &|_| "8 0 0 1 0 1 1 0 1".to_owned())));
+    assert!(lost(&untold).contains("which of 2 textures"), "{}", lost(&untold));
+    let other =
+        files(ply("element material 0\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n", none, none));
+    assert!(lost(&other).contains("the element `material`"), "{}", lost(&other));
     let unnamed = files(ply("", none, (names, &face)));
     assert!(lost(&unnamed).contains("no comment names a TextureFile"));
     let folder = tempfile::tempdir().unwrap();
