@@ -89,6 +89,10 @@ fn count_patches(mesh: &TriangleMesh, edges: &Edges, among: &[bool]) -> usize {
 fn open_patches(mesh: &TriangleMesh, edges: &Edges) -> Vec<bool> {
     let mut is_sheet = vec![false; mesh.triangles.len()];
     let mut patches = patches(mesh.triangles.len(), edges);
+    // Of one patch nothing would stay.
+    if (0..mesh.triangles.len() as u32).all(|t| patches.root(t) == 0) {
+        return is_sheet;
+    }
     let mut is_open = vec![false; mesh.triangles.len()];
     for edge in edges.iter().filter(|edge| edge.half_edges.len() == 1) {
         is_open[patches.root(triangle_of(edge.half_edges[0]) as u32) as usize] = true;
