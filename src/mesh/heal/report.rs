@@ -15,7 +15,7 @@ impl HealthReport {
         say(
             self.joined_corners,
             format!(
-                "{} joined with others that they missed by less than a millionth of the mesh's length.",
+                "{} joined with others that they missed by a few millionths of the mesh's length.",
                 was_were(self.joined_corners, "corner")
             ),
         );

@@ -240,7 +240,7 @@ fn cracked(gap: f64) -> Vec<[DVec3; 3]> {
 fn corners_that_miss_each_other_by_rounding_are_joined() {
     let whole = close(mesh_of(&sphere(DVec3::ZERO, 5.0, 12))).unwrap().health;
     assert_eq!(whole.joined_corners, 0);
-    let solid = close(mesh_of(&cracked(9e-6))).unwrap();
+    let solid = close(mesh_of(&cracked(3e-5))).unwrap();
     let health = &solid.health;
     assert_eq!((health.open_edges, health.holes, health.shells, solid.caps.len()), (0, 0, 1, 0));
     assert!((health.volume_mm3 / whole.volume_mm3 - 1.0).abs() < 1e-5);
