@@ -6,7 +6,7 @@
 
 use std::time::{Duration, Instant};
 
-use lumislice::optics::{FrequencyGrid, KubelkaMunk, Light, MaterialSet, Transport, TransportOptions};
+use lumislice::optics::{FrequencyGrid, KubelkaMunk, Light, MaterialSet, ResinId, Stack, Transport, TransportOptions};
 use lumislice::search::{
     BlockTable, ResinLimit, SearchOptions, SearchTarget, algorithm_1, match_target, match_targets,
 };
@@ -14,7 +14,11 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
 fn resins(set: &str) -> Vec<Vec<KubelkaMunk>> {
-    MaterialSet::builtin(set).unwrap().resins.into_iter().map(|resin| resin.kubelka_munk).collect()
+    parameters(&MaterialSet::builtin(set).unwrap())
+}
+
+fn parameters(set: &MaterialSet) -> Vec<Vec<KubelkaMunk>> {
+    set.resins.iter().map(|resin| resin.channels.iter().map(|c| c.kubelka_munk.clone()).collect()).collect()
 }
 
 fn targets(count: usize, channels: usize, seed: u64) -> Vec<SearchTarget> {
@@ -32,15 +36,14 @@ fn targets(count: usize, channels: usize, seed: u64) -> Vec<SearchTarget> {
 fn realisable(set: &MaterialSet, count: usize, seed: u64) -> Vec<(String, SearchTarget)> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut unit = move || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-    let volume = |resin: usize, channel: usize| set.resins[resin].volume.as_ref().unwrap()[channel];
     let black = set.resin("black").unwrap().0;
     let support = set.resin("support").unwrap().0;
     let mut found = Vec::new();
     while found.len() < count {
         let layers = 2 + (3.0 * unit()) as usize;
-        let mut stack: Vec<(usize, f64)> = Vec::new();
+        let mut stack: Vec<(ResinId, f64)> = Vec::new();
         while stack.len() < layers {
-            let resin = (set.resins.len() as f64 * unit()) as usize;
+            let resin = ResinId((set.resins.len() as f64 * unit()) as usize);
             if stack.last().is_none_or(|last| last.0 != resin) {
                 stack.push((resin, 0.05 * 40.0_f64.powf(unit())));
             }
@@ -49,15 +52,15 @@ fn realisable(set: &MaterialSet, count: usize, seed: u64) -> Vec<(String, Search
         if above < 0.2 || stack.iter().map(|layer| layer.1).sum::<f64>() > 5.0 {
             continue;
         }
-        let channel = |channel: usize| {
-            let layers: Vec<_> = stack.iter().map(|&(resin, mm)| (volume(resin, channel), mm)).collect();
-            let base = Some(volume(black, channel));
+        let stack = Stack::new(stack).over(black);
+        let channel = |channel| {
+            let stack = stack.map(|&resin| set[resin][channel].volume.unwrap());
             let options = TransportOptions::REFLECTION;
-            Transport { layers: &layers, base, light: Light::Diffuse, options }.spectra(&set.grid).reflection
+            Transport { stack: &stack, light: Light::Diffuse, options }.spectra(&set.grid).reflection
         };
-        let name = |&(resin, mm): &(usize, f64)| format!("{} {mm:.2}", set.resins[resin].name);
-        let name = stack.iter().map(name).collect::<Vec<_>>().join(", ");
-        found.push((name, SearchTarget { channels: (0..set.channels.len()).map(channel).collect() }));
+        let name = stack.pairs().map(|(&resin, mm)| format!("{} {mm:.2}", set[resin].name));
+        let name = name.collect::<Vec<_>>().join(", ");
+        found.push((name, SearchTarget { channels: set.channel_ids().map(channel).collect() }));
     }
     found
 }
@@ -74,7 +77,7 @@ fn colour() {
     let core = set.resin("black").map(|(black, _)| black);
     let options = SearchOptions { core, limits, ..Default::default() };
     let targets = realisable(&set, 30, 7);
-    let resins: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
+    let resins = parameters(&set);
     let (built, table) = best_of(3, || BlockTable::new(&resins, &options).unwrap());
     println!("{}: n 64, depth 6, 30 realisable targets, one thread; table {:.1} ms", set.name, ms(built));
     println!("{:>9} {:>10} {:>10} {:>10} {:>6}  target", "ms", "nodes", "objective", "bound", "proven");
@@ -146,9 +149,9 @@ fn main() {
     let synthetic = |units, depth| {
         let limit = ResinLimit { min_depth_mm: 0.2, ..ResinLimit::NONE };
         let limits = vec![ResinLimit::NONE, ResinLimit::NONE, limit];
-        SearchOptions { units, depth, core: Some(1), limits, ..Default::default() }
+        SearchOptions { units, depth, core: Some(ResinId(1)), limits, ..Default::default() }
     };
-    let inks = |units, depth| SearchOptions { units, depth, core: Some(1), ..Default::default() };
+    let inks = |units, depth| SearchOptions { units, depth, core: Some(ResinId(1)), ..Default::default() };
     table("synthetic", 1, 20, &[(64, 4), (64, 6), (64, 8), (64, 10), (256, 6), (256, 8)], synthetic);
     table("inks-rgb", 3, 10, &[(64, 4), (64, 5), (64, 6)], inks);
 

@@ -8,7 +8,9 @@ use std::time::Instant;
 
 use lumislice::{
     appearance::NormalizedDiffusion,
-    optics::{KubelkaMunk, Light, MaterialSet, ModalReflection, Transport, TransportOptions, VolumeCoefficients},
+    optics::{
+        KubelkaMunk, Light, MaterialSet, ModalReflection, Stack, Transport, TransportOptions, VolumeCoefficients,
+    },
     search::{BlockTable, RefineOptions, Refiner, SearchOptions, SearchTarget, match_sequences, match_targets},
 };
 
@@ -27,19 +29,20 @@ fn main() {
     let resin = |name: &str| set.resin(name).expect("a resin of the set").0;
     let (white, support, black) = (resin("white"), resin("support"), resin("black"));
     let volumes: Vec<Vec<VolumeCoefficients>> =
-        set.resins.iter().map(|resin| resin.volume.clone().expect("coefficients")).collect();
+        set.resins.iter().map(|resin| resin.volumes().expect("coefficients")).collect();
     let channel: Vec<_> = volumes.iter().map(|resin| resin[0]).collect();
     let stack = [(white, 0.25), (support, 1.0), (white, 0.5)];
-    let layers: Vec<_> = stack.iter().map(|&(resin, mm)| (channel[resin], mm)).collect();
+    let whole = Stack::new(stack).over(black).map(|resin| channel[resin.0]);
+    let stack = stack.map(|(resin, mm)| (resin.0, mm));
     println!("three layers over black, {} frequencies, one thread:", set.grid.len());
     for (name, options) in [("6 × 5", TransportOptions::REFLECTION), ("10 × 6", TransportOptions::default())] {
-        let new = || ModalReflection::new(&channel, Some(black), set.grid.as_slice(), options);
+        let new = || ModalReflection::new(&channel, Some(black.0), set.grid.as_slice(), options);
         let modal = new();
         let table = one.install(|| best_ms(|| drop(new())));
         let both = best_ms(|| drop(new()));
         let value = one.install(|| best_ms(|| drop(modal.reflection(&stack))));
         let slope = one.install(|| best_ms(|| drop(modal.slope(&stack))));
-        let model = Transport { layers: &layers, base: Some(channel[black]), light: Light::Diffuse, options };
+        let model = Transport { stack: &whole, light: Light::Diffuse, options };
         let scratch = one.install(|| best_ms(|| drop(model.spectra(&set.grid))));
         println!(
             "  {name:6} modes {value:6.1} ms, with slopes {slope:6.1} ms; from scratch {scratch:6.1} ms; \
@@ -48,7 +51,8 @@ fn main() {
     }
 
     let options = SearchOptions { core: Some(black), ..SearchOptions::default() };
-    let parameters: Vec<Vec<KubelkaMunk>> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
+    let parameters: Vec<Vec<KubelkaMunk>> =
+        set.resins.iter().map(|resin| resin.channels.iter().map(|c| c.kubelka_munk.clone()).collect()).collect();
     let blocks = BlockTable::new(&parameters, &options).expect("good options");
     let targets: Vec<SearchTarget> = (0..100)
         .map(|i| {

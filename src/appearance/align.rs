@@ -5,13 +5,13 @@
 //! as given. Here it is the permutation of the used resins that makes the sequence shortest, since every slot costs time in
 //! every voxel; the last period is cut after its last used slot.
 
-use crate::search::Stacking;
+use crate::optics::{ResinId, Stack};
 
 /// Stackings over one sequence of resins.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AlignedStackings {
     /// Resin of each slot, top first; periodic.
-    pub sequence: Vec<usize>,
+    pub sequence: Vec<ResinId>,
     /// Slots in a period: the number of resins used.
     pub period: usize,
     /// Thickness in mm, row-major `[stacking][slot]`; 0 where the stacking skips the slot.
@@ -25,9 +25,9 @@ const ALL_ORDERS: usize = 7;
 
 /// Aligns `stackings` to the shortest periodic sequence; ties go to the lexically first order of resin
 /// indices, so the order of a material file decides what lies on top between two stackings.
-pub fn align(stackings: &[Stacking]) -> AlignedStackings {
+pub fn align(stackings: &[Stack]) -> AlignedStackings {
     let mut chains: Vec<Vec<usize>> =
-        stackings.iter().map(|stacking| stacking.layers.iter().map(|layer| layer.resin).collect()).collect();
+        stackings.iter().map(|stacking| stacking.layers.iter().map(|layer| layer.resin.0).collect()).collect();
     let mut resins: Vec<usize> = chains.iter().flatten().copied().collect();
     resins.sort_unstable();
     resins.dedup();
@@ -49,7 +49,7 @@ pub fn align(stackings: &[Stacking]) -> AlignedStackings {
 
     let period = order.len();
     let length = length(&distinct, &rank, usize::MAX).unwrap_or_default();
-    let sequence = (0..length).map(|slot| resins[order[slot % period]]).collect();
+    let sequence = (0..length).map(|slot| ResinId(resins[order[slot % period]])).collect();
     let mut thickness = vec![0.0; length * stackings.len()];
     for (row, (stacking, chain)) in stackings.iter().zip(&chains).enumerate() {
         for (layer, slot) in stacking.layers.iter().zip(slots(chain, &rank)) {
@@ -79,9 +79,9 @@ impl AlignedStackings {
         bottoms
     }
 
-    /// The stacking without its virtual layers.
-    pub fn collapse(&self, stacking: usize) -> Stacking {
-        Stacking::from_layers(self.sequence.iter().copied().zip(self.row(stacking).iter().copied()))
+    /// The layers of a stacking without the virtual ones.
+    pub fn collapse(&self, stacking: usize) -> Stack {
+        Stack::joined(self.sequence.iter().copied().zip(self.row(stacking).iter().copied()))
     }
 }
 
@@ -164,25 +164,25 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn stackings(resins: usize) -> impl Strategy<Value = Vec<Stacking>> {
-        let layer = (0..resins, 0.01..2.0f64);
+    fn stackings(resins: usize) -> impl Strategy<Value = Vec<Stack>> {
+        let layer = ((0..resins).prop_map(ResinId), 0.01..2.0f64);
         prop::collection::vec(prop::collection::vec(layer, 0..7), 0..12)
-            .prop_map(|rows| rows.into_iter().map(Stacking::from_layers).collect())
+            .prop_map(|rows| rows.into_iter().map(Stack::joined).collect())
     }
 
     /// The shortest sequence over all orders, found without ranks or pruning.
-    fn shortest(stackings: &[Stacking], resins: usize) -> usize {
+    fn shortest(stackings: &[Stack], resins: usize) -> usize {
         let mut order: Vec<usize> = (0..resins).collect();
         let mut best = usize::MAX;
         loop {
             let used: Vec<usize> = order
                 .iter()
                 .copied()
-                .filter(|r| stackings.iter().any(|s| s.layers.iter().any(|l| l.resin == *r)))
+                .filter(|r| stackings.iter().any(|s| s.layers.iter().any(|l| l.resin.0 == *r)))
                 .collect();
-            let length = |stacking: &Stacking| {
+            let length = |stacking: &Stack| {
                 let mut slots = used.iter().cycle();
-                stacking.layers.iter().map(|layer| slots.position_in(layer.resin)).sum::<usize>()
+                stacking.layers.iter().map(|layer| slots.position_in(layer.resin.0)).sum::<usize>()
             };
             best = best.min(stackings.iter().map(length).max().unwrap_or(0));
             if !next_permutation(&mut order) {
@@ -238,11 +238,11 @@ mod tests {
 
     #[test]
     fn the_papers_period() {
-        let (white, support, black) = (0, 1, 2);
+        let [white, support, black] = [0, 1, 2].map(ResinId);
         let stackings = [
-            Stacking::from_layers([(white, 0.2), (support, 2.0), (black, 1.0)]),
-            Stacking::from_layers([(white, 1.0), (black, 0.5), (white, 3.0)]),
-            Stacking::from_layers([(support, 1.0), (black, 1.0)]),
+            Stack::new([(white, 0.2), (support, 2.0), (black, 1.0)]),
+            Stack::new([(white, 1.0), (black, 0.5), (white, 3.0)]),
+            Stack::new([(support, 1.0), (black, 1.0)]),
         ];
         let aligned = align(&stackings);
         assert_eq!(aligned.sequence, [white, support, black, white]);
@@ -252,8 +252,8 @@ mod tests {
 
     #[test]
     fn nothing_aligns_to_nothing() {
-        assert_eq!(align(&[]).sequence, Vec::<usize>::new());
-        let bare = align(&[Stacking::default()]);
-        assert_eq!((bare.sequence.len(), bare.len, bare.collapse(0)), (0, 1, Stacking::default()));
+        assert!(align(&[]).sequence.is_empty());
+        let bare = align(&[Stack::default()]);
+        assert_eq!((bare.sequence.len(), bare.len, bare.collapse(0)), (0, 1, Stack::default()));
     }
 }

@@ -47,13 +47,25 @@ pub struct ClusterFit {
     pub worst: f64,
 }
 
+/// A group of points, and what is made for it: a target, a stacking. Its place among them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[serde(transparent)]
+pub struct ClusterId(pub u16);
+
+impl ClusterId {
+    /// Its place among all.
+    pub fn index(self) -> usize {
+        usize::from(self.0)
+    }
+}
+
 /// Points in groups.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clusters {
     /// Number of clusters asked for; more than `centroids.len()` where there were not as many different points.
     pub requested: usize,
     /// Cluster of each point: the one with the nearest centroid.
-    pub labels: Vec<u32>,
+    pub labels: Vec<ClusterId>,
     /// Weighted mean of each cluster's points.
     pub centroids: Vec<Vec<f64>>,
     /// One per cluster.
@@ -156,7 +168,7 @@ pub fn cluster(points: &[f64], weights: &[f64], options: &ClusterOptions) -> Res
         total: lloyd.total(),
         iterations: lloyd.iterations,
         converged: lloyd.converged,
-        labels: lloyd.labels,
+        labels: lloyd.labels.into_iter().map(|label| ClusterId(label as u16)).collect(), // k is at most 65,535
         centroids,
         fits,
     })

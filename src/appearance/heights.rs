@@ -6,8 +6,8 @@
 
 use std::fmt::Write as _;
 
-use super::{align::AlignedStackings, limits::SlotLimits};
-use crate::search::ResinLimit;
+use super::{ClusterId, align::AlignedStackings, limits::SlotLimits};
+use crate::{optics::ResinId, search::ResinLimit};
 
 /// Depths of all layers over a map.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +17,7 @@ pub struct HeightFields {
     /// Rows, the first on top.
     pub height: usize,
     /// Resin of each layer of the sequence, top first.
-    pub sequence: Vec<usize>,
+    pub sequence: Vec<ResinId>,
     /// Depth at which each layer ends, mm, `[layer][row][column]`; a layer that ends where the one above it does is not there.
     pub bottoms_mm: Vec<f32>,
 }
@@ -27,7 +27,7 @@ impl HeightFields {
     pub fn new(
         stackings: &AlignedStackings,
         limits: &[ResinLimit],
-        labels: &[u16],
+        labels: &[ClusterId],
         columns: usize,
         parts: usize,
     ) -> Self {
@@ -43,7 +43,7 @@ impl HeightFields {
                 row.fill(0.0);
                 for (texel_y, share_y) in down {
                     for (texel_x, share_x) in across {
-                        let label = usize::from(labels[texel_y * columns + texel_x]);
+                        let label = labels[texel_y * columns + texel_x].index();
                         let bottoms = &table[label * layers..(label + 1) * layers];
                         let share = share_x * share_y;
                         row.iter_mut().zip(bottoms).for_each(|(sum, bottom)| *sum += share * *bottom as f32);
@@ -78,7 +78,7 @@ impl HeightFields {
     pub fn obj(&self, pitch_mm: [f64; 2], resins: &[String]) -> String {
         let mut text = String::from("# lower ends of layers, mm; z is minus depth\n");
         for (layer, resin) in self.sequence.iter().enumerate() {
-            let name = resins.get(*resin).map_or("resin", String::as_str);
+            let name = resins.get(resin.0).map_or("resin", String::as_str);
             let _ = writeln!(text, "o {layer:02}_{name}"); // writing to a String cannot fail
             for (index, depth) in self.layer(layer).iter().enumerate() {
                 let (x, y) = (index % self.width, self.height - 1 - index / self.width);
@@ -109,25 +109,22 @@ fn between(sample: usize, parts: usize, texels: usize) -> [(usize, f32); 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{appearance::align, search::Stacking};
+    use crate::{appearance::align, optics::Stack};
 
     fn aligned() -> AlignedStackings {
-        align(&[
-            Stacking::from_layers([(0, 0.2), (1, 2.0)]),
-            Stacking::from_layers([(2, 1.0)]),
-            Stacking::from_layers([(0, 1.0), (2, 0.5)]),
-        ])
+        let stack = |layers: &[(usize, f64)]| Stack::new(layers.iter().map(|&(resin, mm)| (ResinId(resin), mm)));
+        align(&[stack(&[(0, 0.2), (1, 2.0)]), stack(&[(2, 1.0)]), stack(&[(0, 1.0), (2, 0.5)])])
     }
 
     #[test]
     fn texels_keep_their_stackings() {
         let stackings = aligned();
-        let labels = [0, 1, 2, 2, 1, 0];
+        let labels = [0, 1, 2, 2, 1, 0].map(ClusterId);
         let fields = HeightFields::new(&stackings, &[], &labels, 3, 1);
         assert_eq!((fields.width, fields.height), (3, 2));
         let layers = fields.sequence.len();
         for (texel, label) in labels.iter().enumerate() {
-            let truth = &stackings.bottoms()[usize::from(*label) * layers..][..layers];
+            let truth = &stackings.bottoms()[label.index() * layers..][..layers];
             for (layer, truth) in truth.iter().enumerate() {
                 assert!((f64::from(fields.layer(layer)[texel]) - truth).abs() < 1e-6);
             }
@@ -138,7 +135,7 @@ mod tests {
     /// Between two texels depths go from one to the other evenly, and no layer ends above the one before it.
     #[test]
     fn between_texels_depths_are_interpolated() {
-        let fields = HeightFields::new(&aligned(), &[], &[0, 1], 2, 8);
+        let fields = HeightFields::new(&aligned(), &[], &[0, 1].map(ClusterId), 2, 8);
         for layer in 0..fields.sequence.len() {
             let row = &fields.layer(layer)[..16];
             let steps: Vec<f32> = row[4..12].windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -155,12 +152,15 @@ mod tests {
     fn limits_hold_between_texels() {
         let limit = ResinLimit { min_depth_mm: 0.2, ..ResinLimit::NONE };
         let limits = [ResinLimit::NONE, limit, ResinLimit::NONE];
-        let fields = HeightFields::new(&aligned(), &limits, &[0, 1], 2, 16);
+        let fields = HeightFields::new(&aligned(), &limits, &[0, 1].map(ClusterId), 2, 16);
         for sample in 0..fields.width {
             let mut top = 0.0;
             for (layer, resin) in fields.sequence.iter().enumerate() {
                 let bottom = fields.layer(layer)[sample];
-                assert!(*resin != 1 || bottom <= top || top >= 0.2 - 1e-3, "sample {sample}: support starts at {top}");
+                assert!(
+                    *resin != ResinId(1) || bottom <= top || top >= 0.2 - 1e-3,
+                    "sample {sample}: support starts at {top}"
+                );
                 top = bottom;
             }
         }
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn surfaces_have_a_vertex_per_sample_and_face_up() {
-        let fields = HeightFields::new(&aligned(), &[], &[0, 1, 2, 1], 2, 1);
+        let fields = HeightFields::new(&aligned(), &[], &[0, 1, 2, 1].map(ClusterId), 2, 1);
         let names = ["white", "support", "black"].map(String::from);
         let text = fields.obj([0.5, 0.5], &names);
         let (vertices, faces): (Vec<_>, Vec<_>) =

@@ -14,7 +14,7 @@
 //! violates none is returned bit for bit. Where every corner of an interpolation keeps min-depth, rule 1 always finds a run above:
 //! the corner that has the resin has something above it.
 
-use crate::search::ResinLimit;
+use crate::{optics::ResinId, search::ResinLimit};
 
 /// Depths closer than this are the same, mm: far below a printer's resolution, far above f32 rounding of depths to 100 mm.
 const SAME_MM: f32 = 1e-4;
@@ -45,20 +45,20 @@ struct Run {
 
 /// Re-imposes `limits` (one per resin; a resin beyond them has none) on one row of `bottoms` over `sequence`. See
 /// [`SlotLimits::enforce`], which is the one for many rows.
-pub fn enforce_limits(bottoms: &mut [f32], sequence: &[usize], limits: &[ResinLimit]) -> bool {
+pub fn enforce_limits(bottoms: &mut [f32], sequence: &[ResinId], limits: &[ResinLimit]) -> bool {
     SlotLimits::new(sequence, limits).enforce(bottoms)
 }
 
 impl SlotLimits {
     /// `limits` holds one limit per resin; a resin beyond it has none.
-    pub fn new(sequence: &[usize], limits: &[ResinLimit]) -> Self {
-        let of = |resin: &usize| limits.get(*resin).copied().unwrap_or(ResinLimit::NONE);
+    pub fn new(sequence: &[ResinId], limits: &[ResinLimit]) -> Self {
+        let of = |resin: &ResinId| limits.get(resin.0).copied().unwrap_or(ResinLimit::NONE);
         let column = |f: fn(ResinLimit) -> f64| sequence.iter().map(|resin| f(of(resin)) as f32).collect::<Vec<f32>>();
         let (min_depth, min, max) = (column(|l| l.min_depth_mm), column(|l| l.min_mm), column(|l| l.max_mm));
         let growth = min.iter().copied().fold(0.0, f32::max);
         let max_limited = max.iter().any(|max| max.is_finite());
         Self {
-            resin: sequence.iter().map(|resin| *resin as u32).collect(),
+            resin: sequence.iter().map(|resin| resin.0 as u32).collect(),
             limited: growth > 0.0 || max_limited || min_depth.iter().any(|depth| *depth > 0.0),
             min_depth,
             min,

@@ -20,7 +20,7 @@ mod textured;
 
 pub use align::{AlignedStackings, align};
 pub use charts::{Atlas, ChartMap, Place};
-pub use clusters::{ClusterError, ClusterFit, ClusterOptions, Clusters, cluster};
+pub use clusters::{ClusterError, ClusterFit, ClusterId, ClusterOptions, Clusters, cluster};
 pub use diffusion::{DiffusionError, NormalizedDiffusion};
 pub use equation_7::{LocalProfiles, TexelRings};
 pub(crate) use equation_7::{mirrored, spread};

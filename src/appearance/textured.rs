@@ -12,6 +12,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::{
+    ClusterId,
     charts::{Atlas, Place, for_covered_texels, wrap},
     layers::BrickQuery,
     lookups::{SurfaceTexel, resolve},
@@ -23,9 +24,9 @@ use crate::{
     voxel::{BRICK_VOXELS, MaterialId},
 };
 
-/// Which stacking every texel of a page has, row 0 on top. Texels that no triangle covers do not matter.
+/// Which stacking every texel of a page has: that of its cluster; row 0 on top. Texels that no triangle covers do not matter.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LabelMap(pub Vec<u16>);
+pub struct LabelMap(pub Vec<ClusterId>);
 
 /// A texel: whose stacking, and whose chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,7 +93,7 @@ impl TexturedLayers {
         for (page, labels) in atlas.pages().iter().zip(labels) {
             layers.pages.push(Page { width: page.width, height: page.height, start: layers.texels.len() });
             let texels = page.source.iter().zip(&page.chart);
-            layers.texels.extend(texels.map(|(&source, &chart)| Texel { label: labels.0[source as usize], chart }));
+            layers.texels.extend(texels.map(|(&source, &chart)| Texel { label: labels.0[source as usize].0, chart }));
         }
         layers.ranges = layers.triangle_ranges(mesh);
         for triangle in 0..mesh.triangles.len() as u32 {

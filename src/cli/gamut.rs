@@ -6,11 +6,8 @@ use anyhow::bail;
 use clap::Args;
 use lumislice::{
     appearance::NormalizedDiffusion,
-    job::{
-        self, Job, MaterialSource, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
-        format_stack,
-    },
-    optics::{FrequencyGrid, MaterialSet, ProfileFile},
+    job::{self, Job, MaterialSource, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
+    optics::{FrequencyGrid, MaterialSet, ProfileFile, Resin, ResinId, Stack},
     plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
     search::{
         ChannelGamut, Gamut, GamutMap, GamutPoint, RefineOptions, ResinLimit, SearchError, SearchOptions, SearchTarget,
@@ -21,7 +18,7 @@ use serde_json::json;
 
 use super::{
     Answer, INTERRUPT,
-    match_target::{MEAN_FREE_PATH_MM, parse_depth, parse_layer, parse_min_depth},
+    match_target::{MEAN_FREE_PATH_MM, kubelka_munk, parse_depth, parse_layer, parse_min_depth},
     materials::{Materials, no_coefficients},
     output_file::OutputFile,
     plots::PlotFile,
@@ -108,7 +105,7 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
     let mut materials = Materials::read(&named)?;
     let stacking = job.as_ref().map(|job| &job.stacking);
     let core_name = args.core.as_deref().or(stacking.map(StackingOptions::core_name));
-    let core = core_name.map(|name| materials.file.resin_index(name)).transpose()?;
+    let core = core_name.map(|name| materials.file.resin_id(name)).transpose()?;
     let limits = match stacking {
         Some(stacking) if args.min_depth.is_empty() => {
             stacking.resin_limits(&materials.file.resin_names().collect::<Vec<_>>())
@@ -140,8 +137,8 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
     }
     let set = materials.load(&bars)?;
     bars.stage("gamut", 0);
-    let resins: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
-    let volumes: Option<Vec<_>> = set.resins.iter().map(|resin| resin.volume.clone()).collect();
+    let resins = kubelka_munk(&set);
+    let volumes: Option<Vec<_>> = set.resins.iter().map(Resin::volumes).collect();
     let space = layer_space(&options, &layers, resins.len());
     let gamut = Gamut::explore(&resins, volumes.as_deref().filter(|_| by_transport), &set.grid, &space);
     bars.finish();
@@ -209,7 +206,7 @@ impl GamutArgs {
 
     fn limits(&self, materials: &Materials) -> anyhow::Result<Vec<ResinLimit>> {
         for (index, (resin, _)) in self.min_depth.iter().enumerate() {
-            materials.file.resin_index(resin)?;
+            materials.file.resin_id(resin)?;
             if self.min_depth[..index].iter().any(|other| other.0 == *resin) {
                 bail!("--min-depth: found {resin} a second time, expected each resin once");
             }
@@ -278,9 +275,8 @@ impl Shown<'_> {
         self.set.channels.iter().zip(&self.gamut.channels)
     }
 
-    fn stack(&self, point: &GamutPoint) -> Vec<(String, f64)> {
-        let layers = point.stacking.layers.iter();
-        layers.map(|layer| (self.set.resins[layer.resin].name.clone(), layer.thickness_mm)).collect()
+    fn stack(&self, point: &GamutPoint) -> Stack<String> {
+        self.set.named(&point.stacking)
     }
 
     /// `narrow`, `wide`, or inside.
@@ -296,7 +292,7 @@ impl Shown<'_> {
     }
 
     fn title(&self) -> String {
-        let below = self.options.core.map_or("nothing", |core| &self.set.resins[core].name);
+        let below = self.options.core.map_or("nothing", |core| &self.set[core].name);
         format!("Gamut of {}, up to {} mm over {below}", self.set.name, self.options.max_thickness_mm)
     }
 
@@ -316,10 +312,10 @@ impl Shown<'_> {
             panel = panel
                 .with(Series::area("", outline).colour(lumislice::plot::GREY).opacity(0.25))
                 .with(Series::line("boundary", closed).colour(lumislice::plot::BLACK).size(1.6));
-            for resin in 0..self.set.resins.len() {
+            for resin in self.set.ids() {
                 let points = channel.points.iter().filter(|point| thickest(point) == Some(resin));
                 let places = points.map(|point| [point.half_energy_radius_mm, point.albedo]);
-                let name = format!("mostly {}", self.set.resins[resin].name);
+                let name = format!("mostly {}", self.set[resin].name);
                 panel = panel.with(Series::points(name, places).size(3.6).colour(colour(resin)).opacity(0.7));
             }
             for (inside, name, colour) in [(true, "targets inside", GREEN), (false, "targets outside", RED)] {
@@ -338,7 +334,7 @@ impl Shown<'_> {
         let mut text = "channel,place,albedo,half_energy_radius_mm,stack\n".to_owned();
         for (name, channel) in self.channels() {
             for point in &channel.points {
-                let (place, stack) = (Self::place(channel, point), format_stack(&self.stack(point)));
+                let (place, stack) = (Self::place(channel, point), self.stack(point).to_string());
                 let (albedo, radius) = (point.albedo, point.half_energy_radius_mm);
                 text += &format!("{name},{place},{albedo:.6},{radius:.6},\"{}\"\n", stack.replace('"', "\"\""));
             }
@@ -349,8 +345,8 @@ impl Shown<'_> {
     fn document(&self) -> serde_json::Value {
         let channel = |(name, channel): (&String, &ChannelGamut)| {
             let point = |point: &GamutPoint| {
-                let layers = self.stack(point);
-                let layers = layers.iter().map(|(resin, mm)| json!({ "material": resin, "thickness_mm": mm }));
+                let stack = self.stack(point);
+                let layers = stack.pairs().map(|(resin, mm)| json!({ "material": resin, "thickness_mm": mm }));
                 json!({
                     "albedo": point.albedo,
                     "half_energy_radius_mm": point.half_energy_radius_mm,
@@ -429,13 +425,14 @@ impl Shown<'_> {
 }
 
 /// The resin that most of a stacking is.
-fn thickest(point: &GamutPoint) -> Option<usize> {
+fn thickest(point: &GamutPoint) -> Option<ResinId> {
     let layers = &point.stacking.layers;
-    let total =
-        |resin: usize| layers.iter().filter(|layer| layer.resin == resin).map(|layer| layer.thickness_mm).sum::<f64>();
+    let total = |resin: ResinId| {
+        layers.iter().filter(|layer| layer.resin == resin).map(|layer| layer.thickness_mm).sum::<f64>()
+    };
     layers.iter().map(|layer| layer.resin).max_by(|&a, &b| total(a).total_cmp(&total(b)).then(b.cmp(&a)))
 }
 
-fn colour(resin: usize) -> lumislice::plot::Rgb {
-    lumislice::plot::SERIES[resin % lumislice::plot::SERIES.len()]
+fn colour(resin: ResinId) -> lumislice::plot::Rgb {
+    lumislice::plot::SERIES[resin.0 % lumislice::plot::SERIES.len()]
 }

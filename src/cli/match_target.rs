@@ -9,12 +9,12 @@ use lumislice::{
     colour::{srgb_to_linear, to_channels},
     job::{NamedLimit, Progress, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
     optics::{
-        DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, PhotonOptions, Prediction, ProfileFile, TransportOptions,
-        VolumeCoefficients,
+        DEFAULT_SEED, FrequencyGrid, KubelkaMunk, Light, MaterialSet, PhotonOptions, Prediction, ProfileFile, Resin,
+        Stack, TransportOptions, VolumeCoefficients,
     },
     plot::Figure,
     search::{
-        BlockTable, Match, Norm, Objective, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget, Stacking,
+        BlockTable, Match, Norm, Objective, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget,
         match_target, reflection_of,
     },
 };
@@ -136,7 +136,7 @@ pub(super) fn parse_depth(text: &str) -> Result<usize, String> {
 
 /// A stacking and what the models say of it.
 struct Judged {
-    stacking: Stacking,
+    stacking: Stack,
     /// R̂ per channel in the model that was asked for.
     reflection: Vec<Vec<f64>>,
     km: f64,
@@ -149,13 +149,13 @@ pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
     args.check()?;
     let mut materials = Materials::read(&args.materials)?;
     let target = args.target(materials.file.channels().len())?;
-    let core = args.core.as_deref().map(|name| materials.file.resin_index(name)).transpose()?;
+    let core = args.core.as_deref().map(|name| materials.file.resin_id(name)).transpose()?;
     let limits = args.limits(&materials)?;
     let plot = args.plot.as_deref().map(PlotFile::open).transpose()?;
     let bars = Bars::new(args.json);
     let model = args.fit(&mut materials, &bars)?;
     let set = materials.load(&bars)?;
-    let volumes: Option<Vec<_>> = set.resins.iter().map(|resin| resin.volume.clone()).collect();
+    let volumes: Option<Vec<_>> = set.resins.iter().map(Resin::volumes).collect();
     let options = SearchOptions {
         max_thickness_mm: args.max_thickness_mm,
         units: args.units,
@@ -170,7 +170,7 @@ pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
         leave_at_once();
     }
     bars.stage("search", 0);
-    let resins: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
+    let resins = kubelka_munk(&set);
     let refiner = (model == Judge::Transport).then(|| {
         let volumes = volumes.as_deref().unwrap_or_default();
         Refiner::new(volumes, &set.grid, &options, args.refine_options())
@@ -271,7 +271,7 @@ impl MatchArgs {
             max_mm: f64::INFINITY,
         };
         for (resin, mm) in &self.min_depth {
-            materials.file.resin_index(resin)?;
+            materials.file.resin_id(resin)?;
             if limits.iter().any(|other| other.resin == *resin) {
                 bail!("--min-depth: found {resin} a second time, expected each resin once");
             }
@@ -337,6 +337,11 @@ impl MatchArgs {
     }
 }
 
+pub(super) fn kubelka_munk(set: &MaterialSet) -> Vec<Vec<KubelkaMunk>> {
+    let channels = |resin: &Resin| resin.channels.iter().map(|channel| channel.kubelka_munk.clone()).collect();
+    set.resins.iter().map(channels).collect()
+}
+
 fn spectra(prediction: &Prediction) -> Vec<Vec<f64>> {
     prediction.light.iter().map(|light| light.reflection_hankel.clone()).collect()
 }
@@ -355,27 +360,25 @@ impl Scorer<'_> {
         self.options.objective.of(reflection, self.target)
     }
 
-    fn judge(&self, stacking: Stacking, reflection: Vec<Vec<f64>>) -> Judged {
-        let parameters: Vec<_> = self.set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
-        let km = self.objective(&reflection_of(&parameters, &stacking, self.options.core));
+    fn judge(&self, stacking: Stack, reflection: Vec<Vec<f64>>) -> Judged {
+        let km = self.objective(&reflection_of(&kubelka_munk(self.set), &stacking));
         let transport = self.transport(&stacking).map(|light| self.objective(&spectra(&light)));
         Judged { stacking, reflection, km, transport, monte_carlo: None }
     }
 
-    fn transport(&self, stacking: &Stacking) -> Option<Prediction> {
-        let (layers, core) = self.layers(stacking)?;
+    fn transport(&self, stacking: &Stack) -> Option<Prediction> {
+        let stack = self.coefficients(stacking)?;
         let directions = TransportOptions::REFLECTION;
-        Some(Prediction::transport(&self.set.channels, &layers, core, Light::Diffuse, directions))
+        Some(Prediction::transport(&self.set.channels, &stack, Light::Diffuse, directions))
     }
 
-    fn trace(&self, stacking: &Stacking, photons: u64) -> anyhow::Result<Prediction> {
-        let (layers, core) = self.layers(stacking).expect("checked with the arguments");
+    fn trace(&self, stacking: &Stack, photons: u64) -> anyhow::Result<Prediction> {
+        let stack = self.coefficients(stacking).expect("checked with the arguments");
         let options = PhotonOptions { light: Light::Diffuse, photons, seed: DEFAULT_SEED };
-        Ok(Prediction::monte_carlo(&self.set.channels, &layers, core, options, |_| go_on())?)
+        Ok(Prediction::monte_carlo(&self.set.channels, &stack, options, |_| go_on())?)
     }
 
-    fn figure(&self, stacking: &Stacking, monte_carlo: Option<&Prediction>) -> Figure {
-        let layers: Vec<_> = stacking.layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).collect();
+    fn figure(&self, stacking: &Stack, monte_carlo: Option<&Prediction>) -> Figure {
         let named: Vec<_> = self.named(stacking).map(|(name, mm)| format!("{name} {mm:.3}")).collect();
         let below = self.args.core.as_ref().map_or("nothing", String::as_str);
         let plot = MatchPlot {
@@ -383,27 +386,21 @@ impl Scorer<'_> {
             caption: self.set.provenance.clone(),
             target: self.target,
             grid: &self.set.grid,
-            km: Prediction::kubelka_munk(self.set, &layers, self.options.core),
+            km: Prediction::kubelka_munk(self.set, stacking),
             transport: self.transport(stacking),
             monte_carlo,
         };
         plot.figure()
     }
 
-    /// Coefficients of the layers with their thicknesses, and of the core.
-    #[allow(clippy::type_complexity)]
-    fn layers(
-        &self,
-        stacking: &Stacking,
-    ) -> Option<(Vec<(&[VolumeCoefficients], f64)>, Option<&[VolumeCoefficients]>)> {
+    /// The stack of coefficients.
+    fn coefficients(&self, stacking: &Stack) -> Option<Stack<&[VolumeCoefficients]>> {
         let volumes = self.volumes?;
-        let layers =
-            stacking.layers.iter().map(|layer| (volumes[layer.resin].as_slice(), layer.thickness_mm)).collect();
-        Some((layers, self.options.core.map(|core| volumes[core].as_slice())))
+        Some(stacking.map(|resin| volumes[resin.0].as_slice()))
     }
 
-    fn named<'b>(&'b self, stacking: &'b Stacking) -> impl Iterator<Item = (&'b str, f64)> {
-        stacking.layers.iter().map(|layer| (self.set.resins[layer.resin].name.as_str(), layer.thickness_mm))
+    fn named<'b>(&'b self, stacking: &'b Stack) -> impl Iterator<Item = (&'b str, f64)> {
+        stacking.pairs().map(|(&resin, mm)| (self.set[resin].name.as_str(), mm))
     }
 
     fn document(&self, answer: &Judged, unrefined: Option<&Judged>, found: &Match) -> serde_json::Value {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use lumislice::{
-    optics::{ChannelPrediction, CoefficientFit, MaterialFile, MaterialSet, Resin},
+    optics::{ChannelPrediction, CoefficientFit, MaterialFile, MaterialSet, Resin, ResinChannel},
     plot::{Figure, SERIES},
 };
 use serde_json::json;
@@ -121,12 +121,11 @@ fn figure(set: &MaterialSet) -> Figure {
         let light: Vec<_> = set
             .resins
             .iter()
-            .filter_map(|resin| resin.slab.get(channel))
+            .map(|resin| &resin.channels[channel].slab)
             .map(|slab| ChannelPrediction::from_spectra(slab.reflection.clone(), slab.transmission.clone(), &set.grid))
             .collect();
         let curve = |(index, (resin, light)): (usize, (&Resin, _))| {
-            let mm = resin.representative_thickness_mm.get(channel).copied().unwrap_or_default();
-            let name = format!("{}, {mm} mm", resin.name);
+            let name = format!("{}, {} mm", resin.name, resin.channels[channel].slab_mm);
             Curve { name, light, colour: SERIES[index % SERIES.len()], look: Look::Solid }
         };
         let curves: Vec<_> = set.resins.iter().zip(&light).enumerate().map(curve).collect();
@@ -138,32 +137,19 @@ fn figure(set: &MaterialSet) -> Figure {
     figure
 }
 
-/// What a resin does in one channel.
-struct Channel {
-    slab_mm: f64,
-    reflection: Option<f64>,
-    transmission: Option<f64>,
-    half_space: Option<f64>,
-}
-
-fn channels(resin: &Resin) -> impl Iterator<Item = Channel> + '_ {
-    let slabs = resin.slab.iter().zip(&resin.kubelka_munk).zip(&resin.representative_thickness_mm);
-    slabs.map(|((slab, parameters), thickness_mm)| Channel {
-        slab_mm: *thickness_mm,
-        reflection: slab.reflection.first().copied(),
-        transmission: slab.transmission.first().copied(),
-        half_space: parameters.half_space().first().copied(),
-    })
+/// Albedo of a resin without end.
+fn half_space(channel: &ResinChannel) -> Option<f64> {
+    channel.kubelka_munk.half_space().first().copied()
 }
 
 fn record(resin: &Resin) -> serde_json::Value {
-    let coefficients = resin.volume.as_ref().map(|volume| {
-        let each = volume.iter().map(
+    let coefficients = resin.volumes().map(|volumes| {
+        let each = volumes.iter().map(
             |volume| json!({ "scattering_per_mm": volume.sigma_s, "absorption_per_mm": volume.sigma_a, "g": volume.g }),
         );
         each.collect::<Vec<_>>()
     });
-    let per_channel = |value: fn(Channel) -> Option<f64>| channels(resin).map(value).collect::<Vec<_>>();
+    let per_channel = |value: fn(&ResinChannel) -> Option<f64>| resin.channels.iter().map(value).collect::<Vec<_>>();
     json!({
         "name": resin.name,
         "rgba": resin.rgba,
@@ -171,11 +157,11 @@ fn record(resin: &Resin) -> serde_json::Value {
         "print_as": if resin.print_as_background { "background" } else { "resin" },
         "refractive_index": resin.refractive_index,
         "coefficients": coefficients,
-        "fit": resin.fit.as_ref().map(|fits| fits.iter().map(fit_record).collect::<Vec<_>>()),
-        "slab_thickness_mm": resin.representative_thickness_mm,
-        "slab_reflection": per_channel(|channel| channel.reflection),
-        "slab_transmission": per_channel(|channel| channel.transmission),
-        "half_space_reflection": per_channel(|channel| channel.half_space),
+        "fit": resin.fits().map(|fits| fits.iter().map(fit_record).collect::<Vec<_>>()),
+        "slab_thickness_mm": per_channel(|channel| Some(channel.slab_mm)),
+        "slab_reflection": per_channel(|channel| channel.slab.reflection.first().copied()),
+        "slab_transmission": per_channel(|channel| channel.slab.transmission.first().copied()),
+        "half_space_reflection": per_channel(half_space),
         "notes": resin.notes,
     })
 }
@@ -193,10 +179,10 @@ fn fit_record(fit: &CoefficientFit) -> serde_json::Value {
 /// How well coefficients fit the profiles of the resins that came without.
 fn fits(set: &MaterialSet) -> Option<String> {
     let percent = |share: f64| format!("{:.1}%", 100.0 * share);
-    let rows = set.resins.iter().filter_map(|resin| resin.fit.as_ref().map(|fits| (resin, fits)));
+    let rows = set.resins.iter().filter_map(|resin| resin.fits().map(|fits| (resin, fits)));
     let rows: Vec<Vec<String>> = rows
         .flat_map(|(resin, fits)| {
-            fits.iter().zip(&set.channels).map(|(fit, channel)| {
+            fits.into_iter().zip(&set.channels).map(|(fit, channel)| {
                 vec![
                     resin.name.clone(),
                     channel.clone(),
@@ -218,8 +204,8 @@ fn report(set: &MaterialSet) -> String {
     let mut rows = Vec::new();
     let mut about = Vec::new();
     for resin in &set.resins {
-        for (index, (channel, name)) in channels(resin).zip(&set.channels).enumerate() {
-            let volume = resin.volume.as_ref().and_then(|volume| volume.get(index));
+        for (index, (channel, name)) in resin.channels.iter().zip(&set.channels).enumerate() {
+            let volume = channel.volume;
             rows.push(vec![
                 if index == 0 { resin.name.clone() } else { String::new() },
                 name.clone(),
@@ -227,9 +213,9 @@ fn report(set: &MaterialSet) -> String {
                 number(volume.map(|volume| volume.sigma_a), 4),
                 number(volume.map(|volume| volume.g), 2),
                 format!("{:.2}", channel.slab_mm),
-                number(channel.reflection, 4),
-                number(channel.transmission, 4),
-                number(channel.half_space, 4),
+                number(channel.slab.reflection.first().copied(), 4),
+                number(channel.slab.transmission.first().copied(), 4),
+                number(half_space(channel), 4),
             ]);
         }
         let [r, g, b, _] = resin.rgba;

@@ -5,9 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{anyhow, bail};
 use clap::{Args, ValueEnum};
 use lumislice::{
-    job::parse_stack,
     optics::{
-        DEFAULT_PHOTONS, DEFAULT_SEED, Light, MaterialFile, PhotonOptions, Prediction, TransportOptions,
+        DEFAULT_PHOTONS, DEFAULT_SEED, Light, MaterialFile, PhotonOptions, Prediction, Stack, TransportOptions,
         VolumeCoefficients,
     },
     plot::Figure,
@@ -91,18 +90,17 @@ enum Source {
 /// Runs the command.
 pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
     args.check()?;
-    let layers = parse_stack(&args.stack).map_err(|error| anyhow!("--stack: {error}"))?;
+    let named: Stack<String> = args.stack.parse().map_err(|error| anyhow!("--stack: {error}"))?;
+    let named = named.over(args.core.clone());
     let mut materials = Materials::read(&args.materials)?;
     let file = &materials.file;
-    let indices =
-        layers.iter().map(|(name, mm)| Ok((file.resin_index(name)?, *mm))).collect::<anyhow::Result<Vec<_>>>()?;
-    let core = args.core.as_deref().map(|name| file.resin_index(name)).transpose()?;
+    let stack = file.stack(&named)?;
     let csv = args.open_csv(file.channels())?;
     let plot = args.plot.as_deref().map(PlotFile::open).transpose()?;
     let bars = Bars::new(args.json);
     let mut model = args.model;
     if model != Model::Km {
-        let names: Vec<&str> = layers.iter().map(|(name, _)| name.as_str()).chain(args.core.as_deref()).collect();
+        let names: Vec<&str> = named.pairs().map(|(name, _)| name.as_str()).chain(args.core.as_deref()).collect();
         let refused = materials.fit(Some(&names), &bars)?;
         if let Some(reason) = refused.first() {
             if model == Model::MonteCarlo || args.light == Source::Normal {
@@ -115,15 +113,15 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
     }
     let file = &materials.file;
     let prediction = match model {
-        Model::Km => Prediction::kubelka_munk(&materials.load(&bars)?, &indices, core),
-        Model::Transport => args.transport(file, &layers)?,
-        Model::MonteCarlo => args.trace(file, &layers, &bars)?,
+        Model::Km => Prediction::kubelka_munk(&materials.load(&bars)?, &stack),
+        Model::Transport => args.transport(file, &named)?,
+        Model::MonteCarlo => args.trace(file, &named, &bars)?,
     };
     for (file, light) in csv.into_iter().zip(&prediction.light) {
         file.finish(light.to_csv().as_bytes())?;
     }
     if let Some(plot) = plot {
-        plot.finish(&args.figure(&layers, model, &prediction))?;
+        plot.finish(&args.figure(&named, model, &prediction))?;
     }
     if args.json {
         let spectra = |of: fn(&lumislice::optics::ChannelPrediction) -> &Vec<f64>| -> Vec<&Vec<f64>> {
@@ -160,7 +158,7 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
         })
         .collect();
     let header = ["channel", "albedo", "transmission", "50% within mm", "90% within mm"];
-    print(&(args.title(&layers, model) + "\n" + &table(&header, &rows)))?;
+    print(&(args.title(&named, model) + "\n" + &table(&header, &rows)))?;
     Ok(Answer::Yes)
 }
 
@@ -184,33 +182,29 @@ impl PredictArgs {
         }
     }
 
-    /// Coefficients of the layers with their thicknesses, and of the core.
-    #[allow(clippy::type_complexity)]
+    /// The stack of coefficients.
     fn volumes<'a>(
         &self,
         file: &'a MaterialFile,
-        layers: &[(String, f64)],
-    ) -> anyhow::Result<(Vec<(&'a [VolumeCoefficients], f64)>, Option<&'a [VolumeCoefficients]>)> {
-        let volume = |name: &str| file.volume(name).ok_or_else(|| no_coefficients(name, &self.materials));
-        let layers = layers.iter().map(|(name, mm)| Ok((volume(name)?, *mm))).collect::<anyhow::Result<_>>()?;
-        Ok((layers, self.core.as_deref().map(volume).transpose()?))
+        named: &Stack<String>,
+    ) -> anyhow::Result<Stack<&'a [VolumeCoefficients]>> {
+        named.try_map(|name| file.volume(name).ok_or_else(|| no_coefficients(name, &self.materials)))
     }
 
-    fn transport(&self, file: &MaterialFile, layers: &[(String, f64)]) -> anyhow::Result<Prediction> {
-        let (layers, core) = self.volumes(file, layers)?;
+    fn transport(&self, file: &MaterialFile, named: &Stack<String>) -> anyhow::Result<Prediction> {
         let options = TransportOptions::for_accuracy(self.accuracy, self.light());
-        Ok(Prediction::transport(file.channels(), &layers, core, self.light(), options))
+        Ok(Prediction::transport(file.channels(), &self.volumes(file, named)?, self.light(), options))
     }
 
-    fn trace(&self, file: &MaterialFile, layers: &[(String, f64)], bars: &Bars) -> anyhow::Result<Prediction> {
-        let (layers, core) = self.volumes(file, layers)?;
+    fn trace(&self, file: &MaterialFile, named: &Stack<String>, bars: &Bars) -> anyhow::Result<Prediction> {
+        let stack = self.volumes(file, named)?;
         let options = PhotonOptions {
             light: self.light(),
             photons: self.photons.unwrap_or(DEFAULT_PHOTONS),
             seed: self.seed.unwrap_or(DEFAULT_SEED),
         };
         let mut step = bars.share("photons");
-        let prediction = Prediction::monte_carlo(file.channels(), &layers, core, options, |share| {
+        let prediction = Prediction::monte_carlo(file.channels(), &stack, options, |share| {
             step(share);
             go_on()
         });
@@ -227,7 +221,7 @@ impl PredictArgs {
         channels.iter().map(|channel| OutputFile::open(&with_channel(path, channel))).collect()
     }
 
-    fn figure(&self, layers: &[(String, f64)], model: Model, prediction: &Prediction) -> Figure {
+    fn figure(&self, named: &Stack<String>, model: Model, prediction: &Prediction) -> Figure {
         let colours = channel_colours(&prediction.channels);
         let curves: Vec<_> = prediction
             .channels
@@ -242,11 +236,11 @@ impl PredictArgs {
             .collect();
         let panels = [(Side::Reflection, "Reflection"), (Side::Transmission, "Transmission")];
         let panels = panels.into_iter().filter_map(|(side, title)| Some(profile_panel(side, &curves)?.title(title)));
-        panels.fold(Figure::new(self.title(layers, model)).columns(2), Figure::with)
+        panels.fold(Figure::new(self.title(named, model)).columns(2), Figure::with)
     }
 
-    fn title(&self, layers: &[(String, f64)], model: Model) -> String {
-        let layers: Vec<_> = layers.iter().map(|(name, mm)| format!("{name} {mm} mm")).collect();
+    fn title(&self, named: &Stack<String>, model: Model) -> String {
+        let layers: Vec<_> = named.pairs().map(|(name, mm)| format!("{name} {mm} mm")).collect();
         let below = self.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
         let model = match model {
             Model::Km => "Kubelka-Munk",

@@ -88,7 +88,7 @@ pub fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
 impl SimulateArgs {
     fn plans(&self, file: &MaterialFile) -> anyhow::Result<Vec<SlabPlan>> {
         for name in &self.resin {
-            file.resin_index(name)?;
+            file.resin_id(name)?;
             if file.volume(name).is_none() {
                 bail!(
                     "--resin {name}: found no coefficients to simulate, expected scattering-per-mm and absorption-per-mm"

@@ -27,15 +27,14 @@ pub use factor::{
 pub use file::{
     AlbedoSource, ClusterOptions, DepthFrom, Distance, FieldOptions, InputPath, Job, JobError, MAX_JOB_BYTES,
     MaterialSource, NamedLimit, ObjectJob, OutputFormat, OutputOptions, Place, ResolvedJob, SUPPORT,
-    SUPPORT_MIN_DEPTH_MM, Scaling, StackError, StackingModel, StackingOptions, TargetSpec, Unit, format_stack,
-    parse_stack,
+    SUPPORT_MIN_DEPTH_MM, Scaling, StackError, StackingModel, StackingOptions, TargetSpec, Unit,
 };
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord, STACKINGS,
 };
 pub use plan::{
-    GamutMapEntry, InputFile, JobTarget, LayerEntry, Prepared, PreparedObject, SearchEntry, StackingEntry,
-    StackingReport, TransportEntry, targets,
+    GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry, StackingReport,
+    TransportEntry, targets,
 };
 pub use progress::{Interrupt, Progress, Silent};
 pub use run::{Estimate, Finished, REPORT, RedrawError, RunOptions, draw_again, redraw, report_data, run};

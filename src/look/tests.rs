@@ -4,7 +4,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
 use crate::look::{ExitImage, Pattern, Photons, Response, Sides, TexelGrid, VoxelGrid, VoxelScene, Windows};
-use crate::optics::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges, VolumeCoefficients};
+use crate::optics::{Estimate, Light, MonteCarlo, MonteCarloResult, RingEdges, Stack, VolumeCoefficients};
 use std::ops::ControlFlow;
 
 const VOID: VolumeCoefficients = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.0, g: 0.0, refractive_index: 1.0 };
@@ -41,9 +41,9 @@ fn layered(
     base: Option<VolumeCoefficients>,
     photons: Photons,
 ) -> MonteCarloResult {
-    let layers = layers.iter().map(|&(coefficients, thickness_mm)| Layer { coefficients, thickness_mm }).collect();
+    let stack = Stack::new(layers.iter().copied()).over(base);
     let (light, rings) = (photons.light, RingEdges::growing());
-    MonteCarlo { layers, base, light, photons: photons.count, seed: photons.seed + 1, rings }.run().unwrap()
+    MonteCarlo { stack, light, photons: photons.count, seed: photons.seed + 1, rings }.run().unwrap()
 }
 
 #[track_caller]

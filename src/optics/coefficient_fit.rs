@@ -7,8 +7,8 @@
 //! is not fitted, and the phase function of Henyey and Greenstein.
 
 use super::{
-    FrequencyGrid, Light, MAX_COEFFICIENT_PER_MM, RadialProfile, Transport, TransportOptions, VolumeCoefficients,
-    repair_transmission,
+    FrequencyGrid, Light, MAX_COEFFICIENT_PER_MM, RadialProfile, Stack, Transport, TransportOptions,
+    VolumeCoefficients, repair_transmission,
 };
 use crate::numeric::least_squares::{Budget, Descent, curvature, dot, gradient};
 
@@ -179,8 +179,8 @@ impl Data {
         let volume = self.volume(at);
         let mut residuals = Vec::with_capacity(2 * self.grid.len() * self.slabs.len());
         for slab in &self.slabs {
-            let layers = [(volume, slab.thickness_mm)];
-            let found = Transport { layers: &layers, base: None, light: Light::Diffuse, options }.spectra(&self.grid);
+            let stack = Stack::new([(volume, slab.thickness_mm)]);
+            let found = Transport { stack: &stack, light: Light::Diffuse, options }.spectra(&self.grid);
             let off = |found: Vec<f64>, measured: &[f64]| {
                 found.into_iter().zip(measured).map(|(found, measured)| found - measured).collect::<Vec<_>>()
             };

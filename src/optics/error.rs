@@ -1,5 +1,6 @@
 //! What can go wrong in this room, by who is to blame: the disk, the file's contents, or a parameter.
 
+use crate::words::suggest;
 use std::path::PathBuf;
 
 use super::SpectrumError;
@@ -81,6 +82,16 @@ pub enum OpticsError {
 }
 
 impl OpticsError {
+    /// No resin `name` among `names` of the set `set`.
+    pub(super) fn unknown_resin<'a>(name: &str, set: &str, names: impl Iterator<Item = &'a str> + Clone) -> Self {
+        Self::UnknownResin {
+            name: name.into(),
+            suggestion: suggest(name, names.clone()).map(String::from),
+            set: set.into(),
+            known: names.collect::<Vec<_>>().join(", "),
+        }
+    }
+
     pub(crate) fn parameter(name: &str, found: impl std::fmt::Display, expected: String) -> Self {
         Self::Parameter { name: name.into(), found: found.to_string(), expected }
     }

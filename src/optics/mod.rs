@@ -19,6 +19,7 @@ mod error;
 mod frequency;
 mod fresnel;
 mod hankel;
+mod ids;
 mod inverse;
 mod kubelka_munk;
 mod materials;
@@ -28,6 +29,7 @@ mod profile;
 mod profile_csv;
 mod quadrature;
 mod repair;
+mod stack;
 mod tail;
 mod transport;
 mod volume;
@@ -38,18 +40,20 @@ pub use edge::EdgeResponse;
 pub use error::OpticsError;
 pub use frequency::FrequencyGrid;
 pub use hankel::ProfileSpectrum;
+pub use ids::{ChannelId, ResinId};
 pub use inverse::InverseHankel;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
 pub(crate) use materials::resin_table;
 pub use materials::{
-    BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinSpectrum,
-    SimulatedProfile, SlabPlan, SpectrumError, regenerate_builtin, simulate_profile,
+    BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinChannel,
+    ResinSpectrum, SimulatedProfile, SlabPlan, SpectrumError, regenerate_builtin, simulate_profile,
 };
-pub use monte_carlo::{Estimate, Layer, Light, MonteCarlo, MonteCarloResult, RingEdges};
+pub use monte_carlo::{Estimate, Light, MonteCarlo, MonteCarloResult, RingEdges};
 pub use prediction::{ChannelPrediction, PhotonOptions, PredictedRing, Prediction};
 pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERANCE, ProfileError, RadialProfile};
 pub use profile_csv::ProfileFile;
 pub use repair::{LostInNoise, TransmissionRepair, repair_transmission};
+pub use stack::{Layer, Stack};
 pub use tail::Tail;
 pub use transport::{ModalReflection, ReflectionSlope, Transport, TransportOptions, TransportSpectra};
 pub use volume::{MAX_COEFFICIENT_PER_MM, MAX_REFRACTIVE_INDEX, VolumeCoefficients};

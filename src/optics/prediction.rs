@@ -11,8 +11,8 @@
 use std::ops::ControlFlow;
 
 use super::{
-    Composite, FrequencyGrid, InverseHankel, Layer, Light, MaterialSet, MonteCarlo, OpticsError, RadialProfile,
-    RingEdges, Transport, TransportOptions, VolumeCoefficients,
+    Composite, FrequencyGrid, InverseHankel, Light, MaterialSet, MonteCarlo, OpticsError, RadialProfile, ResinId,
+    RingEdges, Stack, Transport, TransportOptions, VolumeCoefficients,
 };
 
 /// Rings of predicted profiles end here, mm: beyond π/Δk of the default grid, 20 mm, the inverse transform aliases.
@@ -70,38 +70,32 @@ pub struct PhotonOptions {
 }
 
 impl Prediction {
-    /// By scalar Kubelka–Munk under diffuse light. `layers` are (index of the resin in `set`, mm) from the observer down; below them
-    /// lies a half-space of the resin `core`, or nothing. Indices must be within the set.
-    pub fn kubelka_munk(set: &MaterialSet, layers: &[(usize, f64)], core: Option<usize>) -> Self {
-        let light = (0..set.channels.len()).map(|channel| {
-            let slab =
-                |&(resin, mm): &(usize, f64)| Composite::from_slab(&set.resins[resin].kubelka_munk[channel].slab(mm));
-            let stack = layers.iter().map(slab).fold(Composite::identity(set.grid.len()), |top, slab| top.over(&slab));
-            let (reflection, transmission) = match core {
-                None => (stack.reflection_top, stack.transmission),
-                Some(core) => {
-                    let base = set.resins[core].kubelka_munk[channel].half_space();
-                    (stack.reflection_over(&base), vec![0.0; set.grid.len()])
-                }
+    /// By scalar Kubelka–Munk under diffuse light. The stack's resins must be the set's.
+    pub fn kubelka_munk(set: &MaterialSet, stack: &Stack) -> Self {
+        let light = set.channel_ids().map(|channel| {
+            let parameters = |resin: &ResinId| &set[*resin][channel].kubelka_munk;
+            let slabs = stack.pairs().map(|(resin, mm)| Composite::from_slab(&parameters(resin).slab(mm)));
+            let layers = slabs.fold(Composite::identity(set.grid.len()), |top, slab| top.over(&slab));
+            let (reflection, transmission) = match &stack.core {
+                None => (layers.reflection_top, layers.transmission),
+                Some(core) => (layers.reflection_over(&parameters(core).half_space()), vec![0.0; set.grid.len()]),
             };
             ChannelPrediction::from_spectra(reflection, transmission, &set.grid)
         });
         Self { channels: set.channels.clone(), grid: set.grid.clone(), light: light.collect() }
     }
 
-    /// By the transport equation, with resins given by their coefficients per channel. `layers` are from the observer down, mm; below them
-    /// lies a half-space of the resin `core`, or nothing.
+    /// By the transport equation, with resins given by their coefficients per channel.
     pub fn transport(
         channels: &[String],
-        layers: &[(&[VolumeCoefficients], f64)],
-        core: Option<&[VolumeCoefficients]>,
+        stack: &Stack<&[VolumeCoefficients]>,
         light: Light,
         options: TransportOptions,
     ) -> Self {
         let grid = FrequencyGrid::default();
         let predicted = (0..channels.len()).map(|channel| {
-            let layers: Vec<_> = layers.iter().map(|&(resin, mm)| (resin[channel], mm)).collect();
-            let model = Transport { layers: &layers, base: core.map(|core| core[channel]), light, options };
+            let stack = stack.map(|resin| resin[channel]);
+            let model = Transport { stack: &stack, light, options };
             let spectra = model.spectra(&grid);
             let glint = model.glint();
             ChannelPrediction {
@@ -119,21 +113,15 @@ impl Prediction {
     /// As [`MonteCarlo::run_with`].
     pub fn monte_carlo(
         channels: &[String],
-        layers: &[(&[VolumeCoefficients], f64)],
-        core: Option<&[VolumeCoefficients]>,
+        stack: &Stack<&[VolumeCoefficients]>,
         options: PhotonOptions,
         mut progress: impl FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Self, OpticsError> {
         let grid = FrequencyGrid::default();
         let mut light = Vec::with_capacity(channels.len());
         for channel in 0..channels.len() {
-            let layer = |&(resin, thickness_mm): &(&[VolumeCoefficients], f64)| Layer {
-                coefficients: resin[channel],
-                thickness_mm,
-            };
             let simulation = MonteCarlo {
-                layers: layers.iter().map(layer).collect(),
-                base: core.map(|core| core[channel]),
+                stack: stack.map(|resin| resin[channel]),
                 light: options.light,
                 photons: options.photons,
                 seed: options.seed.wrapping_add(channel as u64),
@@ -218,19 +206,22 @@ mod tests {
         MaterialSet::builtin("synthetic").unwrap()
     }
 
-    fn by_photons(set: &MaterialSet, layers: &[(usize, f64)], core: Option<usize>, photons: u64) -> Prediction {
-        let volume = |resin: usize| set.resins[resin].volume.as_deref().unwrap();
-        let layers: Vec<_> = layers.iter().map(|&(resin, mm)| (volume(resin), mm)).collect();
+    fn stack(set: &MaterialSet, text: &str, core: Option<&str>) -> Stack {
+        let named = text.parse::<Stack<String>>().unwrap().over(core.map(str::to_owned));
+        set.stack(&named).unwrap()
+    }
+
+    fn by_photons(set: &MaterialSet, stack: &Stack, photons: u64) -> Prediction {
+        let volumes = stack.map(|&resin| set[resin].volumes().unwrap());
         let options = PhotonOptions { light: Light::Diffuse, photons, seed: 1 };
-        Prediction::monte_carlo(&set.channels, &layers, core.map(volume), options, |_| ControlFlow::Continue(()))
-            .unwrap()
+        let go_on = |_| ControlFlow::Continue(());
+        Prediction::monte_carlo(&set.channels, &volumes.map(|resin| resin.as_slice()), options, go_on).unwrap()
     }
 
     #[test]
     fn five_millimetres_of_white_on_black_are_the_papers_0_6() {
         let set = synthetic();
-        let (white, black) = (set.resin("white").unwrap().0, set.resin("black").unwrap().0);
-        let prediction = Prediction::kubelka_munk(&set, &[(white, 5.0)], Some(black));
+        let prediction = Prediction::kubelka_munk(&set, &stack(&set, "white:5", Some("black")));
         assert!((prediction.light[0].reflection_hankel[0] - 0.628).abs() < 1e-3);
         assert_eq!(prediction.light[0].transmission_hankel, [0.0; 128]);
     }
@@ -238,9 +229,9 @@ mod tests {
     #[test]
     fn models_agree_on_a_thick_layer() {
         let set = synthetic();
-        let white = set.resin("white").unwrap().0;
-        let km = &Prediction::kubelka_munk(&set, &[(white, 3.0)], None).light[0];
-        let mc = &by_photons(&set, &[(white, 3.0)], None, 150_000).light[0];
+        let white = stack(&set, "white:3", None);
+        let km = &Prediction::kubelka_munk(&set, &white).light[0];
+        let mc = &by_photons(&set, &white, 150_000).light[0];
         // The resin's parameters come from a slab of just this thickness, so what differs is noise.
         assert!((km.reflection_hankel[0] - mc.reflection_hankel[0]).abs() < 4e-3);
         assert!((km.transmission_hankel[0] - mc.transmission_hankel[0]).abs() < 1e-3);
@@ -253,8 +244,8 @@ mod tests {
     #[test]
     fn csv_read_back_has_the_predicted_spectrum() {
         let set = synthetic();
-        let layers = [(set.resin("white").unwrap().0, 0.5), (set.resin("support").unwrap().0, 1.0)];
-        for prediction in [Prediction::kubelka_munk(&set, &layers, None), by_photons(&set, &layers, None, 100_000)] {
+        let stack = stack(&set, "white:0.5,support:1", None);
+        for prediction in [Prediction::kubelka_munk(&set, &stack), by_photons(&set, &stack, 100_000)] {
             let light = &prediction.light[0];
             let read = ProfileFile::parse(&light.to_csv(), Path::new("p.csv")).unwrap();
             let spectrum = read.reflection.unwrap().hankel(&prediction.grid).values;
@@ -266,7 +257,7 @@ mod tests {
     #[test]
     fn nothing_transmits_everything() {
         let set = synthetic();
-        let light = &Prediction::kubelka_munk(&set, &[], None).light[0];
+        let light = &Prediction::kubelka_munk(&set, &Stack::default()).light[0];
         assert_eq!((light.reflection_hankel[0], light.transmission_hankel[0]), (0.0, 1.0));
         assert_eq!(light.half_energy_radius_mm, None);
     }
@@ -276,7 +267,8 @@ mod tests {
         let volume = [VolumeCoefficients::new(1.0, 1.0, 0.0).unwrap()];
         let options = PhotonOptions { light: Light::Normal, photons: 10, seed: 1 };
         let stop = |_: f64| ControlFlow::Break(());
-        let result = Prediction::monte_carlo(&["Y".into()], &[(&volume, 1.0)], None, options, stop);
+        let stack = Stack::new([(volume.as_slice(), 1.0)]);
+        let result = Prediction::monte_carlo(&["Y".into()], &stack, options, stop);
         assert!(matches!(result, Err(OpticsError::Cancelled)));
     }
 }

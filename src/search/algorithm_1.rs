@@ -5,7 +5,7 @@
 //! of which the paper's bounds mind: the core is one more layer, and a limit only removes stackings.
 
 use super::{BlockTable, Match, SearchError, SearchTarget};
-use crate::optics::Composite;
+use crate::optics::{Composite, KubelkaMunk, ResinId};
 
 /// A partial stacking.
 struct Node {
@@ -41,7 +41,7 @@ pub fn algorithm_1(table: &BlockTable, target: &SearchTarget) -> Result<Match, S
     table.goal(target)?;
     let options = table.options();
     let base = match options.core {
-        Some(core) => table.resins[core].iter().map(|channel| channel.half_space()).collect(),
+        Some(core) => table.resins[core.0].iter().map(|channel| channel.half_space()).collect(),
         None => vec![vec![0.0; table.coefficients()]; table.channels()],
     };
     let blocks = table
@@ -50,7 +50,7 @@ pub fn algorithm_1(table: &BlockTable, target: &SearchTarget) -> Result<Match, S
         .rev()
         .flat_map(|&units| (0..table.resins.len()).map(move |resin| (resin, units)))
         .map(|(resin, units)| {
-            let slab = |channel: &crate::optics::KubelkaMunk| channel.slab(units as f64 * options.unit_mm());
+            let slab = |channel: &KubelkaMunk| channel.slab(units as f64 * options.unit_mm());
             (resin, units, table.resins[resin].iter().map(|channel| Composite::from_slab(&slab(channel))).collect())
         })
         .collect();
@@ -122,7 +122,7 @@ impl Search<'_> {
         let may_end = match node.blocks.last() {
             None => self.table.core_may_start(0),
             // The core's own resin may always end: it goes on below.
-            Some(&(bottom, _)) if self.table.options().core == Some(bottom) => true,
+            Some(&(bottom, _)) if self.table.options().core == Some(ResinId(bottom)) => true,
             Some(&(bottom, _)) => self.table.may_end(bottom, node.run, node.thickness),
         };
         if !may_end {

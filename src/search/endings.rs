@@ -7,6 +7,7 @@
 //! tree is descended, nearer box first, and whole boxes of endings are dropped at once.
 
 use super::BlockTable;
+use crate::optics::ResinId;
 
 /// Endings in a box that is not divided further: a box costs two looks at an ending, and memory. Not tuned.
 const LEAF: usize = 4;
@@ -58,7 +59,7 @@ impl Endings {
         if (table.resins.len() * table.sizes.len()).pow(2) > MOST {
             return Self { endings, boxes: Vec::new() };
         }
-        let may_end = |resin: usize| table.options().core != Some(resin);
+        let may_end = |resin: usize| table.options().core != Some(ResinId(resin));
         for last in (0..table.resins.len()).filter(|&resin| may_end(resin)) {
             for size in 0..table.sizes.len() {
                 let r = &table.block_over_base[last][size];

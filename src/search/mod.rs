@@ -1,7 +1,7 @@
 //! The inverse problem: which stacking of resins reflects like the target (Hašan et al. 2010, section 6).
 //!
 //! **In:** Kubelka–Munk parameters of the resins, index `[resin][channel]`; a target reflection R̂_t per channel; limits.
-//! **Out:** a [`Match`]: the [`Stacking`] of least error in a space of whole units h₀, with the proof that it is.
+//! **Out:** a [`Match`]: the [`Stack`](crate::optics::Stack) of least error in a space of whole units h₀, with the proof that it is.
 //!
 //! ```text
 //!   resins, options ──► BlockTable ──┬──► match_target / match_candidates / match_targets   (default)
@@ -37,42 +37,6 @@ pub use objective::{Norm, Objective};
 pub use options::{Match, SearchError, SearchOptions, SearchTarget};
 pub use refine::{RefineOptions, Refined, Refiner};
 pub use table::BlockTable;
-
-/// One homogeneous layer.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Layer {
-    /// Index of the resin in its material set.
-    pub resin: usize,
-    /// Thickness in mm, above 0.
-    pub thickness_mm: f64,
-}
-
-/// Layers from the observer down; adjacent layers differ in resin.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Stacking {
-    /// Top layer first.
-    pub layers: Vec<Layer>,
-}
-
-impl Stacking {
-    /// Joins neighbours of one resin and drops layers of thickness 0; (resin, mm) from the observer down.
-    pub fn from_layers(layers: impl IntoIterator<Item = (usize, f64)>) -> Self {
-        let mut joined: Vec<Layer> = Vec::new();
-        for (resin, thickness_mm) in layers {
-            match joined.last_mut() {
-                _ if thickness_mm == 0.0 => {}
-                Some(last) if last.resin == resin => last.thickness_mm += thickness_mm,
-                _ => joined.push(Layer { resin, thickness_mm }),
-            }
-        }
-        Self { layers: joined }
-    }
-
-    /// Sum of the layers, mm.
-    pub fn thickness_mm(&self) -> f64 {
-        self.layers.iter().map(|layer| layer.thickness_mm).sum()
-    }
-}
 
 /// What a resin is allowed to do in a stacking.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -1,6 +1,7 @@
 //! What a search is asked, what it answers, and how it may fail.
 
-use super::{Objective, ResinLimit, Stacking};
+use super::{Objective, ResinLimit};
+use crate::optics::{ChannelId, ResinId, Stack};
 
 /// The space of stackings that is searched, shared by all targets.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,7 +17,7 @@ pub struct SearchOptions {
     /// One per resin; empty for no limits at all.
     pub limits: Vec<ResinLimit>,
     /// The resin that fills the half-space below the stacking; `None`: nothing lies there and no light returns.
-    pub core: Option<usize>,
+    pub core: Option<ResinId>,
     /// Stop after this many nodes with the best stacking so far; `None`: search until the optimum is proven.
     pub max_nodes: Option<u64>,
 }
@@ -46,8 +47,8 @@ pub struct SearchTarget {
 /// A stacking found, and how good it is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Match {
-    /// The layers. A last layer of the core's own resin belongs to the core and is not listed.
-    pub stacking: Stacking,
+    /// The layers over the search's core. A last layer of the core's own resin belongs to the core and is not listed.
+    pub stacking: Stack,
     /// The search's [`Objective`] by Kubelka–Munk.
     pub objective: f64,
     /// R̂ of the stacking, core included, per channel.
@@ -76,18 +77,18 @@ pub enum SearchError {
     /// A resin limit that contradicts itself or the number of resins.
     #[error("limit of resin {resin}: {found}, expected 0 ≤ min-depth, 0 ≤ min ≤ max, in mm and one limit per resin")]
     Limit {
-        /// Index of the resin.
-        resin: usize,
+        /// The resin.
+        resin: ResinId,
         /// The limit as given.
         found: String,
     },
     /// The resins do not agree with each other.
     #[error("resin {resin}, channel {channel}: {found} coefficients, expected {expected} as in the first resin")]
     Resins {
-        /// Index of the resin.
-        resin: usize,
-        /// Channel index.
-        channel: usize,
+        /// The resin.
+        resin: ResinId,
+        /// The channel.
+        channel: ChannelId,
         /// Number of coefficients found (0: the channel is missing).
         found: usize,
         /// Number of coefficients expected.
@@ -116,8 +117,8 @@ pub enum SearchError {
     /// A target coefficient is not a finite number.
     #[error("target channel {channel}, coefficient {index} is {found}, expected a finite number")]
     TargetValue {
-        /// Channel index.
-        channel: usize,
+        /// The channel.
+        channel: ChannelId,
         /// Index into the frequency grid.
         index: usize,
         /// The coefficient.
@@ -180,17 +181,17 @@ impl SearchOptions {
         let dc = self.objective.dc_weight;
         check("dc-weight", dc, "a finite number, at least 0", dc >= 0.0 && dc.is_finite())?;
         if let Some(core) = self.core {
-            check("core", core as f64, "the index of a resin", core < resins)?;
+            check("core", core.0 as f64, "the index of a resin", core.0 < resins)?;
         }
         if !self.limits.is_empty() && self.limits.len() != resins {
             let found = format!("{} limits for {resins} resins", self.limits.len());
-            return Err(SearchError::Limit { resin: self.limits.len().min(resins), found });
+            return Err(SearchError::Limit { resin: ResinId(self.limits.len().min(resins)), found });
         }
         let none = ResinLimit::NONE;
-        (0..resins).map(|resin| self.unit_limit(resin, self.limits.get(resin).unwrap_or(&none))).collect()
+        (0..resins).map(|resin| self.unit_limit(ResinId(resin), self.limits.get(resin).unwrap_or(&none))).collect()
     }
 
-    fn unit_limit(&self, resin: usize, limit: &ResinLimit) -> Result<UnitLimit, SearchError> {
+    fn unit_limit(&self, resin: ResinId, limit: &ResinLimit) -> Result<UnitLimit, SearchError> {
         let ResinLimit { min_depth_mm, min_mm, max_mm } = *limit;
         if !(min_depth_mm >= 0.0 && min_mm >= 0.0 && max_mm >= min_mm) {
             let found = format!("min-depth {min_depth_mm}, min {min_mm}, max {max_mm}");

@@ -4,8 +4,8 @@ use super::endings::Endings;
 use super::envelope::envelope;
 use super::kernels::{Block, CHUNK, Goal};
 use super::options::UnitLimit;
-use super::{Match, SearchError, SearchOptions, SearchTarget, Stacking, reflection_of};
-use crate::optics::KubelkaMunk;
+use super::{Match, SearchError, SearchOptions, SearchTarget, reflection_of};
+use crate::optics::{ChannelId, KubelkaMunk, ResinId, Stack};
 
 /// Everything the searches for all targets share. Build it once, search from any number of threads.
 pub struct BlockTable {
@@ -41,12 +41,14 @@ impl BlockTable {
         let channels = resins.first().map_or(0, Vec::len);
         let coefficients = resins.first().and_then(|resin| resin.first()).map_or(0, KubelkaMunk::len);
         if coefficients == 0 {
-            return Err(SearchError::Resins { resin: 0, channel: 0, found: 0, expected: 1 });
+            let (resin, channel) = (ResinId(0), ChannelId(0));
+            return Err(SearchError::Resins { resin, channel, found: 0, expected: 1 });
         }
         for (resin, parameters) in resins.iter().enumerate() {
             for channel in 0..channels.max(parameters.len()) {
                 let found = if channel < channels { parameters.get(channel).map_or(0, KubelkaMunk::len) } else { 0 };
                 if found != coefficients {
+                    let (resin, channel) = (ResinId(resin), ChannelId(channel));
                     return Err(SearchError::Resins { resin, channel, found, expected: coefficients });
                 }
             }
@@ -57,7 +59,7 @@ impl BlockTable {
         let sizes: Vec<usize> = (0..).map(|power| 1 << power).take_while(|size| *size <= options.units).collect();
 
         let base: Vec<Vec<f64>> = match options.core {
-            Some(core) => resins[core].iter().map(KubelkaMunk::half_space).collect(),
+            Some(core) => resins[core.0].iter().map(KubelkaMunk::half_space).collect(),
             None => vec![vec![0.0; coefficients]; channels],
         };
         let block = |resin: &[KubelkaMunk], size: usize| {
@@ -135,12 +137,12 @@ impl BlockTable {
     /// A last layer of the core's resin is the core's: it is exempt from min-mm and max-mm, and the stacking without it is
     /// the one that counts. So it never ends one.
     pub(super) fn may_end(&self, resin: usize, run: usize, total: usize) -> bool {
-        self.options.core != Some(resin) && run >= self.limits[resin].least && self.core_may_start(total)
+        self.options.core != Some(ResinId(resin)) && run >= self.limits[resin].least && self.core_may_start(total)
     }
 
     /// Whether the core's own min-depth lets it start below `total` units.
     pub(super) fn core_may_start(&self, total: usize) -> bool {
-        self.options.core.is_none_or(|core| total >= self.limits[core].top)
+        self.options.core.is_none_or(|core| total >= self.limits[core.0].top)
     }
 
     /// The target as lanes, checked.
@@ -157,7 +159,7 @@ impl BlockTable {
         }
         for (channel, values) in target.channels.iter().enumerate() {
             if let Some(index) = values.iter().position(|value| !value.is_finite()) {
-                return Err(SearchError::TargetValue { channel, index, found: values[index] });
+                return Err(SearchError::TargetValue { channel: ChannelId(channel), index, found: values[index] });
             }
         }
         let weight: Vec<_> = target.channels.iter().map(|channel| self.options.objective.weights(channel)).collect();
@@ -165,7 +167,7 @@ impl BlockTable {
     }
 
     /// Joins blocks, top first, to a stacking without a tail of the core's resin.
-    pub(super) fn stacking(&self, blocks: impl Iterator<Item = (usize, usize)>) -> Stacking {
+    pub(super) fn stacking(&self, blocks: impl Iterator<Item = (usize, usize)>) -> Stack {
         let unit_mm = self.options.unit_mm();
         let mut runs: Vec<(usize, usize)> = Vec::new();
         for (resin, units) in blocks {
@@ -174,15 +176,16 @@ impl BlockTable {
                 _ => runs.push((resin, units)),
             }
         }
-        if runs.last().is_some_and(|run| self.options.core == Some(run.0)) {
+        if runs.last().is_some_and(|run| self.options.core == Some(ResinId(run.0))) {
             runs.pop();
         }
-        Stacking::from_layers(runs.into_iter().map(|(resin, units)| (resin, units as f64 * unit_mm)))
+        let layers = runs.into_iter().map(|(resin, units)| (ResinId(resin), units as f64 * unit_mm));
+        Stack::joined(layers).over(self.options.core)
     }
 
     /// The finished answer: objective and reflection recomputed from whole layers in closed form.
-    pub(super) fn answer(&self, stacking: Stacking, target: &SearchTarget, nodes: u64) -> Match {
-        let reflection = reflection_of(&self.resins, &stacking, self.options.core);
+    pub(super) fn answer(&self, stacking: Stack, target: &SearchTarget, nodes: u64) -> Match {
+        let reflection = reflection_of(&self.resins, &stacking);
         let objective = self.options.objective.of(&reflection, target);
         Match { stacking, objective, reflection, bound: objective, proven: true, nodes }
     }

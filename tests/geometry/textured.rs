@@ -3,10 +3,11 @@
 use super::support::*;
 use glam::{DVec3, Vec2};
 use lumislice::{
-    appearance::{Atlas, LabelMap, LayerField, SlotTable, TexturedLayers, align, enforce_limits},
+    appearance::{Atlas, ClusterId, LabelMap, LayerField, SlotTable, TexturedLayers, align, enforce_limits},
     mesh::{Solid, TriangleMesh, close},
+    optics::{ResinId, Stack},
     sdf::{DepthRange, Surface},
-    search::{ResinLimit, Stacking},
+    search::ResinLimit,
     slice::{ObjectField, Slicer},
     voxel::{Lattice, MaterialId},
 };
@@ -15,8 +16,8 @@ use proptest::prelude::*;
 /// White, support, black.
 const RESINS: usize = 3;
 
-fn ids(resins: &[usize]) -> Vec<MaterialId> {
-    resins.iter().map(|&resin| MaterialId::from_resin(resin)).collect()
+fn ids(resins: &[ResinId]) -> Vec<MaterialId> {
+    resins.iter().map(|resin| MaterialId::from_resin(resin.0)).collect()
 }
 
 fn core() -> MaterialId {
@@ -24,12 +25,12 @@ fn core() -> MaterialId {
 }
 
 /// Stackings that keep `limits`; some have no layer at all.
-fn stackings(random: &mut Random, count: usize, limits: &[ResinLimit]) -> Vec<Stacking> {
+fn stackings(random: &mut Random, count: usize, limits: &[ResinLimit]) -> Vec<Stack> {
     let one = |random: &mut Random| {
-        let layers: Vec<(usize, f64)> =
-            (0..random.below(6)).map(|_| (random.below(RESINS), random.between(0.0, 0.8))).collect();
-        let draft = Stacking::from_layers(layers);
-        let sequence: Vec<usize> = draft.layers.iter().map(|layer| layer.resin).collect();
+        let layers: Vec<(ResinId, f64)> =
+            (0..random.below(6)).map(|_| (ResinId(random.below(RESINS)), random.between(0.0, 0.8))).collect();
+        let draft = Stack::joined(layers);
+        let sequence: Vec<ResinId> = draft.layers.iter().map(|layer| layer.resin).collect();
         let mut depth = 0.0;
         let mut bottoms: Vec<f32> = draft
             .layers
@@ -41,7 +42,7 @@ fn stackings(random: &mut Random, count: usize, limits: &[ResinLimit]) -> Vec<St
             .collect();
         enforce_limits(&mut bottoms, &sequence, limits);
         let mut top = 0.0;
-        Stacking::from_layers(sequence.into_iter().zip(bottoms).map(|(resin, bottom)| {
+        Stack::joined(sequence.into_iter().zip(bottoms).map(|(resin, bottom)| {
             let thickness = f64::from(bottom) - top;
             top = f64::from(bottom);
             (resin, thickness)
@@ -126,8 +127,8 @@ fn anything(random: &mut Random) -> Textured {
         .map(|&(width, height)| {
             // Patches of one label, so that certain stretches are long, with noise in some.
             let noise = random.below(3) == 0;
-            let mut of_patch = vec![0; 600];
-            of_patch.iter_mut().for_each(|label| *label = random.below(stackings.len()) as u16);
+            let mut of_patch = vec![ClusterId(0); 600];
+            of_patch.iter_mut().for_each(|label| *label = ClusterId(random.below(stackings.len()) as u16));
             let label = |texel: u32| {
                 let (x, y) = (texel % width, texel / width);
                 if noise {
@@ -223,7 +224,7 @@ proptest! {
                 (id.resin().unwrap(), thickness)
             });
             let mut depth = 0.0;
-            for layer in Stacking::from_layers(layers).layers {
+            for layer in Stack::joined(layers).layers {
                 let limit = textured.limits[layer.resin];
                 prop_assert!(depth > limit.min_depth_mm - 5e-4, "{:?} {:?}", row, limit);
                 prop_assert!(layer.thickness_mm > limit.min_mm - 5e-4, "{:?} {:?}", row, limit);
@@ -236,11 +237,11 @@ proptest! {
 
 /// White 1 mm or black 1 mm per label, over the core.
 fn two_labels(mesh: &TriangleMesh, size: u32, labels: impl Fn(u32, u32) -> u16) -> TexturedLayers {
-    let stackings = [Stacking::from_layers([(0, 1.0)]), Stacking::from_layers([(2, 1.0)])];
+    let stackings = [0, 2].map(|resin| Stack::new([(ResinId(resin), 1.0)]));
     let aligned = align(&stackings);
     let slots = SlotTable::new(&ids(&aligned.sequence), &aligned, &[], core()).unwrap();
     let atlas = Atlas::new(mesh, &[(size, size)], &[]);
-    let labels = (0..size * size).map(|texel| labels(texel % size, texel / size)).collect();
+    let labels = (0..size * size).map(|texel| ClusterId(labels(texel % size, texel / size))).collect();
     TexturedLayers::new(mesh, &atlas, &[LabelMap(labels)], slots)
 }
 
@@ -346,7 +347,8 @@ fn noisy_box(high: DVec3, size: u32) -> (Solid, TexturedLayers) {
     let aligned = align(&stackings);
     let slots = SlotTable::new(&ids(&aligned.sequence), &aligned, &limits, core()).unwrap();
     let atlas = Atlas::new(&solid.mesh, &[(size, size)], &[]);
-    let labels = (0..size * size).map(|texel| ((texel / 5 + texel / size / 5 * 31) * 7919 % 20) as u16).collect();
+    let label = |texel: u32| ClusterId(((texel / 5 + texel / size / 5 * 31) * 7919 % 20) as u16);
+    let labels = (0..size * size).map(label).collect();
     let layers = TexturedLayers::new(&solid.mesh, &atlas, &[LabelMap(labels)], slots);
     (solid, layers)
 }

@@ -8,11 +8,8 @@
 use std::{ops::ControlFlow, time::Instant};
 
 use lumislice::{
-    optics::{Light, MaterialSet, PhotonOptions, Prediction, VolumeCoefficients},
-    search::{
-        BlockTable, Objective, RefineOptions, Refiner, ResinLimit, SearchOptions, SearchTarget, Stacking,
-        match_sequences,
-    },
+    optics::{Light, MaterialSet, PhotonOptions, Prediction, ResinId, Stack},
+    search::{BlockTable, Objective, RefineOptions, Refiner, ResinLimit, SearchOptions, SearchTarget, match_sequences},
 };
 
 /// A small generator of random numbers in [0, 1), after Steele, Lea and Flood 2014: the targets must not change with a library's version.
@@ -37,7 +34,6 @@ const RUNS: u64 = 8;
 
 struct Judge {
     set: MaterialSet,
-    core: usize,
     photons: u64,
     seeds: SplitMix,
 }
@@ -52,22 +48,16 @@ struct Verdict {
 }
 
 impl Judge {
-    fn volume(&self, resin: usize) -> &[VolumeCoefficients] {
-        self.set.resins[resin].volume.as_deref().expect("synthetic resins have coefficients")
-    }
-
-    fn reflection(&mut self, stacking: &Stacking, photons: u64) -> Vec<f64> {
+    fn reflection(&mut self, stacking: &Stack, photons: u64) -> Vec<f64> {
         let seed = self.seeds.next();
-        let layers: Vec<_> =
-            stacking.layers.iter().map(|layer| (self.volume(layer.resin), layer.thickness_mm)).collect();
+        let volumes = stacking.map(|&resin| self.set[resin].volumes().expect("synthetic resins have coefficients"));
+        let (stack, go_on) = (volumes.map(|resin| resin.as_slice()), |_| ControlFlow::Continue(()));
         let options = PhotonOptions { light: Light::Diffuse, photons, seed };
-        let core = Some(self.volume(self.core));
-        let found =
-            Prediction::monte_carlo(&self.set.channels, &layers, core, options, |_| ControlFlow::Continue(())).unwrap();
+        let found = Prediction::monte_carlo(&self.set.channels, &stack, options, go_on).unwrap();
         found.light.into_iter().next().unwrap().reflection_hankel
     }
 
-    fn verdict(&mut self, stacking: &Stacking, target: &[f64], objective: &Objective) -> Verdict {
+    fn verdict(&mut self, stacking: &Stack, target: &[f64], objective: &Objective) -> Verdict {
         let weights = objective.weights(target);
         let runs: Vec<Vec<f64>> = (0..RUNS)
             .map(|_| {
@@ -101,17 +91,17 @@ impl Judge {
 }
 
 /// 2 to 4 layers of two neighbouring resins each, support below 0.2 mm, thin ones as likely as thick ones.
-fn random_stacking(random: &mut SplitMix, resins: usize, support: usize) -> Stacking {
+fn random_stacking(random: &mut SplitMix, resins: usize, support: ResinId, core: ResinId) -> Stack {
     loop {
-        let mut layers: Vec<(usize, f64)> = Vec::new();
+        let mut layers: Vec<(ResinId, f64)> = Vec::new();
         let count = 2 + (3.0 * random.unit()) as usize;
         while layers.len() < count {
-            let resin = (resins as f64 * random.unit()) as usize;
+            let resin = ResinId((resins as f64 * random.unit()) as usize);
             if layers.last().is_none_or(|last| last.0 != resin) {
                 layers.push((resin, 0.05 * 40.0_f64.powf(random.unit())));
             }
         }
-        let stacking = Stacking::from_layers(layers);
+        let stacking = Stack::joined(layers).over(core);
         let top: f64 =
             stacking.layers.iter().take_while(|layer| layer.resin != support).map(|layer| layer.thickness_mm).sum();
         if top >= 0.2 && stacking.thickness_mm() <= 5.0 {
@@ -121,10 +111,10 @@ fn random_stacking(random: &mut SplitMix, resins: usize, support: usize) -> Stac
 }
 
 /// Section 8.2: from a little white on support to white as bright, in five steps.
-fn slabs_of_8_2(judge: &mut Judge, white: usize, support: usize) -> Vec<Vec<f64>> {
+fn slabs_of_8_2(judge: &mut Judge, white: ResinId, support: ResinId, core: ResinId) -> Vec<Vec<f64>> {
     let photons = judge.photons;
-    let wide = judge.reflection(&Stacking::from_layers([(white, 0.25), (support, 4.5)]), photons);
-    let narrow = judge.reflection(&Stacking::from_layers([(white, 5.0)]), photons);
+    let wide = judge.reflection(&Stack::new([(white, 0.25), (support, 4.5)]).over(core), photons);
+    let narrow = judge.reflection(&Stack::new([(white, 5.0)]).over(core), photons);
     let scale = wide[0] / narrow[0];
     let mixed = |f: f64| wide.iter().zip(&narrow).map(|(w, n)| (1.0 - f) * w + f * scale * n).collect();
     (0..5).map(|i| mixed(f64::from(i) / 4.0)).collect()
@@ -139,25 +129,26 @@ fn what_was_promised_is_what_photons_see() {
     let resin = |name: &str| set.resin(name).unwrap().0;
     let (white, core, support) = (resin("white"), resin("black"), resin("support"));
     let mut limits = vec![ResinLimit::NONE; set.resins.len()];
-    limits[support].min_depth_mm = 0.2;
+    limits[support.0].min_depth_mm = 0.2;
     let options = SearchOptions { limits, core: Some(core), ..SearchOptions::default() };
-    let parameters: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
-    let volumes: Vec<_> = set.resins.iter().map(|resin| resin.volume.clone().unwrap()).collect();
+    let parameters: Vec<Vec<_>> =
+        set.resins.iter().map(|resin| resin.channels.iter().map(|c| c.kubelka_munk.clone()).collect()).collect();
+    let volumes: Vec<_> = set.resins.iter().map(|resin| resin.volumes().unwrap()).collect();
     let table = BlockTable::new(&parameters, &options).unwrap();
     let refiner = Refiner::new(&volumes, &set.grid, &options, RefineOptions::default());
-    let mut judge = Judge { core, photons: number("LUMISLICE_PHOTONS", 20_000_000), set, seeds: SplitMix(8) };
-    let layers = |judge: &Judge, stacking: &Stacking| -> String {
-        let name = |resin: usize| &judge.set.resins[resin].name[..1];
-        stacking.layers.iter().map(|layer| format!("{}{:.3} ", name(layer.resin), layer.thickness_mm)).collect()
+    let mut judge = Judge { photons: number("LUMISLICE_PHOTONS", 20_000_000), set, seeds: SplitMix(8) };
+    let layers = |judge: &Judge, stacking: &Stack| -> String {
+        let name = |resin: ResinId| &judge.set[resin].name[..1];
+        stacking.pairs().map(|(&resin, mm)| format!("{}{mm:.3} ", name(resin))).collect()
     };
     let mut random = SplitMix(2010);
     let mut targets: Vec<(String, Vec<f64>)> = Vec::new();
     for _ in 0..number("LUMISLICE_TARGETS", 20) {
-        let wanted = random_stacking(&mut random, judge.set.resins.len(), support);
+        let wanted = random_stacking(&mut random, judge.set.resins.len(), support, core);
         targets.push((layers(&judge, &wanted), judge.reflection(&wanted, judge.photons)));
     }
     let realisable = targets.len();
-    let slabs = slabs_of_8_2(&mut judge, white, support).into_iter().enumerate();
+    let slabs = slabs_of_8_2(&mut judge, white, support, core).into_iter().enumerate();
     targets.extend(slabs.map(|(i, slab)| (format!("8.2, {} of 5 ", i + 1), slab)));
 
     let (mut ratios, mut close) = (Vec::new(), 0);

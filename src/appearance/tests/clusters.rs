@@ -42,9 +42,9 @@ fn every_point_has_the_nearest_centroid_and_fits_add_up() {
         for ((point, weight), label) in points.chunks(128).zip(&weights).zip(&found.labels) {
             let squares: Vec<f64> = found.centroids.iter().map(|c| square(point, c, objective)).collect();
             let nearest = squares.iter().copied().fold(f64::INFINITY, f64::min);
-            assert!(squares[*label as usize] <= nearest + 1e-12, "{objective:?}");
+            assert!(squares[label.index()] <= nearest + 1e-12, "{objective:?}");
             total += weight * nearest;
-            worst[*label as usize] = worst[*label as usize].max(nearest.sqrt());
+            worst[label.index()] = worst[label.index()].max(nearest.sqrt());
         }
         assert!((total - found.total).abs() < 1e-9 * total);
         let from_fits: f64 = found.fits.iter().map(|fit| fit.weight * fit.rms * fit.rms).sum();
@@ -63,7 +63,7 @@ fn relative_clusters_lower_relative_errors() {
     let relative = Objective { norm: Norm::Relative, dc_weight: 1.0 };
     let total = |objective: Objective| {
         let found = cluster(&points, &weights, &ClusterOptions { objective, ..options(30) }).unwrap();
-        let of = |(point, label): (&[f64], &u32)| square(&found.centroids[*label as usize], point, relative);
+        let of = |(point, label): (&[f64], &ClusterId)| square(&found.centroids[label.index()], point, relative);
         (points.chunks(256).zip(&found.labels).map(of).sum::<f64>(), found.total)
     };
     let ((own, reported), (plain, _)) = (total(relative), total(Objective::default()));
@@ -97,7 +97,7 @@ fn bounds_change_nothing() {
         }
     }
     assert!(found.iterations > 3);
-    assert!(labels.iter().zip(&found.labels).all(|(a, b)| *a == *b as usize));
+    assert!(labels.iter().zip(&found.labels).all(|(a, b)| *a == b.index()));
 }
 
 #[test]

@@ -2,24 +2,24 @@
 
 use super::*;
 use crate::appearance::align::align;
-use crate::search::Stacking;
+use crate::optics::Stack;
 use proptest::prelude::*;
 
 const TOLERANCE: f64 = 3e-4;
 
-fn layers(bottoms: &[f32], sequence: &[usize]) -> Stacking {
+fn layers(bottoms: &[f32], sequence: &[ResinId]) -> Stack {
     let mut top = 0.0;
-    Stacking::from_layers(sequence.iter().zip(bottoms).map(|(resin, bottom)| {
+    Stack::joined(sequence.iter().zip(bottoms).map(|(resin, bottom)| {
         let thickness = (bottom - top) as f64;
         top = *bottom;
         (*resin, thickness)
     }))
 }
 
-fn violation(bottoms: &[f32], sequence: &[usize], limits: &[ResinLimit], slack: f64) -> Option<String> {
+fn violation(bottoms: &[f32], sequence: &[ResinId], limits: &[ResinLimit], slack: f64) -> Option<String> {
     let mut depth = 0.0;
     for layer in layers(bottoms, sequence).layers {
-        let (limit, h) = (limits[layer.resin], layer.thickness_mm);
+        let (limit, h) = (limits[layer.resin.0], layer.thickness_mm);
         let what = format!("resin {} of {h} mm at {depth} mm, {limit:?}", layer.resin);
         if depth + slack < limit.min_depth_mm || h + slack < limit.min_mm || h > limit.max_mm + slack {
             return Some(what);
@@ -41,10 +41,10 @@ fn limit() -> impl Strategy<Value = ResinLimit> {
 }
 
 /// A sequence, limits and thicknesses, many of them 0 or thin.
-fn row() -> impl Strategy<Value = (Vec<usize>, Vec<ResinLimit>, Vec<f32>)> {
+fn row() -> impl Strategy<Value = (Vec<ResinId>, Vec<ResinLimit>, Vec<f32>)> {
     let thickness = prop_oneof![2 => Just(0.0f32), 1 => 0.0..0.1f32, 3 => 0.0..2.0f32];
     (2..5usize, 1..14usize).prop_flat_map(move |(resins, slots)| {
-        let sequence = (0..slots).map(|slot| slot % resins).collect::<Vec<_>>();
+        let sequence = (0..slots).map(|slot| ResinId(slot % resins)).collect::<Vec<_>>();
         let bottoms = prop::collection::vec(thickness.clone(), slots).prop_map(|thickness| {
             let mut depth = 0.0;
             thickness
@@ -122,7 +122,7 @@ proptest! {
 }
 
 /// White, support, black over aligned slots; the mean of two stackings after the limits.
-fn between(a: Stacking, b: Stacking, share: f32, limits: &[ResinLimit]) -> Stacking {
+fn between(a: Stack, b: Stack, share: f32, limits: &[ResinLimit]) -> Stack {
     let aligned = align(&[a, b]);
     let slots = aligned.sequence.len();
     let bottoms = aligned.bottoms();
@@ -132,10 +132,14 @@ fn between(a: Stacking, b: Stacking, share: f32, limits: &[ResinLimit]) -> Stack
     layers(&row, &aligned.sequence)
 }
 
-fn assert_layers(found: &Stacking, expected: &[(usize, f64)]) {
+fn stack(layers: &[(usize, f64)]) -> Stack {
+    Stack::new(layers.iter().map(|&(resin, mm)| (ResinId(resin), mm)))
+}
+
+fn assert_layers(found: &Stack, expected: &[(usize, f64)]) {
     assert_eq!(found.layers.len(), expected.len(), "{found:?}");
     for (layer, (resin, mm)) in found.layers.iter().zip(expected) {
-        assert!(layer.resin == *resin && (layer.thickness_mm - mm).abs() < 1e-5, "{found:?}");
+        assert!(layer.resin.0 == *resin && (layer.thickness_mm - mm).abs() < 1e-5, "{found:?}");
     }
 }
 
@@ -144,8 +148,8 @@ const DEEP_SUPPORT: [ResinLimit; 3] =
 
 #[test]
 fn white_covers_the_support_between_two_stackings() {
-    let a = || Stacking::from_layers([(0, 0.2), (1, 2.0)]);
-    let b = || Stacking::from_layers([(2, 1.0)]);
+    let a = || stack(&[(0, 0.2), (1, 2.0)]);
+    let b = || stack(&[(2, 1.0)]);
     assert_layers(&between(a(), b(), 0.5, &DEEP_SUPPORT), &[(0, 0.2), (1, 0.9), (2, 0.5)]);
     assert_layers(&between(a(), b(), 0.0, &DEEP_SUPPORT), &[(0, 0.2), (1, 2.0)]);
     assert_layers(&between(a(), b(), 1.0, &DEEP_SUPPORT), &[(2, 1.0)]);
@@ -159,18 +163,18 @@ fn a_thin_top_layer_gives_way_or_grows() {
     limits[0].min_mm = 0.15;
     // Black may start at the top: it takes the film of white.
     let mut bottoms = [0.05, 0.05, 1.0];
-    assert!(enforce_limits(&mut bottoms, &[0, 1, 2], &limits));
+    assert!(enforce_limits(&mut bottoms, &[0, 1, 2].map(ResinId), &limits));
     assert_eq!(bottoms, [0.0, 0.0, 1.0]);
     // Support may not: the film grows, first to its own minimum, then down to where support may begin.
     let mut bottoms = [0.05, 1.0, 1.0];
-    assert!(enforce_limits(&mut bottoms, &[0, 1, 2], &limits));
+    assert!(enforce_limits(&mut bottoms, &[0, 1, 2].map(ResinId), &limits));
     assert_eq!(bottoms, [0.2, 1.0, 1.0]);
 }
 
 #[test]
 fn support_on_top_is_given_to_the_layer_below() {
     let mut bottoms = [0.0, 1.0, 3.0];
-    assert!(enforce_limits(&mut bottoms, &[0, 1, 2], &DEEP_SUPPORT));
+    assert!(enforce_limits(&mut bottoms, &[0, 1, 2].map(ResinId), &DEEP_SUPPORT));
     assert_eq!(bottoms, [0.0, 0.0, 3.0]);
 }
 
@@ -183,14 +187,14 @@ fn joined_layers_keep_their_maximum() {
     ];
     // The support is too thin, the whites join to 1.45 mm, black takes what is too much.
     let mut bottoms = [0.9, 0.95, 0.95, 1.45, 1.45, 2.0];
-    assert!(enforce_limits(&mut bottoms, &[0, 1, 2, 0, 1, 2], &limits));
-    assert_layers(&layers(&bottoms, &[0, 1, 2, 0, 1, 2]), &[(0, 1.0), (2, 1.0)]);
+    assert!(enforce_limits(&mut bottoms, &[0, 1, 2, 0, 1, 2].map(ResinId), &limits));
+    assert_layers(&layers(&bottoms, &[0, 1, 2, 0, 1, 2].map(ResinId)), &[(0, 1.0), (2, 1.0)]);
 }
 
 #[test]
 #[ignore = "measures: a million rows of 24 slots"]
 fn a_million_rows() {
-    let sequence: Vec<usize> = (0..24).map(|slot| slot % 3).collect();
+    let sequence: Vec<_> = (0..24).map(|slot| ResinId(slot % 3)).collect();
     let mut limits = DEEP_SUPPORT;
     for min_mm in [0.0, 0.1] {
         limits[0].min_mm = min_mm;

@@ -35,7 +35,7 @@ impl Patch {
         let grid = FrequencyGrid::default();
         let spectra = map.spectra(channels, &grid)?;
         let rings = TexelRings::new(map.pitch_mm, reach(&map, &spectra, &grid));
-        let labels = map.labels.iter().map(|&label| u32::from(label)).collect();
+        let labels = map.labels.iter().map(|label| u32::from(label.0)).collect();
         Ok(Self { map, rings, labels, grid, spectra, irradiances })
     }
 

@@ -8,7 +8,7 @@ use super::CompareError;
 use crate::{
     job::{Manifest, verify::read_manifest},
     look::VoxelGrid,
-    optics::{MaterialFile, VolumeCoefficients},
+    optics::{ChannelId, MaterialFile, Stack, VolumeCoefficients},
     voxel::MaterialId,
 };
 
@@ -20,9 +20,6 @@ pub(super) struct Printed {
     /// The voxels inside the slab, seen from above.
     pub grid: VoxelGrid,
 }
-
-/// Layers from the top down with their thicknesses in mm.
-type Layers = Vec<(VolumeCoefficients, f64)>;
 
 /// Most voxels that are held in memory.
 const MAX_VOXELS: u64 = 1 << 32;
@@ -87,29 +84,21 @@ impl Printed {
     }
 
     /// Coefficients by material id in channel `channel`.
-    pub fn media(&self, file: &MaterialFile, channel: usize) -> Result<Vec<VolumeCoefficients>, CompareError> {
+    pub fn media(&self, file: &MaterialFile, channel: ChannelId) -> Result<Vec<VolumeCoefficients>, CompareError> {
         let mut media = vec![VolumeCoefficients::new(0.0, 0.0, 0.0)?];
         for material in &self.manifest.materials {
-            media.push(volume(file, &material.name)?[channel]);
+            media.push(volume(file, &material.name)?[channel.0]);
         }
         Ok(media)
     }
 
-    /// Layers of each stacking as (coefficients, mm), and of the core, in channel `channel`.
-    pub fn stackings(
-        &self,
-        file: &MaterialFile,
-        channel: usize,
-    ) -> Result<(Vec<Layers>, VolumeCoefficients), CompareError> {
-        let Some(report) = self.manifest.stackings.first() else {
+    /// The stackings.
+    pub fn stacks(&self) -> Result<Vec<Stack<String>>, CompareError> {
+        let report = self.manifest.stackings.first().ok_or_else(|| {
             let (folder, found) = (self.folder.clone(), "no stackings".to_owned());
-            return Err(CompareError::Folder { folder, found, expected: "those of one object" });
-        };
-        let layers = report.stackings.iter().map(|entry| {
-            let layer = |layer: &crate::job::LayerEntry| Ok((volume(file, &layer.resin)?[channel], layer.thickness_mm));
-            entry.layers.iter().map(layer).collect::<Result<Vec<_>, CompareError>>()
-        });
-        Ok((layers.collect::<Result<_, _>>()?, volume(file, &report.core)?[channel]))
+            CompareError::Folder { folder, found, expected: "those of one object" }
+        })?;
+        Ok(report.stacks().collect())
     }
 
     /// By how much the job scaled its target: albedo asked for over the map's own, by the first stacking that has both.
@@ -127,7 +116,7 @@ impl Printed {
 const SIZE_TOLERANCE: f64 = 0.01;
 
 /// Coefficients of a resin per channel.
-fn volume<'a>(file: &'a MaterialFile, resin: &str) -> Result<&'a [VolumeCoefficients], CompareError> {
+pub(super) fn volume<'a>(file: &'a MaterialFile, resin: &str) -> Result<&'a [VolumeCoefficients], CompareError> {
     file.volume(resin).ok_or_else(|| CompareError::NoCoefficients { set: file.name().into(), resin: resin.into() })
 }
 

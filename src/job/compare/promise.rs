@@ -4,11 +4,13 @@ use std::ops::ControlFlow;
 
 use serde::Serialize;
 
-use super::{CompareError, CompareRequest, Comparison, Patch, Printed, Stage};
+use super::{CompareError, CompareRequest, Comparison, Patch, Printed, Stage, printed::volume};
 use crate::{
     job::{Interrupt, Progress},
     look::{Pattern, Photons, Sides, TexelGrid, VoxelScene},
-    optics::{Light, MaterialFile, MaterialSet, OpticsError, Prediction, Transport, TransportOptions},
+    optics::{
+        ChannelId, Light, MaterialFile, MaterialSet, Prediction, Stack, Transport, TransportOptions, VolumeCoefficients,
+    },
 };
 
 /// How well the stackings of a job fit the clusters they stand for. Objectives are the paper's, Σ (R̂ − R̂_t)² over coefficients and channels,
@@ -87,32 +89,27 @@ impl Promise<'_> {
 
     fn by_transport(&self) -> Result<Spectra, CompareError> {
         let clusters = self.patch.map.profiles.len();
-        let channel = |channel: usize| {
-            let (stackings, core) = self.job.stackings(self.file, channel)?;
-            if stackings.len() != clusters {
-                let found = format!("{} stackings for {clusters} clusters", stackings.len());
-                let (folder, expected) = (self.job.folder.clone(), "a job with kind = \"bssrdf\" and this map");
-                return Err(CompareError::Folder { folder, found, expected });
-            }
-            let spectrum = |layers: &Vec<_>| {
-                let options = TransportOptions::REFLECTION;
-                let model = Transport { layers, base: Some(core), light: Light::Diffuse, options };
-                model.spectra(&self.patch.grid).reflection
-            };
-            Ok(stackings.iter().map(spectrum).collect())
+        let stacks = self.job.stacks()?;
+        let volumes = stacks.iter().map(|stack| stack.try_map(|resin| volume(self.file, resin)));
+        let volumes = volumes.collect::<Result<Vec<_>, _>>()?;
+        if stacks.len() != clusters {
+            let found = format!("{} stackings for {clusters} clusters", stacks.len());
+            let (folder, expected) = (self.job.folder.clone(), "a job with kind = \"bssrdf\" and this map");
+            return Err(CompareError::Folder { folder, found, expected });
+        }
+        let spectrum = |stack: &Stack<&[VolumeCoefficients]>, channel: usize| {
+            let stack = stack.map(|resin| resin[channel]);
+            let model = Transport { stack: &stack, light: Light::Diffuse, options: TransportOptions::REFLECTION };
+            model.spectra(&self.patch.grid).reflection
         };
-        (0..self.file.channels().len()).map(channel).collect()
+        let channel = |channel: usize| volumes.iter().map(|stack| spectrum(stack, channel)).collect();
+        Ok((0..self.file.channels().len()).map(channel).collect())
     }
 
     fn by_kubelka_munk(&self) -> Result<Spectra, CompareError> {
-        let index = |name: &str| -> Result<usize, OpticsError> { self.file.resin_index(name) };
-        let Some(report) = self.job.manifest.stackings.first() else { return Ok(Vec::new()) };
-        let core = index(&report.core)?;
         let mut spectra = vec![Vec::new(); self.set.channels.len()];
-        for entry in &report.stackings {
-            let layers = entry.layers.iter().map(|layer| Ok((index(&layer.resin)?, layer.thickness_mm)));
-            let layers = layers.collect::<Result<Vec<_>, OpticsError>>()?;
-            let light = Prediction::kubelka_munk(self.set, &layers, Some(core)).light;
+        for stack in self.job.stacks()? {
+            let light = Prediction::kubelka_munk(self.set, &self.file.stack(&stack)?).light;
             spectra.iter_mut().zip(light).for_each(|(spectra, light)| spectra.push(light.reflection_hankel));
         }
         Ok(spectra)
@@ -165,7 +162,7 @@ impl Promise<'_> {
         progress.stage("photons", (channels * lamps.len()) as u64);
         let (mut seen, mut noise) = (Vec::new(), Vec::new());
         for channel in 0..channels {
-            let media = self.job.media(self.file, channel)?;
+            let media = self.job.media(self.file, ChannelId(channel))?;
             let scene = VoxelScene { grid: &self.job.grid, media: &media, sides: Sides::Mirrored, base: None };
             let (mut by_lamp, mut noise_by_lamp) = (Vec::new(), Vec::new());
             for (index, lamp) in lamps.iter().enumerate() {

@@ -2,15 +2,18 @@
 
 use super::{ClusterRecord, texels::Texels};
 use crate::{
-    appearance::bssrdf::{Dataset, Misses},
+    appearance::{
+        ClusterId,
+        bssrdf::{Dataset, Misses},
+    },
     colour::{Rgb, linear_to_byte},
     picture::{Pixels, png},
     plot::{Axis, ColourBar, Figure, Format, Panel, PlotError, Raster, Scale, Series, viridis},
 };
 
 /// Label of every texel as 16-bit grey.
-pub(super) fn labels(labels: &[u32], dataset: &Dataset) -> Vec<u8> {
-    let labels: Vec<u16> = labels.iter().map(|label| *label as u16).collect(); // k is at most 65,535
+pub(super) fn labels(labels: &[ClusterId], dataset: &Dataset) -> Vec<u8> {
+    let labels: Vec<u16> = labels.iter().map(|label| label.0).collect();
     encode(dataset, Pixels::Grey16(&labels))
 }
 
@@ -54,9 +57,13 @@ fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
 }
 
 /// What every cluster reflects and how far light travels in it, over the patch.
-pub(super) fn clusters(records: &[ClusterRecord], labels: &[u32], dataset: &Dataset) -> Result<Vec<u8>, PlotError> {
+pub(super) fn clusters(
+    records: &[ClusterRecord],
+    labels: &[ClusterId],
+    dataset: &Dataset,
+) -> Result<Vec<u8>, PlotError> {
     let over = |label: &str, scale: Scale, of: &dyn Fn(&ClusterRecord) -> f64| {
-        let values: Vec<f64> = labels.iter().map(|label| of(&records[*label as usize])).collect();
+        let values: Vec<f64> = labels.iter().map(|label| of(&records[label.index()])).collect();
         let range = span(values.iter().copied());
         let bar = ColourBar { label: label.into(), range, scale };
         map("", dataset, |x, y| Raster::heat_map(dataset.width, &values, x, y, bar))

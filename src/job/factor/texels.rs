@@ -5,7 +5,10 @@ use std::collections::VecDeque;
 use rayon::prelude::*;
 
 use super::TailRecord;
-use crate::appearance::bssrdf::{Dataset, Factors, Rings, TailKind, TailRings, areas};
+use crate::appearance::{
+    ClusterId,
+    bssrdf::{Dataset, Factors, Rings, TailKind, TailRings, areas},
+};
 
 /// Ring energies `[texel][channel][ring]`; their sum is the albedo.
 pub(super) struct Texels {
@@ -129,13 +132,13 @@ impl Texels {
     }
 
     /// Mean energies of each cluster, `[channel][ring]`.
-    pub(super) fn means(&self, labels: &[u32], clusters: usize) -> Vec<Vec<f64>> {
+    pub(super) fn means(&self, labels: &[ClusterId], clusters: usize) -> Vec<Vec<f64>> {
         let stride = self.channels * self.rings;
         let mut sums = vec![vec![0.0; stride]; clusters];
         let mut counts = vec![0.0; clusters];
         for (row, &label) in self.energies.chunks(stride).zip(labels) {
-            counts[label as usize] += 1.0;
-            sums[label as usize].iter_mut().zip(row).for_each(|(sum, energy)| *sum += energy);
+            counts[label.index()] += 1.0;
+            sums[label.index()].iter_mut().zip(row).for_each(|(sum, energy)| *sum += energy);
         }
         for (sum, count) in sums.iter_mut().zip(counts) {
             sum.iter_mut().for_each(|sum| *sum /= f64::max(count, 1.0));

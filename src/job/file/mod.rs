@@ -31,7 +31,7 @@ pub use options::{
 };
 pub use paths::InputPath;
 pub use resolved::ResolvedJob;
-pub use stack::{StackError, format_stack, parse_stack};
+pub use stack::StackError;
 pub use target::{AlbedoSource, TargetSpec};
 
 pub use crate::{mesh::Unit, toml_reader::Place};
@@ -142,10 +142,10 @@ impl Job {
     /// [`JobError::UnknownName`] for the first that is not, with the nearest name.
     pub fn check_resins(&self, names: &[&str]) -> Result<(), JobError> {
         for (index, object) in self.objects.iter().enumerate() {
-            if let TargetSpec::Stacking { layers } = &object.target {
+            if let TargetSpec::Stacking { stack } = &object.target {
                 let own = format!("object[{index}].target.stack");
                 let key = if self.places.contains_key(&own) { own } else { "target.stack".to_owned() };
-                layers.iter().try_for_each(|(resin, _)| self.check_name("resin", &key, resin, names))?;
+                stack.pairs().try_for_each(|(resin, _)| self.check_name("resin", &key, resin, names))?;
             }
         }
         for (index, limit) in self.stacking.limits.iter().enumerate() {

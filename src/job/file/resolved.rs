@@ -4,7 +4,6 @@
 use serde::Serialize;
 
 use super::options::{Distance, MaterialSource, StackingModel};
-use super::stack::format_stack;
 use super::target::{AlbedoSource, TargetSpec};
 use super::{Job, Scaling};
 
@@ -247,7 +246,7 @@ fn object(object: &super::ObjectJob) -> Object {
 
 fn target(spec: &TargetSpec) -> Target {
     match spec {
-        TargetSpec::Stacking { layers } => Target::Stacking { stack: format_stack(layers) },
+        TargetSpec::Stacking { stack } => Target::Stacking { stack: stack.to_string() },
         TargetSpec::Profile { paths } => Target::Profile { profile: OneOrMany::new(paths) },
         TargetSpec::Texture { albedo, mean_free_path, mean_free_path_mm, max_albedo } => {
             let (albedo, albedo_value) = match albedo {

@@ -1,7 +1,12 @@
-//! Stacks in one line of text: `white:0.5,support:1.0,black:0.5`, from the observer down.
+//! Layers in one line of text: `white:0.5,support:1.0,black:0.5`, from the observer down. What lies below them has a key of its own.
+
+use std::{fmt, str::FromStr};
 
 use super::ranges::LAYER;
-use crate::words::excerpt;
+use crate::{
+    optics::{Layer, Stack},
+    words::excerpt,
+};
 
 /// What is wrong with a stack's text.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -21,24 +26,28 @@ pub enum StackError {
     },
 }
 
-/// Reads layers of `name:thickness-in-mm`, separated by commas, top first. Blanks around names and numbers are allowed;
+/// Layers of `name:thickness-in-mm`, separated by commas, top first, over nothing. Blanks around names and numbers are allowed;
 /// a name may hold colons, the last one counts. Thicknesses are 0.0001 to 2000 mm. Whether the resins exist is
 /// not checked.
 ///
 /// ```
-/// let stack = lumislice::job::parse_stack("white:0.5, support:1").unwrap();
-/// assert_eq!(stack, [("white".to_owned(), 0.5), ("support".to_owned(), 1.0)]);
+/// use lumislice::optics::Stack;
+///
+/// let stack: Stack<String> = "white:0.5, support:1".parse().unwrap();
+/// assert_eq!(stack, Stack::new([("white".to_owned(), 0.5), ("support".to_owned(), 1.0)]));
+/// assert_eq!(stack.to_string(), "white:0.5,support:1");
 /// ```
 ///
 /// # Errors
 /// [`StackError`], which names the element.
-pub fn parse_stack(text: &str) -> Result<Vec<(String, f64)>, StackError> {
-    if text.trim().is_empty() {
-        return Err(StackError::Empty);
-    }
-    text.split(',')
-        .enumerate()
-        .map(|(index, element)| {
+impl FromStr for Stack<String> {
+    type Err = StackError;
+
+    fn from_str(text: &str) -> Result<Self, StackError> {
+        if text.trim().is_empty() {
+            return Err(StackError::Empty);
+        }
+        let layer = |(index, element): (usize, &str)| {
             let error =
                 |expected: String| StackError::Layer { position: index + 1, found: excerpt(element.trim()), expected };
             let (name, thickness) = element
@@ -47,15 +56,20 @@ pub fn parse_stack(text: &str) -> Result<Vec<(String, f64)>, StackError> {
                 .filter(|(name, _)| !name.is_empty())
                 .ok_or_else(|| error("name:thickness, the thickness in mm".to_owned()))?;
             let thickness = thickness.parse().ok().filter(|&mm| LAYER.contains(mm));
-            Ok((name.to_owned(), thickness.ok_or_else(|| error(format!("{LAYER} after the name")))?))
-        })
-        .collect()
+            Ok(Layer::new(name.to_owned(), thickness.ok_or_else(|| error(format!("{LAYER} after the name")))?))
+        };
+        Ok(Self { layers: text.split(',').enumerate().map(layer).collect::<Result<_, _>>()?, core: None })
+    }
 }
 
-/// The text that [`parse_stack`] reads back to the same layers.
-pub fn format_stack(layers: &[(String, f64)]) -> String {
-    let layers: Vec<String> = layers.iter().map(|(name, mm)| format!("{name}:{mm}")).collect();
-    layers.join(",")
+/// The text that reads back to the same layers; it does not tell the core.
+impl fmt::Display for Stack<String> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, Layer { resin, thickness_mm }) in self.layers.iter().enumerate() {
+            write!(f, "{}{resin}:{thickness_mm}", if index == 0 { "" } else { "," })?;
+        }
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -79,7 +93,7 @@ mod tests {
             ("a:inf", "layer 1 of the stack: found \"a:inf\", expected a thickness"),
             ("a:1mm", "layer 1 of the stack: found \"a:1mm\", expected a thickness"),
         ] {
-            let error = parse_stack(text).unwrap_err().to_string();
+            let error = text.parse::<Stack<String>>().unwrap_err().to_string();
             assert!(error.contains(message), "{text:?} gave {error:?}");
         }
     }
@@ -87,13 +101,13 @@ mod tests {
     proptest! {
         #[test]
         fn text_survives_the_round_trip(layers in prop::collection::vec(("[a-zA-Z][a-z :0-9]{0,8}[a-z]", 1e-4..2000.0f64), 1..8)) {
-            let layers: Vec<(String, f64)> = layers;
-            prop_assert_eq!(parse_stack(&format_stack(&layers)).unwrap(), layers);
+            let stack = Stack::<String>::new(layers);
+            prop_assert_eq!(stack.to_string().parse(), Ok(stack));
         }
 
         #[test]
         fn no_text_panics(text in ".*") {
-            let _ = parse_stack(&text);
+            let _ = text.parse::<Stack<String>>();
         }
     }
 }

@@ -4,16 +4,15 @@ use super::error::JobError;
 use super::paths::InputPath;
 use super::ranges::{ALBEDO, CLUSTERS, MAX_ALBEDO, MEAN_FREE_PATH};
 use super::read::{Result, Table, Value};
-use super::stack::parse_stack;
+use crate::optics::Stack;
 
 /// What an object should look like.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TargetSpec {
     /// The same layers everywhere; nothing is optimised.
     Stacking {
-        /// Resin and thickness in mm (0.0001 to 2000) of each layer, top first, at least one. Not bound by
-        /// `max-thickness-mm` nor by the limits, which are the search's.
-        layers: Vec<(String, f64)>,
+        /// Layers of 0.0001 to 2000 mm, at least one. Not bound by `max-thickness-mm` nor by the limits, which are the search's.
+        stack: Stack<String>,
     },
     /// The same profile everywhere.
     Profile {
@@ -84,10 +83,10 @@ fn read(table: &Table<'_>) -> Result<TargetSpec> {
     match kind {
         "stacking" => {
             let stack = table.require("stack", "layers like \"white:0.5,support:1.0\"")?;
-            let layers = parse_stack(stack.text("layers like \"white:0.5,support:1.0\"")?);
+            let layers = stack.text("layers like \"white:0.5,support:1.0\"")?.parse();
             let layers =
                 layers.map_err(|error| JobError::Stack { place: stack.place(), key: stack.key().to_owned(), error })?;
-            Ok(TargetSpec::Stacking { layers })
+            Ok(TargetSpec::Stacking { stack: layers })
         }
         "profile" => Ok(TargetSpec::Profile { paths: read_profile(&table.require("profile", PROFILE_PATH)?)? }),
         "texture" => read_texture(table),

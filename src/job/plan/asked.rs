@@ -8,7 +8,9 @@ use super::{
     images::{read_labels, read_picture},
 };
 use crate::{
-    appearance::{self, AppearancePage, Atlas, LabelMap, NormalizedDiffusion, cluster, distinct_appearances},
+    appearance::{
+        self, AppearancePage, Atlas, ClusterId, LabelMap, NormalizedDiffusion, cluster, distinct_appearances,
+    },
     colour::{byte_to_linear, srgb_to_linear, to_channels},
     job::{AlbedoSource, InputPath, RunError, TargetSpec},
     optics::ProfileFile,
@@ -55,10 +57,10 @@ pub(super) fn wanted(
         }),
         TargetSpec::Clusters { labels, profiles } => {
             let (width, height, labels_of) = read_labels(labels.as_ref())?;
-            if let Some(odd) = labels_of.iter().find(|&&label| usize::from(label) >= profiles.len()) {
+            if let Some(odd) = labels_of.iter().find(|label| label.index() >= profiles.len()) {
                 return Err(RunError::Texture {
                     path: labels.path.clone(),
-                    found: format!("label {odd} with {} profiles", profiles.len()),
+                    found: format!("label {} with {} profiles", odd.0, profiles.len()),
                     expected: "labels from 0 to one less than the number of profiles",
                 });
             }
@@ -87,14 +89,14 @@ fn labelled(
     context: &TargetContext<'_>,
     kind: &'static str,
     size: (u32, u32),
-    labels: Vec<u16>,
+    labels: Vec<ClusterId>,
     mut targets: Vec<SearchTarget>,
     max_albedo: Option<f64>,
 ) -> Wanted {
     let atlas = Atlas::new(&context.solid.mesh, &[size], &[]);
     let mut texels = vec![0_u64; targets.len()];
     for texel in atlas.pages()[0].covered() {
-        texels[usize::from(labels[texel])] += 1;
+        texels[labels[texel].index()] += 1;
     }
     if let Some(most) = max_albedo {
         rescale(&mut targets, &texels, most);
@@ -173,7 +175,7 @@ fn texture_wanted(
         |centroid: &Vec<f64>| SearchTarget { channels: centroid.chunks(coefficients).map(<[f64]>::to_vec).collect() };
     let total: f64 = weights.iter().sum();
     let rms = |fit: &appearance::ClusterFit| Some(fit.rms / ((channels * coefficients) as f64).sqrt());
-    let label = |&appearance: &u32| clusters.labels[appearance as usize] as u16; // k is at most 65,535
+    let label = |&appearance: &u32| clusters.labels[appearance as usize];
     let labels = appearances.index.iter().map(|page| LabelMap(page.iter().map(label).collect())).collect();
     Ok(Wanted {
         kind: "texture",

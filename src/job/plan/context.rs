@@ -3,7 +3,7 @@
 use crate::{
     job::{Interrupt, Job, Progress, RunError},
     mesh::Solid,
-    optics::{KubelkaMunk, MaterialSet, VolumeCoefficients},
+    optics::{KubelkaMunk, MaterialSet, Resin, ResinId, VolumeCoefficients},
     search::{ResinLimit, SearchError, SearchOptions},
     voxel::MaterialId,
 };
@@ -23,9 +23,9 @@ pub(super) struct TargetContext<'a> {
 
 impl TargetContext<'_> {
     /// The resin of the core.
-    pub(super) fn core(&self) -> Result<usize, RunError> {
+    pub(super) fn core(&self) -> Result<ResinId, RunError> {
         let found = self.materials.resin(self.job.stacking.core_name());
-        found.map(|(index, _)| index).ok_or_else(|| self.job.refuse_core().into())
+        found.map(|(id, _)| id).ok_or_else(|| self.job.refuse_core().into())
     }
 
     pub(super) fn refuse(&self, key: &str, found: impl ToString, expected: &str) -> RunError {
@@ -37,7 +37,7 @@ impl TargetContext<'_> {
     }
 
     pub(super) fn parameters(&self) -> Vec<Vec<KubelkaMunk>> {
-        self.materials.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect()
+        self.materials.resins.iter().map(Resin::kubelka_munk).collect()
     }
 
     pub(super) fn limits(&self) -> Vec<ResinLimit> {
@@ -46,18 +46,18 @@ impl TargetContext<'_> {
     }
 
     /// The id a resin has in voxels: its own, or that of the resin the job prints in place of the background.
-    pub(super) fn id(&self, resin: usize) -> MaterialId {
+    pub(super) fn id(&self, resin: ResinId) -> MaterialId {
         let mapped = self.job.output.map_background.as_deref().and_then(|name| self.materials.resin(name));
         match mapped {
-            Some((mapped, _)) if self.materials.resins[resin].print_as_background => MaterialId::from_resin(mapped),
-            _ => MaterialId::from_resin(resin),
+            Some((mapped, _)) if self.materials[resin].print_as_background => MaterialId::from_resin(mapped.0),
+            _ => MaterialId::from_resin(resin.0),
         }
     }
 
     /// Coefficients of all resins, index `[resin][channel]`.
     pub(super) fn volumes(&self) -> Result<Vec<Vec<VolumeCoefficients>>, RunError> {
         let volumes = self.materials.resins.iter().map(|resin| {
-            resin.volume.clone().ok_or_else(|| {
+            resin.volumes().ok_or_else(|| {
                 let found = format!("\"transport\" with resin {}, which is given by profiles", resin.name);
                 self.refuse("stacking.model", found, "resins given by coefficients, or \"km\"")
             })
@@ -65,7 +65,7 @@ impl TargetContext<'_> {
         volumes.collect()
     }
 
-    pub(super) fn search_options(&self, core: usize) -> SearchOptions {
+    pub(super) fn search_options(&self, core: ResinId) -> SearchOptions {
         let stacking = &self.job.stacking;
         SearchOptions {
             max_thickness_mm: stacking.max_thickness_mm,

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::images::read_labels;
 use crate::job::{FACTORED, Factored, LABELS, RunError, factor::entry};
 use crate::{
+    appearance::ClusterId,
     colour::LUMINANCE,
     optics::{FrequencyGrid, ProfileFile, RadialProfile},
 };
@@ -23,7 +24,7 @@ pub struct FactoredMap {
     /// Edges of the rings of the texels' own profiles, if they were kept.
     pub ring_edges_mm: Vec<f64>,
     /// Cluster of every texel, row by row.
-    pub labels: Vec<u16>,
+    pub labels: Vec<ClusterId>,
     /// Profile of each cluster and channel.
     pub profiles: Vec<Vec<RadialProfile>>,
     record: PathBuf,
@@ -55,8 +56,8 @@ impl FactoredMap {
             return Err(fault(found, "as many as factored.json says"));
         }
         let clusters = record.clusters.len();
-        if let Some(odd) = labels.iter().find(|&&label| usize::from(label) >= clusters) {
-            return Err(fault(format!("label {odd} with {clusters} clusters"), "labels from 0 to one less"));
+        if let Some(odd) = labels.iter().find(|label| label.index() >= clusters) {
+            return Err(fault(format!("label {} with {clusters} clusters", odd.0), "labels from 0 to one less"));
         }
         let profile = |name: &String| -> Result<RadialProfile, RunError> {
             let file = folder.join(name);

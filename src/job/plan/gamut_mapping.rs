@@ -2,13 +2,14 @@
 
 use super::{asked::Wanted, context::TargetContext};
 use crate::job::{RunError, StackingModel};
+use crate::optics::ResinId;
 use crate::search::{Gamut, GamutMap, Move, SearchTarget, layer_space};
 
 impl TargetContext<'_> {
     /// Where the object's targets go, if the job asks for that; says what it does.
     pub(super) fn gamut_map(
         &self,
-        core: usize,
+        core: ResinId,
         wanted: &Wanted,
         warnings: &mut Vec<String>,
     ) -> Result<Option<GamutMap>, RunError> {

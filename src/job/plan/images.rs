@@ -4,6 +4,7 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageReader};
 
+use crate::appearance::ClusterId;
 use crate::job::RunError;
 use crate::words::one_line;
 
@@ -35,11 +36,11 @@ pub fn read_picture(path: &Path) -> Result<Picture, RunError> {
     Ok(Picture { width, height, rgb })
 }
 
-/// Reads an image of whole numbers: width, height, values row by row. Grey of 8 or 16 bits.
-pub fn read_labels(path: &Path) -> Result<(u32, u32, Vec<u16>), RunError> {
+/// Reads an image of labels: width, height, clusters row by row. Grey of 8 or 16 bits.
+pub fn read_labels(path: &Path) -> Result<(u32, u32, Vec<ClusterId>), RunError> {
     let image = open(path)?;
     let (width, height) = (image.width(), image.height());
-    let labels = match image {
+    let labels: Vec<u16> = match image {
         DynamicImage::ImageLuma8(grey) => grey.into_raw().into_iter().map(u16::from).collect(),
         DynamicImage::ImageLuma16(grey) => grey.into_raw(),
         other => {
@@ -51,7 +52,7 @@ pub fn read_labels(path: &Path) -> Result<(u32, u32, Vec<u16>), RunError> {
             });
         }
     };
-    Ok((width, height, labels))
+    Ok((width, height, labels.into_iter().map(ClusterId).collect()))
 }
 
 /// Texels per row, and rows, of an image that is not too large.

@@ -26,4 +26,4 @@ pub(super) use factored::FactoredMap;
 pub use job_targets::{JobTarget, targets};
 pub(super) use layer_maps::LayerMaps;
 pub use prepare::{InputFile, Prepared, PreparedObject};
-pub use stacking_report::{GamutMapEntry, LayerEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};
+pub use stacking_report::{GamutMapEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};

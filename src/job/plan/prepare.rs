@@ -21,7 +21,7 @@ use crate::{
         Progress, RunError, Scaling, StackingModel, TargetSpec,
     },
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
-    optics::{MaterialFile, MaterialSet, OpticsError},
+    optics::{MaterialFile, MaterialSet, OpticsError, ResinId},
     output::hex,
     slice::{DistanceKind, ObjectField, Palette, Slicer},
     voxel::{Lattice, MaterialId},
@@ -105,7 +105,7 @@ impl Prepared {
         if let MaterialSource::File(_) = job.materials {
             warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));
         }
-        if let Some(resin) = materials.resins.iter().find(|resin| resin.volume.is_none())
+        if let Some(resin) = materials.resins.iter().find(|resin| resin.volumes().is_none())
             && job.stacking.model != StackingModel::KubelkaMunk
         {
             warnings.push(format!(
@@ -184,9 +184,9 @@ impl Prepared {
         found
     }
 
-    /// Ids that stand for a printed resin, with its index: all but the background and what prints as background.
-    pub fn printed(&self) -> impl Iterator<Item = (MaterialId, usize)> {
-        let ids = (0..self.materials.resins.len()).map(|resin| (MaterialId::from_resin(resin), resin));
+    /// Ids that stand for a printed resin, with that: all but the background and what prints as background.
+    pub fn printed(&self) -> impl Iterator<Item = (MaterialId, ResinId)> {
+        let ids = self.materials.ids().map(|resin| (MaterialId::from_resin(resin.0), resin));
         ids.filter(|(id, _)| self.palette[usize::from(id.0)][3] != 0)
     }
 

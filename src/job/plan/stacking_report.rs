@@ -3,7 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::layer_maps::LayerMaps;
-use crate::{search::Move, voxel::MaterialId};
+use crate::{
+    optics::{Layer, Stack},
+    search::Move,
+    voxel::MaterialId,
+};
 
 /// The stackings of one object and how well they do.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -26,7 +30,7 @@ pub struct StackingReport {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StackingEntry {
     /// Layers, top first.
-    pub layers: Vec<LayerEntry>,
+    pub layers: Vec<Layer<String>>,
     /// Share of the surface's texels that have it, 0 to 1.
     pub share: f64,
     /// Albedo asked for per channel; `None` where the stacking was given.
@@ -72,15 +76,6 @@ impl GamutMapEntry {
     }
 }
 
-/// One layer.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct LayerEntry {
-    /// Its resin.
-    pub resin: String,
-    /// Its thickness, mm.
-    pub thickness_mm: f64,
-}
-
 /// How a search ended.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SearchEntry {
@@ -112,6 +107,11 @@ pub struct TransportEntry {
 }
 
 impl StackingReport {
+    /// Every stacking over the core.
+    pub fn stacks(&self) -> impl Iterator<Item = Stack<String>> {
+        self.stackings.iter().map(|entry| Stack { layers: entry.layers.clone(), core: Some(self.core.clone()) })
+    }
+
     /// Every material that may occur, the core's among them.
     pub fn materials(&self) -> impl Iterator<Item = MaterialId> {
         self.ids.iter().copied()

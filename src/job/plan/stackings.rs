@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{
-    GamutMapEntry, LayerEntry, LayerMaps, SearchEntry, StackingEntry, StackingReport, TransportEntry,
+    GamutMapEntry, LayerMaps, SearchEntry, StackingEntry, StackingReport, TransportEntry,
     asked::{Surface, wanted},
     context::TargetContext,
 };
@@ -12,10 +12,9 @@ use crate::{
         AlignedStackings, Atlas, HeightFields, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers, align,
     },
     job::{DepthFrom, Job, OutputFormat, RunError, StackingModel, TargetSpec},
-    optics::{Light, Transport, TransportOptions},
+    optics::{ChannelId, Light, ResinId, Stack, Transport, TransportOptions},
     search::{
-        BlockTable, Match, RefineOptions, Refined, Refiner, SearchOptions, SearchTarget, Stacking, match_targets,
-        reflection_of,
+        BlockTable, Match, RefineOptions, Refined, Refiner, SearchOptions, SearchTarget, match_targets, reflection_of,
     },
 };
 
@@ -26,7 +25,7 @@ struct Found {
 }
 
 impl Found {
-    fn stacking(&self) -> &Stacking {
+    fn stacking(&self) -> &Stack {
         self.refined.as_ref().map_or(&self.search.stacking, |refined| &refined.stacking)
     }
 
@@ -42,10 +41,10 @@ pub(super) fn object_layers(
     warnings: &mut Vec<String>,
 ) -> Result<(LayerField, StackingReport), RunError> {
     let core = context.core()?;
-    if let TargetSpec::Stacking { layers } = target {
-        let layers = layers.iter().filter_map(|(name, t)| Some((context.materials.resin(name)?.0, *t)));
-        let stacking = Stacking::from_layers(layers);
-        let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking, core)?);
+    if let TargetSpec::Stacking { stack } = target {
+        let layers = stack.pairs().filter_map(|(name, mm)| Some((context.materials.resin(name)?.0, mm)));
+        let stacking = Stack::joined(layers).over(core);
+        let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking)?);
         return Ok(context.uniform("stacking", &stacking, core, entry));
     }
     let wanted = wanted(context, target, warnings)?;
@@ -94,19 +93,17 @@ fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
     ))
 }
 
-fn reflection(context: &TargetContext<'_>, stacking: &Stacking, core: usize) -> Result<Vec<Vec<f64>>, RunError> {
+fn reflection(context: &TargetContext<'_>, stacking: &Stack) -> Result<Vec<Vec<f64>>, RunError> {
     if context.job.stacking.model == StackingModel::KubelkaMunk {
-        return Ok(reflection_of(&context.parameters(), stacking, Some(core)));
+        return Ok(reflection_of(&context.parameters(), stacking));
     }
     let volumes = context.volumes()?;
-    let channel = |channel: usize| {
-        let layers: Vec<_> =
-            stacking.layers.iter().map(|layer| (volumes[layer.resin][channel], layer.thickness_mm)).collect();
-        let base = Some(volumes[core][channel]);
-        let model = Transport { layers: &layers, base, light: Light::Diffuse, options: TransportOptions::REFLECTION };
+    let channel = |ChannelId(channel)| {
+        let stack = stacking.map(|resin| volumes[resin.0][channel]);
+        let model = Transport { stack: &stack, light: Light::Diffuse, options: TransportOptions::REFLECTION };
         model.spectra(&context.materials.grid).reflection
     };
-    Ok((0..context.materials.channels.len()).map(channel).collect())
+    Ok(context.materials.channel_ids().map(channel).collect())
 }
 
 /// Thinnest layer of whole slices in a gamut.
@@ -143,7 +140,7 @@ impl TargetContext<'_> {
         (self.job.stacking.model != StackingModel::KubelkaMunk).then(|| self.job.layer_options(self.object))
     }
 
-    fn search(&self, core: usize, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
+    fn search(&self, core: ResinId, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
         self.progress.stage("stackings", targets.len() as u64);
         let options = self.search_options(core);
         let fault = |source| self.search_fault(source);
@@ -168,13 +165,9 @@ impl TargetContext<'_> {
         Ok(found)
     }
 
-    fn entry(&self, stacking: &Stacking, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {
-        let layer = |layer: &crate::search::Layer| LayerEntry {
-            resin: self.materials.resins[layer.resin].name.clone(),
-            thickness_mm: layer.thickness_mm,
-        };
+    fn entry(&self, stacking: &Stack, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {
         StackingEntry {
-            layers: stacking.layers.iter().map(layer).collect(),
+            layers: self.materials.named(stacking).layers,
             share,
             target_albedo: None,
             predicted_albedo: reflection.iter().map(|channel| channel[0]).collect(),
@@ -210,17 +203,17 @@ impl TargetContext<'_> {
     fn uniform(
         &self,
         kind: &'static str,
-        stacking: &Stacking,
-        core: usize,
+        stacking: &Stack,
+        core: ResinId,
         entry: StackingEntry,
     ) -> (LayerField, StackingReport) {
-        let layers = stacking.layers.iter().map(|layer| (self.id(layer.resin), layer.thickness_mm));
+        let layers = stacking.pairs().map(|(&resin, mm)| (self.id(resin), mm));
         let ids = layers.clone().map(|layer| layer.0).chain([self.id(core)]).collect();
         let report = StackingReport {
             kind: kind.to_owned(),
             sequence: Vec::new(),
             stackings: vec![entry],
-            core: self.materials.resins[core].name.clone(),
+            core: self.materials[core].name.clone(),
             ids,
             maps: LayerMaps::default(),
         };
@@ -234,7 +227,7 @@ impl TargetContext<'_> {
         labels: &[LabelMap],
         matches: &[Found],
         entries: Vec<StackingEntry>,
-        core: usize,
+        core: ResinId,
     ) -> Result<(LayerField, StackingReport), RunError> {
         self.progress.stage("layers", 0);
         let stackings: Vec<_> = matches.iter().map(|found| found.stacking().clone()).collect();
@@ -247,9 +240,9 @@ impl TargetContext<'_> {
         let layers = TexturedLayers::new(&self.solid.mesh, atlas, labels, slots);
         let report = StackingReport {
             kind: kind.to_owned(),
-            sequence: aligned.sequence.iter().map(|&resin| self.materials.resins[resin].name.clone()).collect(),
+            sequence: aligned.sequence.iter().map(|&resin| self.materials[resin].name.clone()).collect(),
             stackings: entries,
-            core: self.materials.resins[core].name.clone(),
+            core: self.materials[core].name.clone(),
             ids: ids.into_iter().chain([self.id(core)]).collect(),
             maps: self.maps(&aligned, atlas, labels),
         };

@@ -57,7 +57,7 @@ pub(super) fn write<'a>(
             };
             let mut layers = Vec::new();
             for (layer, &resin) in fields.sequence.iter().enumerate() {
-                let resin = resins[resin].as_str();
+                let resin = resins[resin.0].as_str();
                 let bottom = format!("{FOLDER}/{stem}layer_{layer:02}_{resin}.png");
                 output.write(&bottom, &grey16(fields, layer))?;
                 layers.push(LayerRecord { resin, bottom, thickest_mm: thickest(fields, layer) });

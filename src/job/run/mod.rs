@@ -197,7 +197,7 @@ impl Sinks<'_> {
             for (MaterialId(id), resin) in self.prepared.printed() {
                 file.clear();
                 encode_mask(slab, k, id, rows, file).map_err(encoding)?;
-                let name = &self.prepared.materials.resins[resin].name;
+                let name = &self.prepared.materials[resin].name;
                 self.output.write(&mask_path(name, k), file)?;
             }
         }
@@ -213,7 +213,7 @@ impl Prepared {
     fn keep_slice(&self, output: &OutputFolder, k: u32) -> bool {
         let slice = self.job.wants(OutputFormat::Png).then(|| slice_path(k));
         let masks = self.printed().filter(|_| self.job.wants(OutputFormat::Masks));
-        let masks = masks.map(|(_, resin)| mask_path(&self.materials.resins[resin].name, k));
+        let masks = masks.map(|(_, resin)| mask_path(&self.materials[resin].name, k));
         slice.into_iter().chain(masks).all(|path| output.keep(&path))
     }
 
@@ -267,8 +267,7 @@ impl Prepared {
             return Ok(Vec::new());
         }
         let mesher = self.mesher();
-        let resins: Vec<_> =
-            self.printed().map(|(id, resin)| (id, self.materials.resins[resin].name.clone())).collect();
+        let resins: Vec<_> = self.printed().map(|(id, resin)| (id, self.materials[resin].name.clone())).collect();
         progress.stage("meshes", 0);
         let meshes = match mesher.mesh(self.slicer().objects(), &resins, |_, _| !interrupt.requested()) {
             Err(_) if interrupt.requested() => return Err(RunError::Interrupted),

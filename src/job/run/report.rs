@@ -1,7 +1,8 @@
 //! A finished job for human eyes: its pictures, and the page that shows them.
 
 use crate::{
-    job::{LatticeRecord, LayerEntry, Manifest, MaterialRecord, ObjectRecord, RunError},
+    job::{LatticeRecord, Manifest, MaterialRecord, ObjectRecord, RunError},
+    optics::Layer,
     output::{MANIFEST, OutputFolder},
     preview::{
         self, PreviewFile, PreviewMaterial, ReportData, ReportHealth, ReportLayer, ReportMaterial, ReportPicture,
@@ -60,7 +61,7 @@ pub fn report_data<'a>(manifest: &Manifest, pictures: impl Iterator<Item = &'a s
     for (number, object) in (1..).zip(&manifest.stackings) {
         let core = index(&object.core);
         for (cluster, entry) in (0..).zip(&object.stackings) {
-            let layer = |layer: &LayerEntry| {
+            let layer = |layer: &Layer<String>| {
                 Some(ReportLayer { material: index(&layer.resin)?, thickness_mm: layer.thickness_mm })
             };
             stackings.push(ReportStacking {

@@ -2,14 +2,13 @@
 
 use super::*;
 use crate::optics::{
-    Layer, MonteCarlo, RingEdges,
+    MonteCarlo, RingEdges,
     tests::reference::{BLACK, SUPPORT, WHITE},
 };
 
 fn traced(coefficients: VolumeCoefficients, thickness_mm: f64, photons: u64) -> (RadialProfile, RadialProfile) {
     let job = MonteCarlo {
-        layers: vec![Layer { coefficients, thickness_mm }],
-        base: None,
+        stack: Stack::new([(coefficients, thickness_mm)]),
         light: Light::Diffuse,
         photons,
         seed: 5,
@@ -38,13 +37,8 @@ fn fitted(
 
 /// R and T of a slab.
 fn totals(coefficients: VolumeCoefficients, mm: f64) -> [f64; 2] {
-    let layers = [(coefficients, mm)];
-    let model = Transport {
-        layers: &layers,
-        base: None,
-        light: Light::Diffuse,
-        options: TransportOptions { polar: 12, orders: 1 },
-    };
+    let options = TransportOptions { polar: 12, orders: 1 };
+    let model = Transport { stack: &Stack::new([(coefficients, mm)]), light: Light::Diffuse, options };
     let found = model.spectra(&FrequencyGrid::of(vec![0.0]));
     [found.reflection[0], found.transmission[0]]
 }

@@ -37,10 +37,9 @@ use super::resin_table::{Draft, is_name};
 use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
 use super::spectra::ResinSpectrum;
 use super::toml_source::{Folder, Keys};
-use super::{MaterialSet, Resin};
-use crate::optics::{FrequencyGrid, OpticsError, VolumeCoefficients};
+use super::{MaterialSet, Resin, ResinChannel};
+use crate::optics::{FrequencyGrid, OpticsError, ResinId, Stack, VolumeCoefficients};
 use crate::toml_reader::{Found, Source, Strings};
-use crate::words::suggest;
 
 const TOP_KEYS: [&str; 4] = ["name", "channels", "provenance", "resin"];
 /// Slices name materials by one byte, of which 0 is the background.
@@ -74,22 +73,25 @@ impl MaterialSet {
 
 impl MaterialFile {
     /// Names of the resins, in the order of the file.
-    pub fn resin_names(&self) -> impl Iterator<Item = &str> {
+    pub fn resin_names(&self) -> impl Iterator<Item = &str> + Clone {
         self.resins.iter().map(|draft| draft.name.as_str())
     }
 
-    /// Index of the resin of this name.
+    /// Which resin has this name.
     ///
     /// # Errors
     /// [`OpticsError::UnknownResin`] with the nearest name.
-    pub fn resin_index(&self, name: &str) -> Result<usize, OpticsError> {
-        let unknown = || OpticsError::UnknownResin {
-            name: name.into(),
-            suggestion: suggest(name, self.resin_names()).map(String::from),
-            set: self.name.clone(),
-            known: self.resin_names().collect::<Vec<_>>().join(", "),
-        };
-        self.resin_names().position(|known| known == name).ok_or_else(unknown)
+    pub fn resin_id(&self, name: &str) -> Result<ResinId, OpticsError> {
+        let place = self.resin_names().position(|known| known == name);
+        place.map(ResinId).ok_or_else(|| OpticsError::unknown_resin(name, &self.name, self.resin_names()))
+    }
+
+    /// A stack of named resins as one of the file's.
+    ///
+    /// # Errors
+    /// [`OpticsError::UnknownResin`] with the nearest name.
+    pub fn stack(&self, named: &Stack<String>) -> Result<Stack, OpticsError> {
+        named.try_map(|name| self.resin_id(name))
     }
 
     /// Reads and checks a file and the profiles it names; quick.
@@ -185,11 +187,10 @@ impl MaterialFile {
         order.sort_by_key(|(_, draft)| draft.profiles.is_none()); // what was measured can be refused before slow work starts
         let mut resins = BTreeMap::new();
         for (index, draft) in order {
-            let mut profiles = Vec::new();
-            let mut spectra = Vec::new();
+            let mut known = Vec::with_capacity(self.channels.len());
             for (channel, channel_name) in self.channels.iter().enumerate() {
                 let thickness = draft.thickness_mm[channel];
-                let pair = match (&draft.profiles, &draft.volume) {
+                let (reflection, transmission) = match (&draft.profiles, &draft.volume) {
                     (Some(profiles), _) => profiles[channel].clone(),
                     (None, Some(volume)) => {
                         let what = format!("simulating {} ({channel_name})", draft.name);
@@ -205,34 +206,33 @@ impl MaterialFile {
                     }
                     (None, None) => continue, // refused when the file was read
                 };
-                let spectrum = ResinSpectrum::from_profiles(&pair.0, &pair.1, thickness, &grid).map_err(|source| {
-                    OpticsError::Spectrum {
-                        file: self.path.clone(),
-                        line: draft.line,
-                        resin: draft.name.clone(),
-                        channel: channel_name.clone(),
-                        source,
-                    }
+                let spectrum = ResinSpectrum::from_profiles(&reflection, &transmission, thickness, &grid);
+                let spectrum = spectrum.map_err(|source| OpticsError::Spectrum {
+                    file: self.path.clone(),
+                    line: draft.line,
+                    resin: draft.name.clone(),
+                    channel: channel_name.clone(),
+                    source,
                 })?;
                 let remarks = spectrum.remarks().into_iter();
                 warnings
                     .extend(remarks.map(|remark| format!("resin {}, channel {channel_name}: {remark}", draft.name)));
-                profiles.push(pair);
-                spectra.push(spectrum);
+                known.push(ResinChannel {
+                    volume: draft.volume.as_ref().map(|volume| volume[channel]),
+                    fit: draft.fit.as_ref().map(|fit| fit[channel]),
+                    kubelka_munk: spectrum.kubelka_munk,
+                    slab: spectrum.slab,
+                    slab_mm: thickness,
+                    reflection,
+                    transmission,
+                });
             }
-            let (slab, kubelka_munk) =
-                spectra.into_iter().map(|spectrum| (spectrum.slab, spectrum.kubelka_munk)).unzip();
             let resin = Resin {
                 name: draft.name,
                 rgba: draft.rgba,
                 density_g_per_cm3: draft.density,
                 print_as_background: draft.background,
-                volume: draft.volume,
-                fit: draft.fit,
-                kubelka_munk,
-                slab,
-                profiles,
-                representative_thickness_mm: draft.thickness_mm,
+                channels: known,
                 refractive_index: draft.refractive_index,
                 notes: draft.notes,
             };

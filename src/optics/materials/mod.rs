@@ -12,7 +12,12 @@ mod slabs;
 mod spectra;
 pub(crate) mod toml_source;
 
-use super::{CoefficientFit, FrequencyGrid, KubelkaMunk, RadialProfile, SlabSpectrum, VolumeCoefficients};
+use std::ops::Index;
+
+use super::{
+    ChannelId, CoefficientFit, FrequencyGrid, KubelkaMunk, OpticsError, RadialProfile, ResinId, SlabSpectrum, Stack,
+    VolumeCoefficients,
+};
 pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
 pub use simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, SimulatedProfile, simulate_profile};
@@ -24,7 +29,7 @@ pub use spectra::{MEASURED_EXCESS, ResinSpectrum, SpectrumError};
 pub struct MaterialSet {
     /// Name of the set.
     pub name: String,
-    /// Names of the colour channels, at least one; every per-channel vector has their length and order.
+    /// Names of the colour channels, at least one.
     pub channels: Vec<String>,
     /// The resins, at least one, names unique.
     pub resins: Vec<Resin>,
@@ -47,18 +52,8 @@ pub struct Resin {
     pub density_g_per_cm3: f64,
     /// Printed by leaving a hole, which the printer fills: background in the slices. At most one resin of a set is.
     pub print_as_background: bool,
-    /// Volume coefficients per channel, if known.
-    pub volume: Option<Vec<VolumeCoefficients>>,
-    /// How they were fitted to the profiles, if they were; per channel.
-    pub fit: Option<Vec<CoefficientFit>>,
-    /// Kubelka–Munk parameters per channel.
-    pub kubelka_munk: Vec<KubelkaMunk>,
-    /// Spectra of the representative slab per channel, as the parameters were read from.
-    pub slab: Vec<SlabSpectrum>,
-    /// Profiles of the representative slab per channel: R(r), T(r).
-    pub profiles: Vec<(RadialProfile, RadialProfile)>,
-    /// Thickness of the representative slab per channel, mm.
-    pub representative_thickness_mm: Vec<f64>,
+    /// What light does in it, by the set's channels.
+    pub channels: Vec<ResinChannel>,
     /// Refractive index, as in the coefficients. The Kubelka–Munk parameters of simulated slabs are index-matched whatever it is; those of
     /// measured ones have the surfaces of the measured slab in them.
     pub refractive_index: f64,
@@ -66,14 +61,93 @@ pub struct Resin {
     pub notes: String,
 }
 
+/// What is known of a resin in one channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResinChannel {
+    /// Volume coefficients, if known: in all channels of a resin or in none.
+    pub volume: Option<VolumeCoefficients>,
+    /// How they were fitted to the profiles, if they were.
+    pub fit: Option<CoefficientFit>,
+    /// Kubelka–Munk parameters, read from the slab below.
+    pub kubelka_munk: KubelkaMunk,
+    /// R̂(k) and T̂(k) of the representative slab.
+    pub slab: SlabSpectrum,
+    /// Its thickness, mm.
+    pub slab_mm: f64,
+    /// Its R(r).
+    pub reflection: RadialProfile,
+    /// Its T(r).
+    pub transmission: RadialProfile,
+}
+
+impl Resin {
+    /// The volume coefficients of all channels, if known.
+    pub fn volumes(&self) -> Option<Vec<VolumeCoefficients>> {
+        self.channels.iter().map(|channel| channel.volume).collect()
+    }
+
+    /// How the coefficients of all channels were fitted, if they were.
+    pub fn fits(&self) -> Option<Vec<CoefficientFit>> {
+        self.channels.iter().map(|channel| channel.fit).collect()
+    }
+
+    /// The Kubelka–Munk parameters of all channels.
+    pub(crate) fn kubelka_munk(&self) -> Vec<KubelkaMunk> {
+        self.channels.iter().map(|channel| channel.kubelka_munk.clone()).collect()
+    }
+}
+
 impl MaterialSet {
-    /// The resin of this name, and its index.
-    pub fn resin(&self, name: &str) -> Option<(usize, &Resin)> {
-        self.resins.iter().enumerate().find(|(_, resin)| resin.name == name)
+    /// The resin of this name, and which it is.
+    pub fn resin(&self, name: &str) -> Option<(ResinId, &Resin)> {
+        self.ids().zip(&self.resins).find(|(_, resin)| resin.name == name)
     }
 
     /// The resin name nearest to `name`, if one is near enough to be meant.
     pub fn suggest(&self, name: &str) -> Option<&str> {
         crate::words::suggest(name, self.resins.iter().map(|resin| resin.name.as_str()))
+    }
+
+    /// All resins.
+    pub fn ids(&self) -> impl ExactSizeIterator<Item = ResinId> + use<> {
+        (0..self.resins.len()).map(ResinId)
+    }
+
+    /// All channels.
+    pub fn channel_ids(&self) -> impl ExactSizeIterator<Item = ChannelId> + use<> {
+        (0..self.channels.len()).map(ChannelId)
+    }
+
+    /// A stack of named resins as one of the set's.
+    ///
+    /// # Errors
+    /// [`OpticsError::UnknownResin`] with the nearest name.
+    pub fn stack(&self, named: &Stack<String>) -> Result<Stack, OpticsError> {
+        let id = |name: &String| match self.resin(name) {
+            Some((id, _)) => Ok(id),
+            None => Err(OpticsError::unknown_resin(name, &self.name, self.resins.iter().map(|resin| &*resin.name))),
+        };
+        named.try_map(id)
+    }
+
+    /// The stack with the names of its resins, which must be the set's.
+    pub fn named(&self, stack: &Stack) -> Stack<String> {
+        stack.map(|&resin| self[resin].name.clone())
+    }
+}
+
+impl Index<ResinId> for MaterialSet {
+    type Output = Resin;
+
+    fn index(&self, resin: ResinId) -> &Resin {
+        &self.resins[resin.0]
+    }
+}
+
+impl Index<ChannelId> for Resin {
+    type Output = ResinChannel;
+
+    fn index(&self, channel: ChannelId) -> &ResinChannel {
+        &self.channels[channel.0]
     }
 }

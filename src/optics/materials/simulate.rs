@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use crate::optics::{
-    Layer, Light, MonteCarlo, MonteCarloResult, OpticsError, ProfileFile, RadialProfile, RingEdges, VolumeCoefficients,
+    Light, MonteCarlo, MonteCarloResult, OpticsError, ProfileFile, RadialProfile, RingEdges, Stack, VolumeCoefficients,
 };
 
 /// Photons for a resin given by coefficients only: R̂(0) within 4e-4 (one σ), a few seconds a channel.
@@ -38,8 +38,7 @@ pub fn simulate_profile(
     progress: impl FnMut(u64) -> ControlFlow<()>,
 ) -> Result<SimulatedProfile, OpticsError> {
     let job = MonteCarlo {
-        layers: vec![Layer { coefficients: coefficients.with_refractive_index(1.0), thickness_mm }],
-        base: None,
+        stack: Stack::new([(coefficients.with_refractive_index(1.0), thickness_mm)]),
         light: Light::Diffuse,
         photons,
         seed,

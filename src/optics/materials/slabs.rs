@@ -180,8 +180,8 @@ mod tests {
         let set = MaterialSet::load(&again).unwrap();
         assert_eq!(set.name, "../Größe \"7\"");
         assert_eq!(set.resins[0].notes, "two\nlines");
-        let volume = set.resins[0].volume.as_deref().unwrap();
-        assert_eq!(volume, plans.iter().map(|plan| plan.coefficients).collect::<Vec<_>>());
+        let volumes = set.resins[0].volumes().unwrap();
+        assert_eq!(volumes, plans.iter().map(|plan| plan.coefficients).collect::<Vec<_>>());
         assert!(Path::new(&plans[0].file).components().count() == 1);
     }
 }

@@ -21,24 +21,15 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
 
-use super::{OpticsError, RadialProfile, VolumeCoefficients};
+use super::{OpticsError, RadialProfile, Stack, VolumeCoefficients};
 pub use rings::RingEdges;
 use tally::Tally;
-use walk::Stack;
+use walk::Media;
 
 /// Photons per batch: some 10 ms of work, long against the cost of merging a tally, short against a user's patience.
 pub(crate) const BATCH: u64 = 16_384;
 /// Batches between two calls of the progress callback; bounds the memory of unmerged tallies too.
 pub(crate) const GROUP: usize = 64;
-
-/// One plane layer of resin.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Layer {
-    /// What it is made of.
-    pub coefficients: VolumeCoefficients,
-    /// Its thickness in mm, finite and ≥ 0; layers of no thickness change nothing.
-    pub thickness_mm: f64,
-}
 
 /// The light entering the top at the origin, unit flux.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,10 +43,9 @@ pub enum Light {
 /// A simulation to be run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MonteCarlo {
-    /// From the lit top down.
-    pub layers: Vec<Layer>,
-    /// A half-space below the layers; without one, what leaves the last layer is transmitted.
-    pub base: Option<VolumeCoefficients>,
+    /// From the lit top down, thicknesses finite and ≥ 0; layers of no thickness change nothing. Without a core, what leaves the last layer
+    /// is transmitted.
+    pub stack: Stack<VolumeCoefficients>,
     /// The source.
     pub light: Light,
     /// Number of photons, at least 2.
@@ -110,7 +100,7 @@ impl MonteCarlo {
     /// # Errors
     /// As [`MonteCarlo::run`]; [`OpticsError::Cancelled`] when the callback broke off.
     pub fn run_with(&self, mut progress: impl FnMut(u64) -> ControlFlow<()>) -> Result<MonteCarloResult, OpticsError> {
-        let stack = self.checked_stack()?;
+        let media = self.checked_stack()?;
         let mut total = Tally::new(&self.rings);
         let mut stream = Xoshiro256PlusPlus::seed_from_u64(self.seed);
         let mut traced = 0;
@@ -127,7 +117,7 @@ impl MonteCarlo {
                 .map(|(photons, mut rng)| {
                     let mut tally = Tally::new(&self.rings);
                     for _ in 0..photons {
-                        stack.trace(self.light, &mut rng, &mut tally);
+                        media.trace(self.light, &mut rng, &mut tally);
                     }
                     tally
                 })
@@ -140,12 +130,12 @@ impl MonteCarlo {
         Ok(total.result(self.photons, &self.rings))
     }
 
-    fn checked_stack(&self) -> Result<Stack, OpticsError> {
+    fn checked_stack(&self) -> Result<Media, OpticsError> {
         if self.photons < 2 {
             return Err(OpticsError::parameter("photons", self.photons, "at least 2".into()));
         }
-        for layer in &self.layers {
-            layer.coefficients.check()?;
+        for layer in &self.stack.layers {
+            layer.resin.check()?;
             if !(layer.thickness_mm >= 0.0 && layer.thickness_mm.is_finite()) {
                 return Err(OpticsError::parameter(
                     "thickness",
@@ -154,7 +144,7 @@ impl MonteCarlo {
                 ));
             }
         }
-        if let Some(base) = &self.base {
+        if let Some(base) = &self.stack.core {
             base.check()?;
             // A conservative half-space returns every photon, after a walk of infinite mean length.
             if base.sigma_a <= 0.0 {
@@ -165,6 +155,6 @@ impl MonteCarlo {
                 ));
             }
         }
-        Ok(Stack::new(&self.layers, self.base))
+        Ok(Media::new(&self.stack))
     }
 }

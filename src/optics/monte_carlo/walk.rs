@@ -6,10 +6,10 @@
 
 use rand_xoshiro::Xoshiro256PlusPlus;
 
+use super::Light;
 use super::photon::{Direction, FAINT, HenyeyGreenstein, REVIVED, azimuth, uniform};
 use super::tally::Tally;
-use super::{Layer, Light};
-use crate::optics::{VolumeCoefficients, fresnel::refraction};
+use crate::optics::{Layer, Stack, VolumeCoefficients, fresnel::refraction};
 
 /// Refractive index of what surrounds the stack.
 const AIR: f64 = 1.0;
@@ -31,17 +31,17 @@ struct Medium {
 
 /// Layers from the top down, the last one endless if there is a half-space below.
 #[derive(Debug, Clone)]
-pub(super) struct Stack {
+pub(super) struct Media {
     media: Vec<Medium>,
 }
 
-impl Stack {
-    pub(super) fn new(layers: &[Layer], base: Option<VolumeCoefficients>) -> Self {
-        let mut media = Vec::with_capacity(layers.len() + 1);
+impl Media {
+    pub(super) fn new(stack: &Stack<VolumeCoefficients>) -> Self {
+        let mut media = Vec::with_capacity(stack.layers.len() + 1);
         let mut top = 0.0;
-        let base = base.map(|coefficients| Layer { coefficients, thickness_mm: f64::INFINITY });
-        for layer in layers.iter().chain(&base).filter(|layer| layer.thickness_mm > 0.0) {
-            let coefficients = layer.coefficients;
+        let core = stack.core.map(|core| Layer::new(core, f64::INFINITY));
+        for layer in stack.layers.iter().chain(&core).filter(|layer| layer.thickness_mm > 0.0) {
+            let coefficients = layer.resin;
             let bottom = top + layer.thickness_mm;
             media.push(Medium {
                 top,

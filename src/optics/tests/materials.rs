@@ -70,10 +70,10 @@ fn measured_profiles_become_kubelka_munk_parameters() {
     let set = read(MEASURED).unwrap().into_set(|_, _| ControlFlow::Continue(())).unwrap();
     assert_eq!(set.channels, ["Y"]);
     let wax = &set.resins[0];
-    let back = wax.kubelka_munk[0].slab(2.0);
+    let back = wax.channels[0].kubelka_munk.slab(2.0);
     assert!((back.reflection[0] - 0.05 * std::f64::consts::TAU).abs() < 1e-3, "{}", back.reflection[0]);
     assert!((back.transmission[0] - 0.03 * std::f64::consts::TAU).abs() < 1e-3);
-    assert!(wax.volume.is_none());
+    assert!(wax.volumes().is_none());
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn slabs_of_several_thicknesses_are_read() {
     // The first of the tables is the slab that the others follow, if none stands in the resin itself.
     let only = slab(thin).replace("reflection = \"p.csv\"\ntransmission = \"q.csv\"\nthickness-mm = 2\n", "");
     let set = read(&only).unwrap().into_set(|_, _| ControlFlow::Continue(())).unwrap();
-    assert_eq!(set.resins[0].representative_thickness_mm, [1.0]);
+    assert_eq!(set.resins[0].channels[0].slab_mm, 1.0);
     for (lines, fault) in [
         ("thickness-mm = 1", "resin wax: slab 1: reflection: found nothing, expected the slab's profiles"),
         (
@@ -105,7 +105,7 @@ fn profiles_that_no_coefficients_fit_leave_the_resin_to_kubelka_munk() {
     let refused = file.fit(None, |_, _| ControlFlow::Continue(())).unwrap();
     assert!(refused.len() == 1 && refused[0].starts_with("resin wax, channel Y: no coefficients fit"), "{refused:?}");
     let set = file.into_set(|_, _| ControlFlow::Continue(())).unwrap();
-    assert!(set.resins[0].volume.is_none() && set.warnings.contains(&refused[0]));
+    assert!(set.resins[0].volumes().is_none() && set.warnings.contains(&refused[0]));
     let mut file = read(MEASURED).unwrap();
     assert!(matches!(file.fit(None, |_, _| ControlFlow::Break(())), Err(OpticsError::Cancelled)));
     assert!(file.fit(Some(&["white"]), |_, _| ControlFlow::Break(())).unwrap().is_empty());
@@ -202,9 +202,9 @@ fn built_in_sets_are_complete_and_honest() {
         let set = MaterialSet::builtin(name).unwrap();
         assert!(set.provenance.contains("not a measurement"), "{}", set.provenance);
         for resin in &set.resins {
-            assert_eq!(resin.kubelka_munk.len(), set.channels.len());
-            assert_eq!(resin.volume.as_ref().unwrap().len(), set.channels.len());
-            assert_eq!(resin.kubelka_munk[0].len(), set.grid.len());
+            assert_eq!(resin.channels.len(), set.channels.len());
+            assert_eq!(resin.volumes().unwrap().len(), set.channels.len());
+            assert_eq!(resin.channels[0].kubelka_munk.len(), set.grid.len());
         }
         println!("{name}: {:#?}", set.warnings);
     }
@@ -222,7 +222,8 @@ fn stored_profiles_are_what_a_fresh_simulation_gives() {
     let mut stored = std::collections::BTreeMap::new();
     for name in MaterialSet::builtin_names() {
         let plans = MaterialFile::builtin(name).unwrap().slab_plans(None);
-        let profiles = MaterialSet::builtin(name).unwrap().resins.into_iter().flat_map(|resin| resin.profiles);
+        let channels = MaterialSet::builtin(name).unwrap().resins.into_iter().flat_map(|resin| resin.channels);
+        let profiles = channels.map(|channel| (channel.reflection, channel.transmission));
         stored.extend(plans.into_iter().map(|plan| plan.file).zip(profiles));
     }
     let mut seen = 0;

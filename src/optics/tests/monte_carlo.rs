@@ -3,15 +3,14 @@
 use std::ops::ControlFlow;
 
 use super::reference::numbers;
-use crate::optics::{Layer, Light, MonteCarlo, OpticsError, RingEdges, VolumeCoefficients};
+use crate::optics::{Light, MonteCarlo, OpticsError, RingEdges, Stack, VolumeCoefficients};
 
 const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5, refractive_index: 1.0 };
 const SUPPORT: VolumeCoefficients = VolumeCoefficients { sigma_s: 1.6, sigma_a: 0.025, g: 0.75, refractive_index: 1.0 };
 
 fn slab(coefficients: VolumeCoefficients, thickness_mm: f64) -> MonteCarlo {
     MonteCarlo {
-        layers: vec![Layer { coefficients, thickness_mm }],
-        base: None,
+        stack: Stack::new([(coefficients, thickness_mm)]),
         light: Light::Diffuse,
         photons: 50_000,
         seed: 7,
@@ -65,9 +64,8 @@ fn unscattered_light_of_a_diffuse_source_follows_its_closed_form() {
 #[test]
 fn splitting_a_layer_or_adding_an_empty_one_changes_nothing() {
     let whole = slab(WHITE, 1.0);
-    let layer = |thickness_mm| Layer { coefficients: WHITE, thickness_mm };
-    let empty = Layer { coefficients: SUPPORT, thickness_mm: 0.0 };
-    let split = MonteCarlo { layers: vec![layer(0.25), empty, layer(0.75)], ..whole.clone() };
+    let stack = Stack::new([(WHITE, 0.25), (SUPPORT, 0.0), (WHITE, 0.75)]);
+    let split = MonteCarlo { stack, ..whole.clone() };
     // The same random numbers, so equal to rounding, save for the rare photon whose ring or fate flips.
     let (a, b) = (whole.run().unwrap(), split.run().unwrap());
     assert!((a.reflection.mean - b.reflection.mean).abs() < 0.2 * a.reflection.standard_error);
@@ -86,7 +84,7 @@ fn a_stack_of_nothing_lets_everything_through() {
 #[test]
 fn a_half_space_is_the_limit_of_thick_slabs() {
     let thick = slab(WHITE, 12.0).run().unwrap();
-    let endless = MonteCarlo { layers: vec![], base: Some(WHITE), seed: 99, ..slab(WHITE, 1.0) }.run().unwrap();
+    let endless = MonteCarlo { stack: Stack::default().over(WHITE), seed: 99, ..slab(WHITE, 1.0) }.run().unwrap();
     let sigma = thick.reflection.standard_error.hypot(endless.reflection.standard_error);
     assert!((thick.reflection.mean - endless.reflection.mean).abs() < 4.0 * sigma);
     assert_eq!(endless.transmission.mean, 0.0);
@@ -111,8 +109,8 @@ fn a_clear_slab_reflects_at_both_faces() {
 fn without_absorption_nothing_is_lost_between_mirrors() {
     let resin =
         |refractive_index| VolumeCoefficients { sigma_a: 0.0, ..SUPPORT }.with_refractive_index(refractive_index);
-    let layers = [1.5, 1.3, 1.7].map(|index| Layer { coefficients: resin(index), thickness_mm: 0.4 }).to_vec();
-    let result = MonteCarlo { layers, ..slab(SUPPORT, 1.0) }.run().unwrap();
+    let stack = Stack::new([1.5, 1.3, 1.7].map(|index| (resin(index), 0.4)));
+    let result = MonteCarlo { stack, ..slab(SUPPORT, 1.0) }.run().unwrap();
     let sum = result.reflection.mean + result.transmission.mean + result.glint.mean;
     // Light that hardly gets in at a grazing angle plays roulette.
     assert!((sum - 1.0).abs() < 1e-5, "{sum}");
@@ -144,7 +142,8 @@ fn out_of_range_input_is_named() {
     let message = |job: MonteCarlo| job.run().unwrap_err().to_string();
     assert_eq!(message(slab(WHITE, f64::NAN)), "thickness: found NaN, expected finite millimetres, 0 or more");
     assert!(message(slab(VolumeCoefficients { g: 1.0, ..WHITE }, 1.0)).starts_with("g: found 1,"));
-    let endless = MonteCarlo { base: Some(VolumeCoefficients { sigma_a: 0.0, ..WHITE }), ..slab(WHITE, 1.0) };
+    let mut endless = slab(WHITE, 1.0);
+    endless.stack.core = Some(VolumeCoefficients { sigma_a: 0.0, ..WHITE });
     assert!(message(endless).contains("half-space"));
     let cancelled = slab(WHITE, 1.0).run_with(|_| ControlFlow::Break(()));
     assert!(matches!(cancelled, Err(OpticsError::Cancelled)));

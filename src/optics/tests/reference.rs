@@ -4,8 +4,8 @@
 use std::path::PathBuf;
 
 use crate::optics::{
-    Composite, FrequencyGrid, InverseHankel, Layer, Light, MaterialSet, MonteCarlo, RadialProfile, ResinSpectrum,
-    RingEdges, VolumeCoefficients,
+    Composite, FrequencyGrid, InverseHankel, Light, MaterialSet, MonteCarlo, RadialProfile, ResinSpectrum, RingEdges,
+    Stack, VolumeCoefficients,
 };
 
 pub(in crate::optics) const WHITE: VolumeCoefficients =
@@ -40,17 +40,10 @@ fn z_scores(rows: &[Vec<f64>], photons: u64, seed: u64) -> Vec<f64> {
     for (index, row) in rows.iter().enumerate() {
         let [albedo, tau, g, r_normal, t_normal, r_diffuse, t_diffuse, _] = row[..] else { panic!("columns") };
         for (light, r, t) in [(Light::Normal, r_normal, t_normal), (Light::Diffuse, r_diffuse, t_diffuse)] {
+            let (sigma_s, sigma_a) = (albedo * tau, (1.0 - albedo) * tau);
+            let resin = VolumeCoefficients { sigma_s, sigma_a, g, refractive_index: 1.0 };
             let job = MonteCarlo {
-                layers: vec![Layer {
-                    coefficients: VolumeCoefficients {
-                        sigma_s: albedo * tau,
-                        sigma_a: (1.0 - albedo) * tau,
-                        g,
-                        refractive_index: 1.0,
-                    },
-                    thickness_mm: 1.0,
-                }],
-                base: None,
+                stack: Stack::new([(resin, 1.0)]),
                 light,
                 photons,
                 seed: seed + 1000 * index as u64, // no two rows share random numbers
@@ -153,9 +146,9 @@ fn kubelka_munk_predicts_white_slabs_and_misses_thin_support() {
 #[test]
 fn stored_resins_stack_as_the_reference_does() {
     let set = MaterialSet::builtin("synthetic").unwrap();
-    let slab = |name: &str, mm: f64| Composite::from_slab(&set.resin(name).unwrap().1.kubelka_munk[0].slab(mm));
-    let white_on_black =
-        slab("white", 5.0).reflection_over(&set.resin("black").unwrap().1.kubelka_munk[0].half_space());
+    let resin = |name: &str| &set.resin(name).unwrap().1.channels[0].kubelka_munk;
+    let slab = |name: &str, mm: f64| Composite::from_slab(&resin(name).slab(mm));
+    let white_on_black = slab("white", 5.0).reflection_over(&resin("black").half_space());
     println!("5 mm of white on black: albedo {:.4}", white_on_black[0]);
     assert!((white_on_black[0] - 0.628).abs() < 1e-3);
     let stacks: [(&str, &[(&str, f64)]); 2] = [
@@ -197,21 +190,14 @@ fn half_energy_radius_from_the_spectrum_is_that_of_the_rings() {
 
 #[test]
 fn monte_carlo_profiles_have_the_reference_shapes() {
-    let layer = |coefficients, thickness_mm| Layer { coefficients, thickness_mm };
     let stacks = [
-        ("W1", vec![layer(WHITE, 1.0)]),
-        ("W0.25_S4.5_B0.25", vec![layer(WHITE, 0.25), layer(SUPPORT, 4.5), layer(BLACK, 0.25)]),
+        ("W1", Stack::new([(WHITE, 1.0)])),
+        ("W0.25_S4.5_B0.25", Stack::new([(WHITE, 0.25), (SUPPORT, 4.5), (BLACK, 0.25)])),
     ];
     for (name, layers) in stacks {
         let Some((r, t)) = stack(name) else { return };
-        let job = MonteCarlo {
-            layers,
-            base: None,
-            light: Light::Diffuse,
-            photons: 200_000,
-            seed: 3,
-            rings: RingEdges::fine(),
-        };
+        let job =
+            MonteCarlo { stack: layers, light: Light::Diffuse, photons: 200_000, seed: 3, rings: RingEdges::fine() };
         let result = job.run().unwrap();
         for (what, ours, theirs) in [("R", &result.reflection_profile, &r), ("T", &result.transmission_profile, &t)] {
             assert!(

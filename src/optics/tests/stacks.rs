@@ -2,15 +2,13 @@
 
 use super::reference::{BLACK, SUPPORT, WHITE, rms};
 use crate::optics::{
-    FrequencyGrid, InverseHankel, Layer, Light, MaterialSet, MonteCarlo, MonteCarloResult, RingEdges, Transport,
+    FrequencyGrid, InverseHankel, Light, MaterialSet, MonteCarlo, MonteCarloResult, RingEdges, Stack, Transport,
     TransportOptions, VolumeCoefficients,
 };
 
-fn photons(layers: &[(VolumeCoefficients, f64)], count: u64) -> MonteCarloResult {
-    let layer = |&(coefficients, thickness_mm): &(VolumeCoefficients, f64)| Layer { coefficients, thickness_mm };
+fn photons(stack: &Stack<VolumeCoefficients>, count: u64) -> MonteCarloResult {
     let job = MonteCarlo {
-        layers: layers.iter().map(layer).collect(),
-        base: None,
+        stack: stack.clone(),
         light: Light::Diffuse,
         photons: count,
         seed: 77,
@@ -19,8 +17,8 @@ fn photons(layers: &[(VolumeCoefficients, f64)], count: u64) -> MonteCarloResult
     job.run().unwrap()
 }
 
-fn transport(layers: &[(VolumeCoefficients, f64)]) -> Transport<'_> {
-    Transport { layers, base: None, light: Light::Diffuse, options: TransportOptions::default() }
+fn transport(stack: &Stack<VolumeCoefficients>) -> Transport<'_> {
+    Transport { stack, light: Light::Diffuse, options: TransportOptions::default() }
 }
 
 #[test]
@@ -35,9 +33,10 @@ fn thin_layers_are_those_of_monte_carlo() {
     );
     for (name, resin) in [("white", WHITE), ("black", BLACK), ("support", SUPPORT)] {
         for mm in [0.020, 0.078, 0.156, 0.312] {
-            let exact = photons(&[(resin, mm)], PHOTONS);
-            let found = transport(&[(resin, mm)]).spectra(&grid);
-            let km = set.resin(name).unwrap().1.kubelka_munk[0].slab(mm);
+            let layer = Stack::new([(resin, mm)]);
+            let exact = photons(&layer, PHOTONS);
+            let found = transport(&layer).spectra(&grid);
+            let km = set.resin(name).unwrap().1.channels[0].kubelka_munk.slab(mm);
             let (r, t) = (exact.reflection, exact.transmission);
             let off = [found.reflection[0] / r.mean - 1.0, found.transmission[0] / t.mean - 1.0].map(|off| 100.0 * off);
             let km = [km.reflection[0] / r.mean - 1.0, km.transmission[0] / t.mean - 1.0].map(|off| 100.0 * off);
@@ -77,9 +76,9 @@ fn stacks_over_white_over_black_are_those_of_monte_carlo() {
         [0.05, 0.4, 0.04],
         [6.0, 2.0, 0.5],
     ] {
-        let layers = [(SUPPORT, mm[0]), (WHITE, mm[1]), (BLACK, mm[2])];
-        let exact = photons(&layers, PHOTONS);
-        let model = transport(&layers);
+        let stack = Stack::new([(SUPPORT, mm[0]), (WHITE, mm[1]), (BLACK, mm[2])]);
+        let exact = photons(&stack, PHOTONS);
+        let model = transport(&stack);
         let found = model.spectra(&grid);
         let spectra = (exact.reflection_profile.hankel(&grid).values, exact.transmission_profile.hankel(&grid).values);
         let (r, t) = (rms(&found.reflection, &spectra.0), rms(&found.transmission, &spectra.1));

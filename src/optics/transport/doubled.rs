@@ -30,9 +30,10 @@ struct Below {
 }
 
 impl Doubled {
-    /// Of the model's light and base with these layers in place of its own.
+    /// Of the model's light and core with these layers in place of its own.
     pub(super) fn new(model: &Transport<'_>, layers: &[(VolumeCoefficients, f64)]) -> Self {
-        let indices = layers.iter().map(|(volume, _)| volume).chain(&model.base).map(|volume| volume.refractive_index);
+        let volumes = layers.iter().map(|(volume, _)| volume).chain(&model.stack.core);
+        let indices = volumes.map(|volume| volume.refractive_index);
         Self::over(model, layers, Directions::new(indices, model.options))
     }
 
@@ -40,7 +41,7 @@ impl Doubled {
     pub(super) fn over(model: &Transport<'_>, layers: &[(VolumeCoefficients, f64)], directions: Directions) -> Self {
         let scattering = |volume: &VolumeCoefficients| Scattering::new(volume, &directions);
         let layers = layers.iter().map(|(volume, mm)| (scattering(volume), *mm)).collect();
-        Self { layers, base: model.base.as_ref().map(scattering), light: model.light, directions }
+        Self { layers, base: model.stack.core.as_ref().map(scattering), light: model.light, directions }
     }
 
     /// R̂ without the glint, and T̂.

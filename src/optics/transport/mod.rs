@@ -36,7 +36,7 @@ use self::{
     once::Once,
     scattering::Scattering,
 };
-use super::{FrequencyGrid, Light, VolumeCoefficients};
+use super::{FrequencyGrid, Light, Stack, VolumeCoefficients};
 
 /// Directions of the model: polar angles of a hemisphere and azimuthal orders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,10 +74,8 @@ impl Default for TransportOptions {
 /// The transport model of a stack in one channel.
 #[derive(Debug, Clone, Copy)]
 pub struct Transport<'a> {
-    /// Layers from the observer down, each with its thickness in mm, finite and ≥ 0.
-    pub layers: &'a [(VolumeCoefficients, f64)],
-    /// The half-space below, if there is one.
-    pub base: Option<VolumeCoefficients>,
+    /// The stack; thicknesses are finite and ≥ 0.
+    pub stack: &'a Stack<VolumeCoefficients>,
     /// The source.
     pub light: Light,
     /// How many directions.
@@ -96,9 +94,9 @@ pub struct TransportSpectra {
 impl Transport<'_> {
     /// R̂, without the glint, and T̂ over `grid`.
     pub fn spectra(&self, grid: &FrequencyGrid) -> TransportSpectra {
-        let merged = self.merged();
+        let (merged, core) = (self.merged(), self.stack.core);
         let mut resins: Vec<VolumeCoefficients> = Vec::new();
-        for volume in merged.iter().map(|(volume, _)| *volume).chain(self.base) {
+        for volume in merged.iter().map(|(volume, _)| *volume).chain(core) {
             if !resins.contains(&volume) {
                 resins.push(volume);
             }
@@ -106,7 +104,7 @@ impl Transport<'_> {
         let place = |volume: &VolumeCoefficients| resins.iter().position(|known| known == volume);
         let layers: Vec<(usize, f64)> =
             merged.iter().filter_map(|(volume, mm)| place(volume).map(|resin| (resin, *mm))).collect();
-        let base = self.base.as_ref().and_then(place);
+        let base = core.as_ref().and_then(place);
         let setting = Setting::new(&resins, base, self.light, self.options);
         let doubled = Doubled::new(self, &merged);
         let few_turns = match base {
@@ -125,7 +123,8 @@ impl Transport<'_> {
 
     /// Share of the light that the top surface reflects like a mirror before any has entered; the same at every frequency.
     pub fn glint(&self) -> f64 {
-        let indices = self.layers.iter().filter(|(_, mm)| *mm > 0.0).map(|(volume, _)| volume).chain(&self.base);
+        let layers = self.stack.pairs().filter(|(_, mm)| *mm > 0.0);
+        let indices = layers.map(|(volume, _)| volume).chain(&self.stack.core);
         let indices: Vec<f64> = indices.map(|volume| volume.refractive_index).collect();
         let Some(&first) = indices.first() else { return 0.0 };
         let directions = Directions::new(indices, self.options);
@@ -137,7 +136,7 @@ impl Transport<'_> {
     /// written.
     fn merged(&self) -> Vec<(VolumeCoefficients, f64)> {
         let mut merged: Vec<(VolumeCoefficients, f64)> = Vec::new();
-        for &(volume, mm) in self.layers.iter().filter(|(_, mm)| *mm > 0.0) {
+        for (&volume, mm) in self.stack.pairs().filter(|(_, mm)| *mm > 0.0) {
             match merged.last_mut() {
                 Some((above, sum)) if *above == volume => *sum += mm,
                 _ => merged.push((volume, mm)),

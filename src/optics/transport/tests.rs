@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::optics::{
-    Layer, MonteCarlo, RingEdges,
+    MonteCarlo, RingEdges,
     fresnel::refraction,
     tests::reference::{BLACK, SUPPORT, WHITE, numbers, reference, rms, stack},
 };
@@ -16,12 +16,17 @@ fn spectra(
     k: &[f64],
 ) -> TransportSpectra {
     let grid = FrequencyGrid::linear(k.len(), k[k.len() - 1]);
-    Transport { layers, base, light, options: TransportOptions::default() }.spectra(&grid)
+    let stack = of(layers).over(base);
+    Transport { stack: &stack, light, options: TransportOptions::default() }.spectra(&grid)
+}
+
+fn of(layers: &[(VolumeCoefficients, f64)]) -> Stack<VolumeCoefficients> {
+    Stack::new(layers.iter().copied())
 }
 
 /// What the surface reflects at once.
 fn mirrored(layers: &[(VolumeCoefficients, f64)], light: Light) -> f64 {
-    Transport { layers, base: None, light, options: TransportOptions::default() }.glint()
+    Transport { stack: &of(layers), light, options: TransportOptions::default() }.glint()
 }
 
 fn volume() -> impl Strategy<Value = VolumeCoefficients> {
@@ -96,8 +101,8 @@ fn modes_and_doubling_agree() {
                 let layers: Vec<_> = stack.iter().map(|&(resin, mm)| (resins[resin], mm)).collect();
                 // A table has the directions of all its resins, whether a stack uses them or not.
                 let directions = Directions::new(resins.iter().map(|resin| resin.refractive_index), options);
-                let base = base.map(|base| resins[base]);
-                let model = Transport { layers: &layers, base, light: Light::Diffuse, options };
+                let whole = of(&layers).over(base.map(|base| resins[base]));
+                let model = Transport { stack: &whole, light: Light::Diffuse, options };
                 let doubled = Doubled::over(&model, &layers, directions);
                 let found = modal.discrete(&stack);
                 for (k, found) in k.iter().zip(found.reflection.iter().zip(&found.transmission)) {
@@ -116,8 +121,8 @@ fn tables_know_light_of_few_turns() {
     let grid = FrequencyGrid::linear(9, 20.0);
     let options = TransportOptions::default();
     let modal = ModalReflection::new(&[WHITE, SUPPORT], None, grid.as_slice(), options);
-    let layers = [(WHITE, 0.1), (SUPPORT, 0.3), (WHITE, 0.1)];
-    let exact = Transport { layers: &layers, base: None, light: Light::Diffuse, options }.spectra(&grid);
+    let stack = Stack::new([(WHITE, 0.1), (SUPPORT, 0.3), (WHITE, 0.1)]);
+    let exact = Transport { stack: &stack, light: Light::Diffuse, options }.spectra(&grid);
     let found = modal.spectra(&[(0, 0.1), (1, 0.2), (1, 0.1), (0, 0.1)]);
     for (found, exact) in found.transmission.iter().zip(&exact.transmission) {
         assert!((found - exact).abs() < 1e-7, "{found} and {exact}");
@@ -147,7 +152,8 @@ proptest! {
         let stack: Vec<_> = mm.iter().enumerate().map(|(i, &mm)| ((i + 1) % resins.len(), mm)).collect();
         let layers: Vec<_> = stack.iter().map(|&(resin, mm)| (resins[resin], mm)).collect();
         let directions = Directions::new(resins.iter().map(|resin| resin.refractive_index), options);
-        let model = Transport { layers: &layers, base: Some(resins[0]), light: Light::Diffuse, options };
+        let whole = of(&layers).over(resins[0]);
+        let model = Transport { stack: &whole, light: Light::Diffuse, options };
         let doubled = Doubled::over(&model, &layers, directions);
         for (k, found) in k.iter().zip(modal.reflection(&stack)) {
             let exact = doubled.spectra(*k).0;
@@ -201,9 +207,9 @@ fn a_clear_slab_reflects_at_both_faces() {
         let mu = (i as f64 + 0.5) / STEPS as f64;
         diffuse.iter_mut().zip(way(mu)).for_each(|(sum, value)| *sum += 2.0 * mu * value / STEPS as f64);
     }
-    let layers = [(dye, 2.0)];
+    let stack = Stack::new([(dye, 2.0)]);
     for (light, [glint, r, t]) in [(Light::Normal, way(1.0)), (Light::Diffuse, diffuse)] {
-        let model = Transport { layers: &layers, base: None, light, options: TransportOptions::default() };
+        let model = Transport { stack: &stack, light, options: TransportOptions::default() };
         let found = model.spectra(&FrequencyGrid::linear(2, 1.0));
         let off = [model.glint() - glint, found.reflection[0] - r, found.transmission[0] - t];
         assert!(off.iter().all(|off| off.abs() < 2e-6), "{light:?}: off by {off:?}");
@@ -217,11 +223,11 @@ fn slabs_in_air_are_those_of_adding_doubling() {
     for row in numbers(include_str!("../tests/fresnel_slabs.csv")) {
         let [albedo, tau, g, r_normal, t_normal, r_diffuse, t_diffuse] = row[..] else { panic!("columns") };
         let resin = VolumeCoefficients { sigma_s: albedo, sigma_a: 1.0 - albedo, g, refractive_index: 1.5 };
-        let layers = [(resin, tau)];
+        let stack = Stack::new([(resin, tau)]);
         let exact = [(Light::Normal, r_normal, t_normal), (Light::Diffuse, r_diffuse, t_diffuse)];
         for (worst, (light, r, t)) in worst.iter_mut().zip(exact) {
             let options = TransportOptions { polar: if light == Light::Normal { 12 } else { 7 }, orders: 1 };
-            let model = Transport { layers: &layers, base: None, light, options };
+            let model = Transport { stack: &stack, light, options };
             let found = model.spectra(&FrequencyGrid::linear(2, 1.0));
             *worst = worst.max((found.reflection[0] + model.glint() - r).abs()).max((found.transmission[0] - t).abs());
         }
@@ -241,12 +247,11 @@ fn boundaries_are_those_of_monte_carlo() {
         (vec![glassy(WHITE, 1.5, 0.2), glassy(SUPPORT, 1.48, 0.4)], Some(BLACK.with_refractive_index(1.5))),
     ];
     for (layers, base) in stacks {
-        let model = Transport { layers: &layers, base, light: Light::Diffuse, options: TransportOptions::default() };
+        let stack = of(&layers).over(base);
+        let model = Transport { stack: &stack, light: Light::Diffuse, options: TransportOptions::default() };
         let found = model.spectra(&grid);
-        let layers = layers.iter().map(|&(coefficients, thickness_mm)| Layer { coefficients, thickness_mm });
         let job = MonteCarlo {
-            layers: layers.collect(),
-            base,
+            stack: stack.clone(),
             light: Light::Diffuse,
             photons: 200_000,
             seed: 3,
@@ -260,7 +265,7 @@ fn boundaries_are_those_of_monte_carlo() {
             ("T", &found.transmission, &photons.transmission_profile),
         ] {
             for (found, exact) in found.iter().zip(profile.hankel(&grid).values) {
-                assert!((found - exact).abs() < 4e-3, "{what}: {found} and {exact} of {:?}", job.layers);
+                assert!((found - exact).abs() < 4e-3, "{what}: {found} and {exact} of {stack:?}");
             }
         }
     }
@@ -280,11 +285,12 @@ fn totals_are_those_of_adding_doubling() {
     let mut worst = [0.0_f64; 2];
     for row in numbers(&text) {
         let [albedo, tau, g, r_normal, t_normal, r_diffuse, t_diffuse, _] = row[..] else { panic!("columns") };
-        let layers = [(VolumeCoefficients { sigma_s: albedo, sigma_a: 1.0 - albedo, g, refractive_index: 1.0 }, tau)];
+        let resin = VolumeCoefficients { sigma_s: albedo, sigma_a: 1.0 - albedo, g, refractive_index: 1.0 };
+        let stack = Stack::new([(resin, tau)]);
         let options = TransportOptions { polar: 16, orders: 1 };
         let exact = [(Light::Normal, r_normal, t_normal), (Light::Diffuse, r_diffuse, t_diffuse)];
         for (worst, (light, r, t)) in worst.iter_mut().zip(exact) {
-            let model = Transport { layers: &layers, base: None, light, options };
+            let model = Transport { stack: &stack, light, options };
             let found = model.spectra(&FrequencyGrid::linear(2, 1.0));
             *worst = worst.max((found.reflection[0] - r).abs()).max((found.transmission[0] - t).abs());
         }
@@ -316,7 +322,8 @@ fn spectra_are_those_of_monte_carlo() {
     for (name, layers) in STACKS {
         let Some((reflection, transmission)) = stack(name) else { return };
         let (reflection, transmission) = (reflection.hankel(&grid).values, transmission.hankel(&grid).values);
-        let model = Transport { layers, base: None, light: Light::Diffuse, options: TransportOptions::default() };
+        let whole = of(layers);
+        let model = Transport { stack: &whole, light: Light::Diffuse, options: TransportOptions::default() };
         let found = model.spectra(&grid);
         let off = found.reflection[0] / reflection[0] - 1.0;
         let (r, t) = (rms(&found.reflection, &reflection), rms(&found.transmission, &transmission));
@@ -341,7 +348,7 @@ fn directions_and_what_they_are_worth() {
     ];
     let clear = [(SUPPORT.with_refractive_index(1.5), 0.3)];
     let by = |layers: &[(VolumeCoefficients, f64)], grid: &FrequencyGrid, polar, orders| {
-        Transport { layers, base: None, light: Light::Diffuse, options: TransportOptions { polar, orders } }
+        Transport { stack: &of(layers), light: Light::Diffuse, options: TransportOptions { polar, orders } }
             .spectra(grid)
     };
     let exact: Vec<_> = thin.iter().map(|(_, layers)| by(layers, &coarse, 20, 10)).collect();
@@ -390,6 +397,7 @@ fn time_of_a_stack() {
     for index in [1.0, 1.5] {
         let resins = [WHITE, SUPPORT, BLACK].map(|resin| resin.with_refractive_index(index));
         let layers: Vec<_> = stack.iter().map(|&(resin, mm)| (resins[resin], mm)).collect();
+        let of_layers = of(&layers);
         for options in
             [TransportOptions::REFLECTION, TransportOptions { polar: 8, orders: 5 }, TransportOptions::default()]
         {
@@ -398,11 +406,8 @@ fn time_of_a_stack() {
             let value = best(&|| drop(modal.discrete(&stack)));
             let all = best(&|| drop(modal.spectra(&stack)));
             let slope = best(&|| drop(modal.slope(&stack)));
-            let whole = best(&|| {
-                drop(Transport { layers: &layers, base: None, light: Light::Diffuse, options }.spectra(&grid))
-            });
-            let doubled =
-                Doubled::new(&Transport { layers: &layers, base: None, light: Light::Diffuse, options }, &layers);
+            let whole = best(&|| drop(Transport { stack: &of_layers, light: Light::Diffuse, options }.spectra(&grid)));
+            let doubled = Doubled::new(&Transport { stack: &of_layers, light: Light::Diffuse, options }, &layers);
             let new = || FewTurns::new(&doubled.layers, &doubled.directions, Light::Diffuse, grid.as_slice());
             let prepare = best(&|| drop(std::hint::black_box(new())));
             let few = new();

@@ -69,7 +69,7 @@ impl<'a> Explorer<'a> {
             (slab.reflection, slab.transmission)
         };
         let slabs = resins.iter().map(|resin| (0..=options.units).map(|units| slab(resin, units)).collect()).collect();
-        let base = options.core.map_or_else(|| vec![0.0; grid.len()], |core| resins[core].half_space());
+        let base = options.core.map_or_else(|| vec![0.0; grid.len()], |core| resins[core.0].half_space());
         let none = |n: usize| vec![None; n];
         Self {
             options,
@@ -212,7 +212,7 @@ impl<'a> Explorer<'a> {
             depth += units;
         }
         // A last layer of the core's resin is the core's.
-        let core = self.options.core;
+        let core = self.options.core.map(|core| core.0);
         depth <= self.options.units
             && runs.len() <= self.options.depth
             && core.is_none_or(|core| depth >= self.limits[core].top && runs.last().is_none_or(|last| last.0 != core))

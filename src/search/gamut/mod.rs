@@ -24,8 +24,10 @@ pub use boundary::Boundary;
 use explore::{Explorer, Runs, TRIALS};
 pub use map::{GamutMap, Move};
 
-use super::{RefineOptions, ResinLimit, SearchError, SearchOptions, Stacking, options::MAX_UNITS};
-use crate::optics::{FrequencyGrid, InverseHankel, KubelkaMunk, ModalReflection, TransportOptions, VolumeCoefficients};
+use super::{RefineOptions, ResinLimit, SearchError, SearchOptions, options::MAX_UNITS};
+use crate::optics::{
+    FrequencyGrid, InverseHankel, KubelkaMunk, ModalReflection, ResinId, Stack, TransportOptions, VolumeCoefficients,
+};
 
 /// Directions that place a stacking to 0.4% in albedo and 1.3% in radius (docs/accuracy.md), at a third of the cost of those that judge it.
 const DIRECTIONS: TransportOptions = TransportOptions { polar: 4, orders: 6 };
@@ -49,8 +51,8 @@ pub struct ChannelGamut {
 /// A stacking and where it lies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GamutPoint {
-    /// Its layers.
-    pub stacking: Stacking,
+    /// Its layers over the search's core.
+    pub stacking: Stack,
     /// R̂(0).
     pub albedo: f64,
     /// Radius within which half of the reflected light leaves, mm.
@@ -102,7 +104,7 @@ impl Gamut {
                 let parameters: Vec<_> = resins.iter().map(|resin| &resin[channel]).collect();
                 let model = volumes.map(|volumes| {
                     let volumes: Vec<_> = volumes.iter().map(|resin| resin[channel]).collect();
-                    ModalReflection::new(&volumes, options.core, grid.as_slice(), DIRECTIONS)
+                    ModalReflection::new(&volumes, options.core.map(|core| core.0), grid.as_slice(), DIRECTIONS)
                 });
                 let found = Explorer::new(&parameters, &limits, grid, options).explore(TRIALS, model.as_ref());
                 ChannelGamut::around(&found, grid, options)
@@ -121,9 +123,10 @@ impl ChannelGamut {
     fn around(found: &[(Runs, Vec<f64>)], grid: &FrequencyGrid, options: &SearchOptions) -> Option<Self> {
         let unit_mm = options.unit_mm();
         let point = |(runs, spectrum): &(Runs, Vec<f64>)| {
-            let layers: Vec<_> = runs.iter().map(|&(resin, units)| (resin, units as f64 * unit_mm)).collect();
+            let layers = runs.iter().map(|&(resin, units)| (ResinId(resin), units as f64 * unit_mm));
             let [albedo, half_energy_radius_mm] = place_of(spectrum, grid)?;
-            Some(GamutPoint { stacking: Stacking::from_layers(layers), albedo, half_energy_radius_mm })
+            let stacking = Stack::joined(layers).over(options.core);
+            Some(GamutPoint { stacking, albedo, half_energy_radius_mm })
         };
         let mut points: Vec<GamutPoint> = found.par_iter().filter_map(point).collect();
         points.sort_by(|a, b| a.albedo.total_cmp(&b.albedo));

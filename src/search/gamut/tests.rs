@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::{explore::Explorer, width::RadiusTable, *};
 use crate::{
     appearance::NormalizedDiffusion,
-    optics::MaterialSet,
+    optics::{MaterialSet, Resin},
     search::{ResinLimit, SearchTarget, reflection_of},
 };
 
@@ -20,22 +20,22 @@ struct Synthetic {
 /// The synthetic set on black, support 0.2 mm deep, in layers as fine as a printer's slices of 27 µm.
 fn synthetic() -> Synthetic {
     let set = MaterialSet::builtin("synthetic").unwrap();
-    let resins = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
+    let resins = set.resins.iter().map(Resin::kubelka_munk).collect();
     let limit = |name: &str| ResinLimit { min_depth_mm: if name == "support" { 0.2 } else { 0.0 }, ..ResinLimit::NONE };
     let limits = set.resins.iter().map(|resin| limit(&resin.name)).collect();
-    let core = set.resin("black").map(|(index, _)| index);
+    let core = set.resin("black").map(|(id, _)| id);
     Synthetic { set, resins, options: SearchOptions { core, limits, units: 186, ..Default::default() } }
 }
 
 /// A stacking of up to four layers that keeps the limits, or none.
-fn random_stacking(random: &mut Xoshiro256PlusPlus, world: &Synthetic) -> Option<Stacking> {
+fn random_stacking(random: &mut Xoshiro256PlusPlus, world: &Synthetic) -> Option<Stack> {
     let mut below = |n: usize| (random.next_u64() % n as u64) as usize;
     let unit = world.options.unit_mm();
-    let layers = (0..1 + below(4)).map(|_| (below(world.resins.len()), (1 << below(8)) as f64 * unit));
-    let stacking = Stacking::from_layers(layers.collect::<Vec<_>>());
+    let layers = (0..1 + below(4)).map(|_| (ResinId(below(world.resins.len())), (1 << below(8)) as f64 * unit));
+    let stacking = Stack::joined(layers.collect::<Vec<_>>()).over(world.options.core);
     let mut depth = 0.0;
     for layer in &stacking.layers {
-        if depth < world.options.limits[layer.resin].min_depth_mm {
+        if depth < world.options.limits[layer.resin.0].min_depth_mm {
             return None;
         }
         depth += layer.thickness_mm;
@@ -51,7 +51,7 @@ fn the_table_of_radii_is_the_inverse_transform() {
     let mut compared = 0;
     while compared < 60 {
         let Some(stacking) = random_stacking(&mut random, &world) else { continue };
-        let spectrum = reflection_of(&world.resins, &stacking, world.options.core).remove(0);
+        let spectrum = reflection_of(&world.resins, &stacking).remove(0);
         let [_, exact] = place_of(&spectrum, &world.set.grid).unwrap();
         let found = table.half_energy(&spectrum).unwrap();
         // Beyond the grid the table goes on as 1/k, the transform as the pair of a profile that decays: below 0.1 mm that shows.
@@ -62,17 +62,12 @@ fn the_table_of_radii_is_the_inverse_transform() {
 }
 
 /// Factors by which random stackings lie outside in radius, ascending, as `reflection` places them.
-fn outside(
-    world: &Synthetic,
-    gamut: &Gamut,
-    count: usize,
-    reflection: impl Fn(&Stacking) -> Vec<f64> + Sync,
-) -> Vec<f64> {
+fn outside(world: &Synthetic, gamut: &Gamut, count: usize, reflection: impl Fn(&Stack) -> Vec<f64> + Sync) -> Vec<f64> {
     let boundary = &gamut.channels[0].boundary;
     let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
-    let stackings: Vec<Stacking> =
+    let stackings: Vec<Stack> =
         std::iter::repeat_with(|| random_stacking(&mut random, world)).flatten().take(count).collect();
-    let factor = |stacking: &Stacking| {
+    let factor = |stacking: &Stack| {
         let [albedo, radius] = place_of(&reflection(stacking), &world.set.grid).unwrap();
         let ([low, high], [narrow, wide]) = (boundary.albedo(), boundary.radius_mm(albedo));
         assert!(albedo > low - 1e-3 && albedo < high + 1e-3, "{albedo}: {stacking:?}");
@@ -87,7 +82,7 @@ fn outside(
 fn what_random_stackings_reach_lies_inside() {
     let world = synthetic();
     let gamut = Gamut::explore(&world.resins, None, &world.set.grid, &world.options).unwrap();
-    let by_km = |stacking: &Stacking| reflection_of(&world.resins, stacking, world.options.core).remove(0);
+    let by_km = |stacking: &Stack| reflection_of(&world.resins, stacking).remove(0);
     for point in &gamut.channels[0].points {
         assert!((by_km(&point.stacking)[0] - point.albedo).abs() < 1e-9, "{point:?}");
     }
@@ -102,17 +97,17 @@ fn what_random_stackings_reach_lies_inside() {
 #[test]
 fn what_random_stackings_reach_by_transport_lies_inside() {
     let world = synthetic();
-    let volumes: Vec<Vec<VolumeCoefficients>> =
-        world.set.resins.iter().map(|resin| resin.volume.clone().unwrap()).collect();
+    let volumes: Vec<Vec<VolumeCoefficients>> = world.set.resins.iter().map(|resin| resin.volumes().unwrap()).collect();
     let start = std::time::Instant::now();
     let layers = RefineOptions { min_layer_mm: world.options.unit_mm(), ..RefineOptions::default() };
     let space = layer_space(&world.options, &layers, world.resins.len());
     let gamut = Gamut::explore(&world.resins, Some(&volumes), &world.set.grid, &space).unwrap();
     let took = start.elapsed().as_secs_f64();
     let channel: Vec<_> = volumes.iter().map(|resin| resin[0]).collect();
-    let model = ModalReflection::new(&channel, world.options.core, world.set.grid.as_slice(), DIRECTIONS);
+    let model =
+        ModalReflection::new(&channel, world.options.core.map(|core| core.0), world.set.grid.as_slice(), DIRECTIONS);
     let outside = outside(&world, &gamut, 400, |stacking| {
-        model.reflection(&stacking.layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).collect::<Vec<_>>())
+        model.reflection(&stacking.pairs().map(|(resin, mm)| (resin.0, mm)).collect::<Vec<_>>())
     });
     println!(
         "400 random stackings by transport lie outside by factors of up to {:.4}, 98% of them {:.4}, {took:.1} s",
@@ -130,7 +125,7 @@ fn limits_are_kept_and_the_answer_is_the_same_again() {
     for point in &gamut.channels[0].points {
         let mut depth = 0.0;
         for layer in &point.stacking.layers {
-            assert!(depth >= world.options.limits[layer.resin].min_depth_mm, "{point:?}");
+            assert!(depth >= world.options.limits[layer.resin.0].min_depth_mm, "{point:?}");
             depth += layer.thickness_mm;
         }
         assert!(depth <= 5.0 + 1e-9, "{point:?}");
@@ -184,7 +179,7 @@ fn targets_inside_stay_and_others_come_inside_in_order() {
         .points
         .iter()
         .filter(well_inside)
-        .map(|point| reflection_of(&world.resins, &point.stacking, world.options.core))
+        .map(|point| reflection_of(&world.resins, &point.stacking))
         .map(|channels| SearchTarget { channels })
         .collect();
     assert!(inside.len() > 10);
@@ -222,8 +217,8 @@ fn targets_inside_stay_and_others_come_inside_in_order() {
 #[test]
 fn hue_is_kept() {
     let set = MaterialSet::builtin("inks-rgb").unwrap();
-    let resins: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
-    let core = set.resin("black").map(|(index, _)| index);
+    let resins: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
+    let core = set.resin("black").map(|(id, _)| id);
     let options = SearchOptions { core, ..Default::default() };
     let gamut = Gamut::explore(&resins, None, &set.grid, &options).unwrap();
     assert_eq!(gamut.channels.len(), 3);

@@ -23,10 +23,10 @@ use self::{
     nodes::Nodes,
     polytope::Polytope,
 };
-use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, Stacking, match_sequences};
+use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, match_sequences};
 use crate::{
     numeric::least_squares::{curvature, dot, gradient},
-    optics::{FrequencyGrid, ModalReflection, TransportOptions, VolumeCoefficients},
+    optics::{FrequencyGrid, ModalReflection, ResinId, Stack, TransportOptions, VolumeCoefficients},
 };
 
 /// What refining may do.
@@ -50,8 +50,8 @@ impl Default for RefineOptions {
 /// A stacking that was refined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refined {
-    /// The layers.
-    pub stacking: Stacking,
+    /// The layers over the search's core.
+    pub stacking: Stack,
     /// The objective of the search, in the transport model.
     pub objective: f64,
     /// R̂ per channel in the transport model.
@@ -118,7 +118,7 @@ impl Refiner {
         let tables = |directions: TransportOptions| -> Vec<ModalReflection> {
             let channel = |channel: usize| {
                 let resins: Vec<_> = resins.iter().map(|resin| resin[channel]).collect();
-                ModalReflection::new(&resins, options.core, &chosen, directions)
+                ModalReflection::new(&resins, options.core.map(|core| core.0), &chosen, directions)
             };
             (0..channels).map(channel).collect()
         };
@@ -132,9 +132,9 @@ impl Refiner {
         }
     }
 
-    /// R̂ of a stacking per channel in the transport model.
-    pub fn reflection(&self, stacking: &Stacking) -> Vec<Vec<f64>> {
-        let layers: Vec<_> = stacking.layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).collect();
+    /// R̂ of a stacking over the search's core per channel in the transport model.
+    pub fn reflection(&self, stacking: &Stack) -> Vec<Vec<f64>> {
+        let layers: Vec<_> = stacking.pairs().map(|(resin, mm)| (resin.0, mm)).collect();
         self.fine.iter().map(|channel| self.nodes.spread(&channel.reflection(&layers))).collect()
     }
 
@@ -153,7 +153,7 @@ impl Refiner {
         let finished = self.fits(&self.fine, &goal, FINAL_STEPS, ranked.into_iter().map(start).collect());
         let Some(mut best) = finished.into_iter().next() else {
             // Limits that whole units keep and thin layers do not: nothing to refine.
-            let stacking = candidates.first().map_or_else(Stacking::default, |best| best.stacking.clone());
+            let stacking = candidates.first().map_or_else(Stack::default, |best| best.stacking.clone());
             return Ok(Refined {
                 stacking,
                 objective: unrefined_objective,
@@ -176,7 +176,7 @@ impl Refiner {
             best = self.on_steps(best, &goal, step_mm).ok_or(SearchError::Steps { step_mm })?;
         }
         let (sequence, Fit { mm, .. }) = best;
-        let stacking = Stacking::from_layers(sequence.into_iter().zip(mm));
+        let stacking = Stack::joined(sequence.into_iter().map(ResinId).zip(mm)).over(self.options.core);
         let reflection = self.reflection(&stacking);
         let found = self.options.objective.of(&reflection, target);
         // Steps may cost more than they are worth.
@@ -193,8 +193,8 @@ impl Refiner {
     }
 
     /// Whether a stacking of whole units keeps what only refined ones must.
-    fn allows(&self, stacking: &Stacking) -> bool {
-        let (sequence, mm): Start = stacking.layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).unzip();
+    fn allows(&self, stacking: &Stack) -> bool {
+        let (sequence, mm): Start = stacking.pairs().map(|(resin, mm)| (resin.0, mm)).unzip();
         self.refine.step_mm.is_none()
             && Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)
                 .is_some_and(|limits| limits.contains(&mm))
@@ -415,7 +415,7 @@ fn neighbours(counts: &[f64], here: &Residuals, step_mm: f64, allowed: impl Fn(&
 fn distinct(candidates: &[Match]) -> Vec<Start> {
     let mut starts: Vec<Start> = Vec::new();
     for candidate in candidates {
-        let start: Start = candidate.stacking.layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).unzip();
+        let start: Start = candidate.stacking.pairs().map(|(resin, mm)| (resin.0, mm)).unzip();
         if !start.0.is_empty() && starts.iter().all(|known| known.0 != start.0) {
             starts.push(start);
         }
@@ -428,7 +428,7 @@ fn start((sequence, fit): Fitted) -> Start {
 }
 
 fn joined(layers: impl IntoIterator<Item = (usize, f64)>) -> Start {
-    Stacking::from_layers(layers).layers.iter().map(|layer| (layer.resin, layer.thickness_mm)).unzip()
+    Stack::joined(layers).layers.into_iter().map(|layer| (layer.resin, layer.thickness_mm)).unzip()
 }
 
 #[cfg(test)]

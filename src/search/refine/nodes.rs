@@ -85,7 +85,7 @@ fn spline(x: &[usize], y: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::{FrequencyGrid, Light, MaterialSet, Transport, TransportOptions};
+    use crate::optics::{FrequencyGrid, Light, MaterialSet, Stack, Transport, TransportOptions};
 
     #[test]
     fn a_spline_keeps_its_nodes_and_cubics() {
@@ -108,7 +108,7 @@ mod tests {
         let set = MaterialSet::builtin("synthetic").unwrap();
         let grid = FrequencyGrid::default();
         let nodes = Nodes::new(grid.len());
-        let volume = |name: &str| set.resin(name).unwrap().1.volume.as_ref().unwrap()[0];
+        let volume = |name: &str| set.resin(name).unwrap().1.channels[0].volume.unwrap();
         for stack in [
             &[("white", 0.3), ("support", 1.2)][..],
             &[("support", 5.0)],
@@ -116,9 +116,8 @@ mod tests {
             &[("black", 0.03), ("support", 0.5), ("white", 1.0)],
             &[("support", 0.05), ("black", 0.02), ("support", 3.0)],
         ] {
-            let layers: Vec<_> = stack.iter().map(|&(name, mm)| (volume(name), mm)).collect();
-            let options = TransportOptions::REFLECTION;
-            let model = Transport { layers: &layers, base: Some(volume("black")), light: Light::Diffuse, options };
+            let layers = Stack::new(stack.iter().map(|&(name, mm)| (volume(name), mm))).over(volume("black"));
+            let model = Transport { stack: &layers, light: Light::Diffuse, options: TransportOptions::REFLECTION };
             let all = model.spectra(&grid).reflection;
             let at_nodes: Vec<f64> = nodes.indices.iter().map(|&i| all[i]).collect();
             let off: Vec<f64> = nodes.spread(&at_nodes).iter().zip(&all).map(|(a, b)| (a - b).abs()).collect();

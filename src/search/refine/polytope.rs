@@ -40,7 +40,7 @@ impl Polytope {
         };
         let mut possible = sequence.iter().enumerate().all(|(layer, &resin)| keep_depth(layer, resin));
         if let Some(core) = options.core {
-            possible &= keep_depth(n, core);
+            possible &= keep_depth(n, core.0);
         }
         for (layer, &resin) in sequence.iter().enumerate() {
             let ResinLimit { min_mm, max_mm, .. } = limit(resin);
@@ -103,11 +103,12 @@ impl Polytope {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::optics::ResinId;
 
     fn options() -> SearchOptions {
         let free = ResinLimit::NONE;
         let limits = vec![free, ResinLimit { min_depth_mm: 0.2, ..free }, ResinLimit { max_mm: 1.0, ..free }];
-        SearchOptions { max_thickness_mm: 3.0, limits, core: Some(2), ..SearchOptions::default() }
+        SearchOptions { max_thickness_mm: 3.0, limits, core: Some(ResinId(2)), ..SearchOptions::default() }
     }
 
     /// From where all constraints hold, to the nearest point in the plain distance.

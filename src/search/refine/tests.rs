@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    optics::MaterialSet,
+    optics::{MaterialSet, Resin},
     search::{BlockTable, ResinLimit, match_sequences},
 };
 
@@ -12,9 +12,9 @@ struct Bench {
     grid: FrequencyGrid,
 }
 
-const WHITE: usize = 0;
-const BLACK: usize = 1;
-const SUPPORT: usize = 2;
+const WHITE: ResinId = ResinId(0);
+const BLACK: ResinId = ResinId(1);
+const SUPPORT: ResinId = ResinId(2);
 
 fn bench(refine: RefineOptions) -> Bench {
     let set = MaterialSet::builtin("synthetic").unwrap();
@@ -25,8 +25,8 @@ fn bench(refine: RefineOptions) -> Bench {
         _ => ResinLimit::NONE,
     });
     let options = SearchOptions { limits: limits.collect(), core: Some(BLACK), depth: 4, ..SearchOptions::default() };
-    let parameters: Vec<_> = set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect();
-    let volumes: Vec<_> = set.resins.iter().map(|resin| resin.volume.clone().unwrap()).collect();
+    let parameters: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
+    let volumes: Vec<_> = set.resins.iter().map(|resin| resin.volumes().unwrap()).collect();
     Bench {
         table: BlockTable::new(&parameters, &options).unwrap(),
         refiner: Refiner::new(&volumes, &set.grid, &options, refine),
@@ -44,8 +44,8 @@ impl Bench {
         refined
     }
 
-    fn target(&self, layers: &[(usize, f64)]) -> SearchTarget {
-        SearchTarget { channels: self.refiner.reflection(&Stacking::from_layers(layers.iter().copied())) }
+    fn target(&self, layers: &[(ResinId, f64)]) -> SearchTarget {
+        SearchTarget { channels: self.refiner.reflection(&Stack::joined(layers.iter().copied())) }
     }
 }
 
@@ -82,7 +82,7 @@ fn limits_and_steps_are_kept() {
         depth += layer.thickness_mm;
     }
     assert!(depth < 5.0 + 1e-9);
-    let rounded = Stacking::from_layers(layers.map(|(resin, mm)| (resin, (mm / step_mm).round() * step_mm)));
+    let rounded = Stack::joined(layers.map(|(resin, mm)| (resin, (mm / step_mm).round() * step_mm)));
     let rounded = SearchOptions::default().objective.of(&bench.refiner.reflection(&rounded), &target);
     println!("{:.1e}, rounded one by one {rounded:.1e}", refined.objective);
     assert!(refined.objective <= rounded, "{refined:?}");

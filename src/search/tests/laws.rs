@@ -2,6 +2,7 @@
 
 use super::optimum::keeps_limits;
 use super::resins::*;
+use crate::optics::{ResinId, Stack};
 use crate::search::*;
 
 fn options() -> SearchOptions {
@@ -13,8 +14,8 @@ fn a_stacking_of_the_space_is_found_again() {
     let resins = three_resins();
     let table = BlockTable::new(&resins, &options()).unwrap();
     let unit = options().unit_mm();
-    let made = Stacking::from_layers([(WHITE, 5.0 * unit), (SUPPORT, 32.0 * unit), (WHITE, 6.0 * unit)]);
-    let target = SearchTarget { channels: reflection_of(&resins, &made, Some(BLACK)) };
+    let made = Stack::new([(WHITE, 5.0 * unit), (SUPPORT, 32.0 * unit), (WHITE, 6.0 * unit)]).over(BLACK);
+    let target = SearchTarget { channels: reflection_of(&resins, &made) };
     let found = match_target(&table, &target).unwrap();
     assert_eq!(found.stacking.layers.len(), 3);
     for (a, b) in found.stacking.layers.iter().zip(&made.layers) {
@@ -100,14 +101,17 @@ fn bad_questions_are_refused() {
     let resins = three_resins();
     let refuse = |options: SearchOptions| BlockTable::new(&resins, &options).map(|_| ()).unwrap_err();
     assert!(matches!(refuse(SearchOptions { units: 0, ..options() }), SearchError::Option { name: "units", .. }));
-    assert!(matches!(refuse(SearchOptions { core: Some(3), ..options() }), SearchError::Option { name: "core", .. }));
+    assert!(matches!(
+        refuse(SearchOptions { core: Some(ResinId(3)), ..options() }),
+        SearchError::Option { name: "core", .. }
+    ));
     assert!(matches!(
         refuse(SearchOptions { max_thickness_mm: f64::NAN, ..options() }),
         SearchError::Option { name: "max-thickness-mm", .. }
     ));
     let upside_down = ResinLimit { min_mm: 2.0, max_mm: 1.0, min_depth_mm: 0.0 };
     let bad = SearchOptions { limits: vec![ResinLimit::NONE, upside_down, ResinLimit::NONE], ..options() };
-    assert!(matches!(refuse(bad), SearchError::Limit { resin: 1, .. }));
+    assert!(matches!(refuse(bad), SearchError::Limit { resin: BLACK, .. }));
     assert!(matches!(refuse(SearchOptions { limits: vec![ResinLimit::NONE], ..options() }), SearchError::Limit { .. }));
     assert!(matches!(BlockTable::new(&[], &SearchOptions::default()), Err(SearchError::Resins { .. })));
     let table = BlockTable::new(&resins, &options()).unwrap();

@@ -1,7 +1,7 @@
 //! The optimum: against brute force, and against Algorithm 1 as printed.
 
 use super::resins::*;
-use crate::optics::{KubelkaMunk, MaterialSet};
+use crate::optics::{KubelkaMunk, MaterialSet, Resin, ResinId, Stack};
 use crate::search::*;
 
 /// Every stacking of at most `depth` blocks, without any bound: (objective, layers in units), core's tail removed.
@@ -14,9 +14,10 @@ fn brute_force(resins: &[Vec<KubelkaMunk>], options: &SearchOptions, target: &Se
     while let Some(runs) = open.pop() {
         let total: usize = runs.iter().map(|run| run.1).sum();
         let blocks: u32 = runs.iter().map(|run| run.1.count_ones()).sum();
-        let stacking = Stacking::from_layers(runs.iter().map(|&(resin, units)| (resin, units as f64 * unit)));
+        let layers = runs.iter().map(|&(resin, units)| (ResinId(resin), units as f64 * unit));
+        let stacking = Stack::joined(layers).over(options.core);
         if keeps_limits(&stacking, options) {
-            let value = options.objective.of(&reflection_of(resins, &stacking, options.core), target);
+            let value = options.objective.of(&reflection_of(resins, &stacking), target);
             best = Some(best.map_or(value, |b| b.min(value)));
         }
         for resin in (0..resins.len()).filter(|resin| runs.last().is_none_or(|run| run.0 != *resin)) {
@@ -29,12 +30,12 @@ fn brute_force(resins: &[Vec<KubelkaMunk>], options: &SearchOptions, target: &Se
 }
 
 /// The limits in words, straight from millimetres.
-pub(super) fn keeps_limits(stacking: &Stacking, options: &SearchOptions) -> bool {
+pub(super) fn keeps_limits(stacking: &Stack, options: &SearchOptions) -> bool {
     let mut depth = 0.0;
     let core = options.core;
     let layers = &stacking.layers;
     let fits = layers.iter().enumerate().all(|(i, layer)| {
-        let limit = options.limits.get(layer.resin).copied().unwrap_or(ResinLimit::NONE);
+        let limit = options.limits.get(layer.resin.0).copied().unwrap_or(ResinLimit::NONE);
         let merges = i + 1 == layers.len() && core == Some(layer.resin);
         let h = layer.thickness_mm;
         let deep = depth >= limit.min_depth_mm - 1e-9;
@@ -47,15 +48,15 @@ pub(super) fn keeps_limits(stacking: &Stacking, options: &SearchOptions) -> bool
         } else {
             depth
         };
-        top >= options.limits.get(core).map_or(0.0, |limit| limit.min_depth_mm) - 1e-9
+        top >= options.limits.get(core.0).map_or(0.0, |limit| limit.min_depth_mm) - 1e-9
     });
     fits && core_deep
 }
 
-fn limits(resins: usize, of: &[(usize, f64, f64, f64)]) -> Vec<ResinLimit> {
+fn limits(resins: usize, of: &[(ResinId, f64, f64, f64)]) -> Vec<ResinLimit> {
     let mut limits = vec![ResinLimit::NONE; resins];
     for &(resin, min_depth_mm, min_mm, max_mm) in of {
-        limits[resin] = ResinLimit { min_depth_mm, min_mm, max_mm };
+        limits[resin.0] = ResinLimit { min_depth_mm, min_mm, max_mm };
     }
     limits
 }
@@ -108,9 +109,9 @@ fn equals_brute_force_in_colour() {
 
 /// Section 8.2 of the paper: five targets of equal albedo and falling width, from mostly support to white.
 fn interpolated_targets(resins: &[Vec<KubelkaMunk>]) -> Vec<SearchTarget> {
-    let wide = Stacking::from_layers([(WHITE, 0.3), (SUPPORT, 4.5)]);
-    let wide = reflection_of(resins, &wide, Some(BLACK)).swap_remove(0);
-    let narrow = resins[WHITE][0].half_space();
+    let wide = Stack::new([(WHITE, 0.3), (SUPPORT, 4.5)]).over(BLACK);
+    let wide = reflection_of(resins, &wide).swap_remove(0);
+    let narrow = resins[WHITE.0][0].half_space();
     let scale = wide[0] / narrow[0];
     (0..5)
         .map(|i| {
@@ -149,6 +150,6 @@ fn equals_algorithm_1() {
 fn equals_algorithm_1_at_the_papers_size() {
     // White, black, support, as in the stand-ins.
     let set = MaterialSet::builtin("synthetic").unwrap();
-    let resins: Vec<_> = set.resins.into_iter().map(|resin| resin.kubelka_munk).collect();
+    let resins: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
     against_algorithm_1(&resins, 50, 64, 6);
 }

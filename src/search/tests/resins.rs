@@ -1,14 +1,14 @@
 //! Resins for the tests: diffusion theory's half-spaces and decay, near the paper's white, black and support.
 
-use crate::optics::{FrequencyGrid, KubelkaMunk};
+use crate::optics::{FrequencyGrid, KubelkaMunk, ResinId};
 use crate::search::SearchTarget;
 use proptest::prelude::*;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
-pub const WHITE: usize = 0;
-pub const BLACK: usize = 1;
-pub const SUPPORT: usize = 2;
+pub const WHITE: ResinId = ResinId(0);
+pub const BLACK: ResinId = ResinId(1);
+pub const SUPPORT: ResinId = ResinId(2);
 
 /// Parameters from R∞ and γ per coefficient.
 fn from_half_space(half_space: &[f64], gamma: &[f64]) -> KubelkaMunk {

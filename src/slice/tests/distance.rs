@@ -5,10 +5,11 @@ use std::{collections::BTreeSet, ops::Range};
 use glam::{DVec3, IVec3, Vec2};
 
 use crate::{
-    appearance::{Atlas, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers, align},
+    appearance::{Atlas, ClusterId, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers, align},
     mesh::{HealthReport, Solid, TriangleMesh},
+    optics::{ResinId, Stack},
     sdf::{Cells, RELATIVE_ERROR, cell_centre, for_cells},
-    search::{ResinLimit, Stacking},
+    search::ResinLimit,
     slice::{DistanceKind, ObjectField, Slicer},
     voxel::{Lattice, MaterialId},
 };
@@ -59,11 +60,12 @@ fn stack(_: &Solid) -> LayerField {
 
 /// Two stackings in a chequerboard of 8 × 8 texels.
 fn textured(solid: &Solid) -> LayerField {
-    let stackings = [[(0, 0.3), (1, 0.8)], [(1, 0.7), (0, 0.4)]].map(Stacking::from_layers);
+    let layers = [[(0, 0.3), (1, 0.8)], [(1, 0.7), (0, 0.4)]];
+    let stackings = layers.map(|layers| Stack::new(layers.map(|(resin, mm)| (ResinId(resin), mm))));
     let aligned = align(&stackings);
-    let ids: Vec<_> = aligned.sequence.iter().map(|&resin| MaterialId::from_resin(resin)).collect();
+    let ids: Vec<_> = aligned.sequence.iter().map(|resin| MaterialId::from_resin(resin.0)).collect();
     let slots = SlotTable::new(&ids, &aligned, &[ResinLimit::NONE; 2], MaterialId::from_resin(3)).unwrap();
-    let labels = LabelMap((0..64 * 32).map(|texel: u16| (texel / 8 + texel / 64 / 8) % 2).collect());
+    let labels = LabelMap((0..64 * 32).map(|texel: u16| ClusterId((texel / 8 + texel / 64 / 8) % 2)).collect());
     let atlas = Atlas::new(&solid.mesh, &[(64, 32)], &vec![0; solid.mesh.triangles.len()]);
     LayerField::Textured(Box::new(TexturedLayers::new(&solid.mesh, &atlas, &[labels], slots)))
 }

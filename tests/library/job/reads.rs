@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use lumislice::job::{
     AlbedoSource, Distance, Job, JobError, MAX_JOB_BYTES, MaterialSource, OutputFormat, Scaling, TargetSpec, Unit,
 };
-use lumislice::search::ResinLimit;
+use lumislice::{optics::Stack, search::ResinLimit};
 use proptest::prelude::*;
 
 /// The least a job needs.
@@ -149,7 +149,7 @@ fn two_objects_share_or_own_their_targets() {
     let dir = inputs();
     let job = load(&shapes()[10], dir.path());
     assert!(matches!(job.objects[0].target, TargetSpec::Profile { .. }));
-    assert_eq!(job.objects[1].target, TargetSpec::Stacking { layers: vec![("white".to_owned(), 1.0)] });
+    assert_eq!(job.objects[1].target, TargetSpec::Stacking { stack: Stack::new([("white".to_owned(), 1.0)]) });
     assert_eq!(job.objects[0].unit, Some(Unit::Inch));
     assert_eq!(
         job.check_resins(&["black"]).unwrap_err().to_string(),

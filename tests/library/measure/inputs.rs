@@ -252,7 +252,7 @@ fn colours_are_measured_channel_by_channel() {
     }
     let set = lumislice::optics::MaterialSet::load(&folder.path().join("cyan.toml")).unwrap();
     assert_eq!(set.channels, ["R", "G", "B"]);
-    for (slab, round) in set.resins[0].slab.iter().zip(&rounds) {
+    for (slab, round) in set.resins[0].channels.iter().map(|channel| &channel.slab).zip(&rounds) {
         let exact = round.reflection.1.integral();
         assert!((slab.reflection[0] / exact - 1.0).abs() < 0.005, "{} for {exact}", slab.reflection[0]);
     }

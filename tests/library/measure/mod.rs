@@ -30,8 +30,8 @@ impl Round {
     fn of(set: &str, name: &str, channel: usize, farthest_mm: f64) -> Self {
         let set = MaterialSet::builtin(set).unwrap();
         let resin = set.resin(name).unwrap().1.clone();
-        let (r, t) = &resin.profiles[channel];
-        let (r, t) = (Truth::new(r, true), Truth::new(t, false));
+        let light = &resin.channels[channel];
+        let (r, t) = (Truth::new(&light.reflection, true), Truth::new(&light.transmission, false));
         let reflection = (Scene::around(&r, SQUARE, farthest_mm), r);
         let transmission = (Scene::around(&t, PINHOLE, farthest_mm), t);
         Self { reflection, transmission, resin }
@@ -43,7 +43,7 @@ impl Round {
             rgba: self.resin.rgba,
             density_g_per_cm3: self.resin.density_g_per_cm3,
             print_as_background: self.resin.print_as_background,
-            thickness_mm: self.resin.representative_thickness_mm[0],
+            thickness_mm: self.resin.channels[0].slab_mm,
             refractive_index: 1.0,
             notes: String::new(),
         };

@@ -2,18 +2,18 @@
 
 use lumislice::measure::simulate::Laboratory;
 use lumislice::optics::{
-    ChannelPrediction, Light, MaterialFile, MaterialSet, PhotonOptions, Prediction, TransportOptions,
+    ChannelPrediction, Light, MaterialFile, MaterialSet, PhotonOptions, Prediction, Stack, TransportOptions,
     VolumeCoefficients,
 };
 
 use super::Round;
 
-type Stack = &'static [(&'static str, f64)];
+type Layers = &'static [(&'static str, f64)];
 
 /// By Kubelka–Munk, whose parameters are read off the measured slabs.
-const THICK: [Stack; 3] = [&[("white", 2.0)], &[("white", 4.0)], &[("white", 4.0), ("black", 0.25)]];
+const THICK: [Layers; 3] = [&[("white", 2.0)], &[("white", 4.0)], &[("white", 4.0), ("black", 0.25)]];
 /// By transport, whose coefficients are fitted to them: Kubelka–Munk is wrong about thin layers and clear ones.
-const THIN: [Stack; 4] = [
+const THIN: [Layers; 4] = [
     &[("support", 1.0), ("white", 1.0)],
     &[("support", 1.0), ("white", 1.0), ("black", 1.0)],
     &[("white", 0.25), ("support", 4.5), ("black", 0.25)],
@@ -44,11 +44,8 @@ fn off(found: &ChannelPrediction, truth: &ChannelPrediction) -> [f64; 2] {
     [found.reflection_hankel[0] / truth.reflection_hankel[0] - 1.0, half(found) / half(truth) - 1.0]
 }
 
-/// Coefficients and thickness, mm.
-type Layer<'a> = (&'a [VolumeCoefficients], f64);
-
-fn volumes<'a>(set: &'a MaterialSet, stack: Stack) -> Vec<Layer<'a>> {
-    stack.iter().map(|(name, mm)| (set.resin(name).unwrap().1.volume.as_deref().unwrap(), *mm)).collect()
+fn volumes(set: &MaterialSet, stack: Layers) -> Stack<Vec<VolumeCoefficients>> {
+    Stack::new(stack.iter().map(|(name, mm)| (set.resin(name).unwrap().1.volumes().unwrap(), *mm)))
 }
 
 #[test]
@@ -62,7 +59,7 @@ fn predictions_from_the_measurement_hold() {
     let exact = MaterialSet::builtin("synthetic").unwrap();
     for resin in &measured.resins {
         let (fit, truth) =
-            (resin.fit.as_ref().unwrap()[0], exact.resin(&resin.name).unwrap().1.volume.as_ref().unwrap()[0]);
+            (resin.channels[0].fit.unwrap(), exact.resin(&resin.name).unwrap().1.channels[0].volume.unwrap());
         println!("{}: {fit:.4?}", resin.name);
         let within = |found: f64, truth: f64, share: f64| (found / truth - 1.0).abs() < 2.0 * share;
         let reduced = |volume: &VolumeCoefficients| volume.sigma_s * (1.0 - volume.g);
@@ -74,15 +71,15 @@ fn predictions_from_the_measurement_hold() {
         let (own, true_ones) = (volumes(&measured, stack), volumes(&exact, stack));
         let options = PhotonOptions { light: Light::Diffuse, photons: 1_000_000, seed: 4 };
         let go_on = |_| std::ops::ControlFlow::Continue(());
-        let photons = Prediction::monte_carlo(&exact.channels, &true_ones, None, options, go_on);
+        let photons =
+            Prediction::monte_carlo(&exact.channels, &true_ones.map(|resin| resin.as_slice()), options, go_on);
         let photons = photons.unwrap().light.remove(0);
-        let transport = |layers: &[Layer<'_>]| {
-            Prediction::transport(&exact.channels, layers, None, Light::Diffuse, TransportOptions::default())
-                .light
-                .remove(0)
+        let transport = |stack: &Stack<Vec<VolumeCoefficients>>| {
+            let stack = stack.map(|resin| resin.as_slice());
+            Prediction::transport(&exact.channels, &stack, Light::Diffuse, TransportOptions::default()).light.remove(0)
         };
-        let indexed: Vec<_> = stack.iter().map(|(name, mm)| (measured.resin(name).unwrap().0, *mm)).collect();
-        let km = off(&Prediction::kubelka_munk(&measured, &indexed, None).light[0], &photons);
+        let indexed = Stack::new(stack.iter().map(|(name, mm)| (measured.resin(name).unwrap().0, *mm)));
+        let km = off(&Prediction::kubelka_munk(&measured, &indexed).light[0], &photons);
         let found = transport(&own);
         let by_transport = off(&found, &photons);
         let of_measuring = off(&found, &transport(&true_ones));

@@ -41,14 +41,14 @@ fn run(name: &str, folder: &Path, defects: bool) -> Result<String, String> {
     let known: Vec<&str> = set.resins.iter().map(|resin| resin.name.as_str()).collect();
     let expected = || format!("resin `{name}`: found none of that name, expected one of {}", known.join(", "));
     let (_, resin) = set.resin(name).ok_or_else(expected)?;
-    let (r, t) = &resin.profiles[0];
-    let (r, t) = (Truth::new(r, true), Truth::new(t, false));
+    let light = &resin.channels[0];
+    let (r, t) = (Truth::new(&light.reflection, true), Truth::new(&light.transmission, false));
     let facts = ResinFacts {
         name: resin.name.clone(),
         rgba: resin.rgba,
         density_g_per_cm3: resin.density_g_per_cm3,
         print_as_background: resin.print_as_background,
-        thickness_mm: resin.representative_thickness_mm[0],
+        thickness_mm: light.slab_mm,
         refractive_index: 1.0,
         notes: String::new(),
     };

@@ -14,7 +14,7 @@ use super::{MaterialMesher, MaterialMeshes};
 use crate::{
     appearance::{LayerField, LayerStack, SlotTable, align},
     mesh::{HealthReport, Solid, TriangleMesh},
-    search::Stacking,
+    optics::{ResinId, Stack},
     slice::{ObjectField, Slicer},
     voxel::{Lattice, MaterialId},
 };
@@ -136,12 +136,9 @@ fn stack(layers: &[(MaterialId, f64)], core: MaterialId) -> LayerField {
 /// Three stackings that share no layer, over cyan.
 fn three_stackings() -> SlotTable {
     // Resins by index: 0 white, 1 support, 2 black.
-    let stackings = align(&[
-        Stacking::from_layers([(0, 0.4), (1, 1.2), (0, 0.6)]),
-        Stacking::from_layers([(0, 0.8), (2, 0.7)]),
-        Stacking::from_layers([(2, 0.5), (1, 0.5)]),
-    ]);
-    let ids: Vec<_> = stackings.sequence.iter().map(|&resin| MaterialId::from_resin(resin)).collect();
+    let of = |layers: &[(usize, f64)]| Stack::new(layers.iter().map(|&(resin, mm)| (ResinId(resin), mm)));
+    let stackings = align(&[of(&[(0, 0.4), (1, 1.2), (0, 0.6)]), of(&[(0, 0.8), (2, 0.7)]), of(&[(2, 0.5), (1, 0.5)])]);
+    let ids: Vec<_> = stackings.sequence.iter().map(|resin| MaterialId::from_resin(resin.0)).collect();
     SlotTable::new(&ids, &stackings, &[], CYAN).unwrap()
 }
 

@@ -7,7 +7,7 @@ use std::{
 
 use super::*;
 use crate::{
-    appearance::{Atlas, LabelMap, TexturedLayers},
+    appearance::{Atlas, ClusterId, LabelMap, TexturedLayers},
     mesh::{LoadOptions, Placement, Size, close, load, place},
     slice::meshes::{write_3mf, write_stl},
 };
@@ -72,7 +72,7 @@ fn the_cow_in_patches() {
     let high = solid.mesh.positions.iter().fold(DVec3::ZERO, |high, p| high.max(*p));
     let lattice = Lattice::covering(high, DVec3::splat(0.1)).unwrap();
     let atlas = Atlas::new(&solid.mesh, &[(64, 64)], &[]);
-    let labels = LabelMap((0..64 * 64).map(|n: u32| ((n % 64 / 8 * 5 + n / 512 * 7) % 3) as u16).collect());
+    let labels = LabelMap((0..64 * 64).map(|n: u32| ClusterId(((n % 64 / 8 * 5 + n / 512 * 7) % 3) as u16)).collect());
     let layers = TexturedLayers::new(&solid.mesh, &atlas, &[labels], three_stackings());
     let layers = LayerField::Textured(Box::new(layers));
     let slicer = Slicer::new(lattice, vec![ObjectField::new(&solid, lattice, layers).unwrap()]);

@@ -3,14 +3,14 @@
 use glam::DVec3;
 
 use super::*;
-use crate::appearance::{Atlas, LabelMap, TexturedLayers};
+use crate::appearance::{Atlas, ClusterId, LabelMap, TexturedLayers};
 
 /// A sphere with three stackings in patches: interpolated thicknesses, layers that end, another core's neighbourhood.
 fn patched_sphere(labels: impl Fn(u32, u32) -> u16) -> Slicer {
     const SIZE: (u32, u32) = (8, 6);
     let ball = sphere(DVec3::splat(5.0), 5.0, 48);
     let atlas = Atlas::new(&ball, &[SIZE], &[]);
-    let map = LabelMap((0..SIZE.0 * SIZE.1).map(|n| labels(n % SIZE.0, n / SIZE.0)).collect());
+    let map = LabelMap((0..SIZE.0 * SIZE.1).map(|n| ClusterId(labels(n % SIZE.0, n / SIZE.0))).collect());
     let layers = LayerField::Textured(Box::new(TexturedLayers::new(&ball, &atlas, &[map], three_stackings())));
     slicer(vec![(ball, layers)], DVec3::splat(10.0), 0.08)
 }

@@ -4,13 +4,14 @@ use std::ops::ControlFlow;
 
 use lumislice::{
     optics::{
-        KubelkaMunk, Light, MaterialSet, OpticsError, PhotonOptions, Prediction, TransportOptions, VolumeCoefficients,
+        KubelkaMunk, Light, MaterialSet, OpticsError, PhotonOptions, Prediction, Resin, ResinId, Stack,
+        TransportOptions, VolumeCoefficients,
     },
-    search::{ResinLimit, SearchOptions, Stacking},
+    search::{ResinLimit, SearchOptions},
 };
 
 /// Layers by the names of their resins, top first, mm.
-pub type Stack<'a> = &'a [(&'a str, f64)];
+pub type Layers<'a> = &'a [(&'a str, f64)];
 
 /// A stack in all models.
 pub struct Predicted {
@@ -29,16 +30,17 @@ impl Resins {
         Ok(Self { set: MaterialSet::builtin("synthetic")? })
     }
 
-    pub fn index(&self, name: &str) -> usize {
-        self.set.resin(name).map(|(index, _)| index).unwrap_or_else(|| panic!("the set has no {name}"))
+    pub fn id(&self, name: &str) -> ResinId {
+        self.set.resin(name).map(|(id, _)| id).unwrap_or_else(|| panic!("the set has no {name}"))
     }
 
     pub fn parameters(&self) -> Vec<Vec<KubelkaMunk>> {
-        self.set.resins.iter().map(|resin| resin.kubelka_munk.clone()).collect()
+        let channels = |resin: &Resin| resin.channels.iter().map(|channel| channel.kubelka_munk.clone()).collect();
+        self.set.resins.iter().map(channels).collect()
     }
 
     pub fn volumes(&self) -> Vec<Vec<VolumeCoefficients>> {
-        self.set.resins.iter().filter_map(|resin| resin.volume.clone()).collect()
+        self.set.resins.iter().filter_map(Resin::volumes).collect()
     }
 
     /// The paper's search over black, support at least 0.2 mm deep.
@@ -46,45 +48,43 @@ impl Resins {
         let limit =
             |name: &str| ResinLimit { min_depth_mm: if name == "support" { 0.2 } else { 0.0 }, ..ResinLimit::NONE };
         let limits = self.set.resins.iter().map(|resin| limit(&resin.name)).collect();
-        SearchOptions { core: Some(self.index("black")), limits, ..SearchOptions::default() }
+        SearchOptions { core: Some(self.id("black")), limits, ..SearchOptions::default() }
     }
 
-    pub fn named(&self, stacking: &Stacking) -> String {
-        let layers = stacking.layers.iter();
-        let layers = layers.map(|layer| format!("{} {:.3}", self.set.resins[layer.resin].name, layer.thickness_mm));
+    pub fn named(&self, stacking: &Stack) -> String {
+        let layers = stacking.pairs().map(|(&resin, mm)| format!("{} {mm:.3}", self.set[resin].name));
         layers.collect::<Vec<_>>().join(", ")
     }
 
-    pub fn by_km(&self, layers: &[(usize, f64)], core: Option<usize>) -> Prediction {
-        Prediction::kubelka_munk(&self.set, layers, core)
+    /// The set's resins in layers over nothing.
+    pub fn stack(&self, layers: Layers) -> Stack {
+        Stack::new(layers.iter().map(|&(name, mm)| (self.id(name), mm)))
     }
 
-    pub fn by_transport(&self, layers: &[(usize, f64)], core: Option<usize>) -> Prediction {
+    fn coefficients(&self, stack: &Stack) -> Stack<Vec<VolumeCoefficients>> {
         let volumes = self.volumes();
-        let layers: Vec<_> = layers.iter().map(|&(resin, mm)| (volumes[resin].as_slice(), mm)).collect();
-        let core = core.map(|core| volumes[core].as_slice());
-        Prediction::transport(&self.set.channels, &layers, core, Light::Diffuse, TransportOptions::default())
+        stack.map(|resin| volumes[resin.0].clone())
     }
 
-    pub fn by_photons(
-        &self,
-        layers: &[(usize, f64)],
-        core: Option<usize>,
-        photons: u64,
-    ) -> Result<Prediction, OpticsError> {
-        let volumes = self.volumes();
-        let layers: Vec<_> = layers.iter().map(|&(resin, mm)| (volumes[resin].as_slice(), mm)).collect();
-        let core = core.map(|core| volumes[core].as_slice());
+    pub fn by_transport(&self, stack: &Stack) -> Prediction {
+        let stack = self.coefficients(stack);
+        let stack = stack.map(|resin| resin.as_slice());
+        Prediction::transport(&self.set.channels, &stack, Light::Diffuse, TransportOptions::default())
+    }
+
+    pub fn by_photons(&self, stack: &Stack, photons: u64) -> Result<Prediction, OpticsError> {
+        let stack = self.coefficients(stack);
+        let stack = stack.map(|resin| resin.as_slice());
         let options = PhotonOptions { light: Light::Diffuse, photons, seed: 5 };
-        Prediction::monte_carlo(&self.set.channels, &layers, core, options, |_| ControlFlow::Continue(()))
+        Prediction::monte_carlo(&self.set.channels, &stack, options, |_| ControlFlow::Continue(()))
     }
 
-    pub fn predict(&self, stack: Stack, photons: u64) -> Result<Predicted, OpticsError> {
-        let layers: Vec<_> = stack.iter().map(|&(name, mm)| (self.index(name), mm)).collect();
+    pub fn predict(&self, layers: Layers, photons: u64) -> Result<Predicted, OpticsError> {
+        let stack = self.stack(layers);
         Ok(Predicted {
-            km: self.by_km(&layers, None),
-            transport: self.by_transport(&layers, None),
-            photons: self.by_photons(&layers, None, photons)?,
+            km: Prediction::kubelka_munk(&self.set, &stack),
+            transport: self.by_transport(&stack),
+            photons: self.by_photons(&stack, photons)?,
         })
     }
 }

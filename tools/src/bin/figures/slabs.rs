@@ -38,13 +38,11 @@ pub fn run(options: &Options) -> Outcome {
         "| slab | layers, mm from the top | support, mm | albedo | asked | 50% within, mm | asked | KM's claim | promised | photons see | rms |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
     );
-    let core = search.core;
     let mut seen = Vec::new();
     for (slab, ((discrete, refined), target)) in found.iter().zip(&targets).enumerate() {
-        let layers: Vec<_> = refined.stacking.layers.iter().map(|l| (l.resin, l.thickness_mm)).collect();
-        let photons = resins.by_photons(&layers, core, options.photons)?.light.remove(0);
+        let photons = resins.by_photons(&refined.stacking, options.photons)?.light.remove(0);
         row(&resins, slab, discrete, refined, target, &photons);
-        seen.push((resins.by_transport(&layers, core).light.remove(0), photons));
+        seen.push((resins.by_transport(&refined.stacking).light.remove(0), photons));
     }
     profiles(&resins, &targets, &seen).write(&options.folder.join("slabs-profiles.png"))?;
     profiles(&resins, &targets, &seen).write(&options.folder.join("slabs-profiles.svg"))?;
@@ -54,10 +52,10 @@ pub fn run(options: &Options) -> Outcome {
 
 /// The five profiles, from the most translucent to the least.
 fn targets(resins: &Resins) -> Vec<SearchTarget> {
-    let core = Some(resins.index("black"));
-    let spectrum = |layers: &[(&str, f64)]| {
-        let layers: Vec<_> = layers.iter().map(|&(name, mm)| (resins.index(name), mm)).collect();
-        resins.by_transport(&layers, core).light.remove(0).reflection_hankel
+    let black = resins.id("black");
+    let spectrum = |layers| {
+        let stack = resins.stack(layers).over(black);
+        resins.by_transport(&stack).light.remove(0).reflection_hankel
     };
     let (sample, white) = (spectrum(&SAMPLE), spectrum(&[("white", 5.0)]));
     let scale = sample[0] / white[0];
@@ -77,7 +75,7 @@ fn row(
     target: &SearchTarget,
     photons: &ChannelPrediction,
 ) {
-    let support = resins.index("support");
+    let support = resins.id("support");
     let layers = refined.stacking.layers.iter().filter(|layer| layer.resin == support);
     let support: f64 = layers.map(|layer| layer.thickness_mm).sum();
     let radius = |spectrum: &[f64]| place_of(spectrum, &resins.set.grid).map_or(f64::NAN, |place| place[1]);
@@ -172,14 +170,11 @@ fn slice(options: &Options, resins: &Resins, found: &[(Match, Refined)]) -> Outc
                     [output]\nformats = [\"png\", \"stl\", \"preview\"]\nmesh-pitch-mm = 0.1\n"
             .to_owned();
     for (slab, (_, refined)) in found.iter().enumerate() {
-        let layers = refined.stacking.layers.iter();
-        let layers: Vec<_> =
-            layers.map(|layer| (resins.set.resins[layer.resin].name.clone(), layer.thickness_mm)).collect();
         write!(
             text,
             "[[object]]\nmesh = \"slab.stl\"\nposition-mm = [{}, 0, 0]\n[object.target]\nkind = \"stacking\"\nstack = \"{}\"\n",
             slab as f64 * PITCH_MM,
-            job::format_stack(&layers),
+            resins.set.named(&refined.stacking),
         )?;
     }
     let path = folder.join("slabs.toml");

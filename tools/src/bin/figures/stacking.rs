@@ -7,11 +7,11 @@ use lumislice::{
 
 use super::{
     Options, Outcome,
-    models::{Predicted, Resins, Stack, rms},
+    models::{Layers, Predicted, Resins, rms},
 };
 
 /// The figure's three, and what the paper says of them.
-const STACKS: [(&str, Stack); 3] = [
+const STACKS: [(&str, Layers); 3] = [
     ("white 2 mm on white 2 mm", &[("white", 2.0), ("white", 2.0)]),
     ("white 4 mm on black 0.25 mm", &[("white", 4.0), ("black", 0.25)]),
     ("black 0.5, support 6, white 2 mm", &[("black", 0.5), ("support", 6.0), ("white", 2.0)]),
