@@ -32,12 +32,12 @@ const STEP: f32 = 1.0 / 32.0;
 const SAME: f32 = 0.5 / 255.0;
 /// Most colours that become materials; each is a page of the target, drawn by a pass over all triangles.
 const MAX_PLAIN: usize = 256;
-/// Longest side of a block.
-const MAX_SIDE: usize = 1024;
+/// Longest side of a block; shorter where blocks have fewer texels than the texture, so that all fit in the end.
+const MAX_SIDE: f32 = 1024.0;
 /// Longest side of a texture: texel centres of a power of two are exact in single precision.
 const MAX_PAGE: usize = 4096;
-/// Texels that all blocks together may have: some 16 bytes each while targets are made.
-const MAX_TEXELS: usize = 1 << 25;
+/// Texels that all blocks together may have: some 40 bytes each while targets are made, a third of a GiB.
+const MAX_TEXELS: usize = 1 << 23;
 /// Texels around a block, on each side.
 const GUTTER: usize = 1;
 /// How far beyond [0, 1], in texels, coordinates may lie by rounding.
@@ -156,7 +156,7 @@ impl TriangleMesh {
             let is_even = difference(a, b) <= SAME && !(length(a, b) > 0.0);
             let needed = if is_even { 0.0 } else { needs(a, b).ceil().max(1.0) };
             // What is no number takes no room.
-            (needed as usize).min(MAX_SIDE - 1) + 1
+            needed.min(MAX_SIDE * fineness.min(1.0)) as usize + 1
         };
         let mut size = [side(order[0], order[1]), side(order[0], order[2])];
         if size[0].max(size[1]) == 1 && difference(order[1], order[2]) > SAME {
