@@ -30,6 +30,7 @@ mod mtl;
 mod obj;
 mod ply;
 mod ply_header;
+mod ply_surface;
 mod polygon;
 mod raw;
 mod stl;
