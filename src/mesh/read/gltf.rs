@@ -5,6 +5,8 @@
 //! joints' pose ([`gltf_shape`]), instances ([`gltf_instances`]) and visibility. Materials are read by
 //! [`gltf_material`], which extensions matter is known to [`support`].
 
+use std::collections::BTreeSet;
+
 use glam::{DMat4, DVec3, Vec2};
 use gltf::json::validation::Checked;
 use gltf::mesh::{Mode, Primitive};
@@ -60,8 +62,14 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         })
         .collect::<Parsed<Vec<_>>>()?;
     let mut materials = Materials::new(source, &document, &buffers);
+    let primitives = document.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
+    let used: BTreeSet<Option<usize>> = primitives.map(|primitive| primitive.material().index()).collect();
     for material in document.materials() {
-        let looks = materials.read(&material, &mut raw);
+        // What nothing is made of has no colour to lose.
+        let looks = match used.contains(&material.index()) {
+            true => materials.read(&material, &mut raw),
+            false => plain(material.name().unwrap_or(""), BaseColor::of(&material).factor),
+        };
         raw.add_material(|| "materials".to_owned(), looks)?;
     }
     let mut walk = Walk {

@@ -465,6 +465,13 @@ fn gltf_colours_that_are_lost() {
     // Nobody misses the image of another material.
     let unused = textured(&|gltf| gltf.json["images"].as_array_mut().unwrap().push(json!({"uri": "none.png"})));
     assert!(lost(&unused).is_empty() && unused.warnings.is_empty());
+    let other = textured(&|gltf| {
+        let texture = json!({"baseColorTexture": {"index": 1}});
+        gltf.json["images"].as_array_mut().unwrap().push(json!({"uri": "none.png"}));
+        gltf.json["textures"].as_array_mut().unwrap().push(json!({"source": 1}));
+        gltf.json["materials"].as_array_mut().unwrap().push(json!({"pbrMetallicRoughness": texture}));
+    });
+    assert!(lost(&other).is_empty() && other.warnings.is_empty());
 }
 
 /// A cube as 3MF: resources before the object, attributes of the object and of every triangle.
