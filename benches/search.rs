@@ -6,19 +6,24 @@
 
 use std::time::{Duration, Instant};
 
-use lumislice::optics::{FrequencyGrid, KubelkaMunk, Light, MaterialSet, ResinId, Stack, Transport, TransportOptions};
-use lumislice::search::{
-    BlockTable, ResinLimit, SearchOptions, SearchTarget, algorithm_1, match_target, match_targets,
+use lumislice::{
+    optics::{FrequencyGrid, MaterialSet, Model, ResinId, Stack, predict},
+    search::{Found, Match, MatchOptions, Matcher, ResinLimit, SearchOptions, SearchTarget},
+    watch::Unwatched,
 };
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
-fn resins(set: &str) -> Vec<Vec<KubelkaMunk>> {
-    parameters(&MaterialSet::builtin(set).unwrap())
+fn matcher(set: &MaterialSet, search: SearchOptions) -> Matcher {
+    Matcher::new(set, &MatchOptions { search, ..MatchOptions::default() }).unwrap()
 }
 
-fn parameters(set: &MaterialSet) -> Vec<Vec<KubelkaMunk>> {
-    set.resins.iter().map(|resin| resin.channels.iter().map(|c| c.kubelka_munk.clone()).collect()).collect()
+fn match_all(matcher: &Matcher, targets: &[SearchTarget]) -> Vec<Found> {
+    matcher.match_targets(targets, &Unwatched).unwrap()
+}
+
+fn match_one(matcher: &Matcher, target: &SearchTarget) -> Match {
+    match_all(matcher, std::slice::from_ref(target)).remove(0).search
 }
 
 fn targets(count: usize, channels: usize, seed: u64) -> Vec<SearchTarget> {
@@ -53,14 +58,10 @@ fn realisable(set: &MaterialSet, count: usize, seed: u64) -> Vec<(String, Search
             continue;
         }
         let stack = Stack::new(stack).over(black);
-        let channel = |channel| {
-            let stack = stack.map(|&resin| set[resin][channel].volume.unwrap());
-            let options = TransportOptions::REFLECTION;
-            Transport { stack: &stack, light: Light::Diffuse, options }.spectra(&set.grid).reflection
-        };
+        let light = predict(set, &stack, &Model::REFLECTION, &Unwatched).unwrap();
         let name = stack.pairs().map(|(&resin, mm)| format!("{} {mm:.2}", set[resin].name));
         let name = name.collect::<Vec<_>>().join(", ");
-        found.push((name, SearchTarget { channels: set.channel_ids().map(channel).collect() }));
+        found.push((name, SearchTarget { channels: light.reflection() }));
     }
     found
 }
@@ -77,13 +78,12 @@ fn colour() {
     let core = set.resin("black").map(|(black, _)| black);
     let options = SearchOptions { core, limits, ..Default::default() };
     let targets = realisable(&set, 30, 7);
-    let resins = parameters(&set);
-    let (built, table) = best_of(3, || BlockTable::new(&resins, &options).unwrap());
+    let (built, matcher) = best_of(3, || matcher(&set, options.clone()));
     println!("{}: n 64, depth 6, 30 realisable targets, one thread; table {:.1} ms", set.name, ms(built));
     println!("{:>9} {:>10} {:>10} {:>10} {:>6}  target", "ms", "nodes", "objective", "bound", "proven");
     let (mut times, mut proven) = (Vec::new(), 0);
     for (name, target) in &targets {
-        let (time, found) = best_of(3, || match_target(&table, target).unwrap());
+        let (time, found) = best_of(3, || match_one(&matcher, target));
         times.push(ms(time));
         proven += usize::from(found.proven);
         println!(
@@ -124,14 +124,18 @@ fn table(
     spaces: &[(usize, usize)],
     options: impl Fn(usize, usize) -> SearchOptions,
 ) {
-    let resins = resins(set);
-    println!("{set}: {} resins, {channels} channels, one thread, {count} random targets; ms a target", resins.len());
+    let name = set;
+    let set = MaterialSet::builtin(name).unwrap();
+    println!(
+        "{name}: {} resins, {channels} channels, one thread, {count} random targets; ms a target",
+        set.resins.len()
+    );
     println!("{:>5} {:>5} {:>9} {:>9} {:>9} {:>10} {:>8}", "n", "depth", "mean", "worst", "table", "nodes", "ns/node");
     for &(units, depth) in spaces {
-        let (built, table) = best_of(3, || BlockTable::new(&resins, &options(units, depth)).unwrap());
+        let (built, matcher) = best_of(3, || matcher(&set, options(units, depth)));
         let (mut sum, mut worst, mut nodes) = (0.0, 0.0f64, 0);
         for target in &targets(count, channels, 1) {
-            let (time, found) = best_of(3, || match_target(&table, target).unwrap());
+            let (time, found) = best_of(3, || match_one(&matcher, target));
             (sum, worst, nodes) = (sum + ms(time), worst.max(ms(time)), nodes + found.nodes);
         }
         let (mean, per_node) = (sum / count as f64, sum * 1e6 / nodes as f64);
@@ -155,11 +159,11 @@ fn main() {
     table("synthetic", 1, 20, &[(64, 4), (64, 6), (64, 8), (64, 10), (256, 6), (256, 8)], synthetic);
     table("inks-rgb", 3, 10, &[(64, 4), (64, 5), (64, 6)], inks);
 
-    let table = BlockTable::new(&resins("synthetic"), &synthetic(64, 6)).unwrap();
+    let matcher = matcher(&MaterialSet::builtin("synthetic").unwrap(), synthetic(64, 6));
     let (mut printed, mut here, mut nodes) = (0.0, 0.0, (0, 0));
     for target in &targets(10, 1, 1) {
-        let (slow, a) = best_of(1, || algorithm_1(&table, target).unwrap());
-        let (fast, b) = best_of(3, || match_target(&table, target).unwrap());
+        let (slow, a) = best_of(1, || matcher.algorithm_1(target).unwrap());
+        let (fast, b) = best_of(3, || match_one(&matcher, target));
         assert!((a.objective - b.objective).abs() < 1e-12);
         (printed, here, nodes) = (printed + ms(slow), here + ms(fast), (nodes.0 + a.nodes, nodes.1 + b.nodes));
     }
@@ -168,7 +172,7 @@ fn main() {
 
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     let hundred = targets(100, 1, 2);
-    let (time, _) = best_of(3, || pool.install(|| match_targets(&table, &hundred).unwrap()));
+    let (time, _) = best_of(3, || pool.install(|| match_all(&matcher, &hundred)));
     println!("100 clusters, n 64, depth 6, 2 threads: {:.1} ms", ms(time));
     colour();
 }

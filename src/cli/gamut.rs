@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use lumislice::{
-    appearance::NormalizedDiffusion,
-    job::{self, Job, MaterialSource, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
-    optics::{FrequencyGrid, MaterialSet, ProfileFile, Resin, ResinId, Stack},
+    appearance::material_target,
+    job::{self, Job, MaterialSource, StackingModel, StackingOptions},
+    optics::{FrequencyGrid, MaterialSet, ResinId, Stack},
     plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
     search::{
-        ChannelGamut, Gamut, GamutMap, GamutPoint, RefineOptions, ResinLimit, SearchError, SearchOptions, SearchTarget,
-        layer_space,
+        self, ChannelGamut, Gamut, GamutMap, GamutPoint, MatchOptions, RefineOptions, SearchError, SearchOptions,
+        SearchTarget,
     },
     watch::Watch,
 };
@@ -18,9 +18,9 @@ use serde_json::json;
 
 use super::{
     Answer, Result,
-    failure::refuse,
-    match_target::{MEAN_FREE_PATH_MM, kubelka_munk, parse_depth, parse_layer, parse_min_depth},
-    materials::{Materials, no_coefficients},
+    failure::{refusal, refuse},
+    match_target::{parse_depth, parse_layer, parse_min_depth},
+    materials::{Materials, min_depth_limits, no_coefficients},
     output_file::OutputFile,
     plots::PlotFile,
     print, print_json,
@@ -111,12 +111,12 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
         Some(stacking) if args.min_depth.is_empty() => {
             stacking.resin_limits(&materials.file.resin_names().collect::<Vec<_>>())
         }
-        _ => args.limits(&materials)?,
+        _ => min_depth_limits(&materials.file, &args.min_depth)?,
     };
     let default = SearchOptions::default();
     let thickest = stacking.map_or(default.max_thickness_mm, |stacking| stacking.max_thickness_mm);
     let deepest = stacking.map_or(default.depth, |stacking| stacking.depth);
-    let options = SearchOptions {
+    let search = SearchOptions {
         max_thickness_mm: args.max_thickness_mm.unwrap_or(thickest),
         depth: args.depth.unwrap_or(deepest),
         limits,
@@ -138,10 +138,9 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     }
     let set = materials.load(&bars)?;
     bars.stage("gamut", 0);
-    let resins = kubelka_munk(&set);
-    let volumes: Option<Vec<_>> = set.resins.iter().map(Resin::volumes).collect();
-    let space = layer_space(&options, &layers, resins.len());
-    let gamut = Gamut::explore(&resins, volumes.as_deref().filter(|_| by_transport), &set.grid, &space);
+    let judge = if by_transport { search::Judge::Transport } else { search::Judge::KubelkaMunk };
+    let options = MatchOptions { search, judge, layers };
+    let gamut = Gamut::explore(&set, &options);
     bars.finish();
     let gamut = match gamut {
         Ok(gamut) => gamut,
@@ -154,7 +153,8 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     let plain: Vec<_> = targets.iter().map(|named| named.target.clone()).collect();
     let weights: Vec<_> = targets.iter().map(|named| named.weight).collect();
     let map = GamutMap::new(&gamut, &plain, &weights, &set.grid);
-    let shown = Shown { options: &options, set: &set, gamut: &gamut, targets: &targets, map: &map, by_transport };
+    let shown =
+        Shown { options: &options.search, set: &set, gamut: &gamut, targets: &targets, map: &map, by_transport };
     if let Some(plot) = plot {
         plot.finish(&shown.figure())?;
     }
@@ -205,34 +205,14 @@ impl GamutArgs {
         }
     }
 
-    fn limits(&self, materials: &Materials) -> Result<Vec<ResinLimit>> {
-        for (index, (resin, _)) in self.min_depth.iter().enumerate() {
-            materials.file.resin_id(resin)?;
-            if self.min_depth[..index].iter().any(|other| other.0 == *resin) {
-                refuse!("--min-depth: found {resin} a second time, expected each resin once");
-            }
-        }
-        let limit = |name: &str| {
-            let given = self.min_depth.iter().find(|given| given.0 == name).map(|given| given.1);
-            let default = if name == SUPPORT { SUPPORT_MIN_DEPTH_MM } else { 0.0 };
-            ResinLimit { min_depth_mm: given.unwrap_or(default), ..ResinLimit::NONE }
-        };
-        Ok(materials.file.resin_names().map(limit).collect())
-    }
-
     /// The targets named by files and by pairs of numbers.
     fn targets(&self, channels: usize) -> Result<Vec<Named>> {
         let grid = FrequencyGrid::default();
         let mut targets = Vec::new();
-        let mut add = |name: String, spectrum: Vec<f64>| {
-            targets.push(Named { name, weight: 1.0, target: SearchTarget { channels: vec![spectrum; channels] } });
-        };
+        let mut add = |name: String, target: SearchTarget| targets.push(Named { name, weight: 1.0, target });
         for path in &self.target {
-            let Some(reflection) = ProfileFile::read(path)?.reflection else {
-                refuse!("{}: header: found no reflection_per_mm2 column, expected one", path.display());
-            };
             let name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-            add(name, reflection.hankel(&grid).values);
+            add(name, SearchTarget::from_profiles(&[path], channels, &grid)?);
         }
         let (albedos, paths) = (&self.albedo, &self.mean_free_path_mm);
         if paths.len() > 1 && paths.len() != albedos.len() {
@@ -244,14 +224,8 @@ impl GamutArgs {
         }
         for (index, &albedo) in albedos.iter().enumerate() {
             let path = paths[index.min(paths.len() - 1)];
-            if !(0.0..=1.0).contains(&albedo) {
-                refuse!("--albedo: found {albedo}, expected 0 to 1");
-            }
-            if !MEAN_FREE_PATH_MM.contains(&path) {
-                let (least, most) = (MEAN_FREE_PATH_MM.start(), MEAN_FREE_PATH_MM.end());
-                refuse!("--mean-free-path-mm: found {path}, expected {least} to {most} mm");
-            }
-            add(format!("albedo {albedo}, mfp {path} mm"), NormalizedDiffusion::new(albedo, path)?.spectrum(&grid));
+            let target = material_target(&[albedo], &[path], channels, &grid).map_err(|error| refusal!("--{error}"))?;
+            add(format!("albedo {albedo}, mfp {path} mm"), target);
         }
         Ok(targets)
     }
@@ -280,18 +254,6 @@ impl Shown<'_> {
         self.set.named(&point.stacking)
     }
 
-    /// `narrow`, `wide`, or inside.
-    fn place(channel: &ChannelGamut, point: &GamutPoint) -> &'static str {
-        let place = [point.albedo, point.half_energy_radius_mm];
-        if channel.boundary.wide().contains(&place) {
-            "wide"
-        } else if channel.boundary.narrow().contains(&place) {
-            "narrow"
-        } else {
-            "inside"
-        }
-    }
-
     fn title(&self) -> String {
         let below = self.options.core.map_or("nothing", |core| &self.set[core].name);
         format!("Gamut of {}, up to {} mm over {below}", self.set.name, self.options.max_thickness_mm)
@@ -314,7 +276,7 @@ impl Shown<'_> {
                 .with(Series::area("", outline).colour(lumislice::plot::GREY).opacity(0.25))
                 .with(Series::line("boundary", closed).colour(lumislice::plot::BLACK).size(1.6));
             for resin in self.set.ids() {
-                let points = channel.points.iter().filter(|point| thickest(point) == Some(resin));
+                let points = channel.points.iter().filter(|point| point.stacking.mostly() == Some(&resin));
                 let places = points.map(|point| [point.half_energy_radius_mm, point.albedo]);
                 let name = format!("mostly {}", self.set[resin].name);
                 panel = panel.with(Series::points(name, places).size(3.6).colour(colour(resin)).opacity(0.7));
@@ -335,7 +297,7 @@ impl Shown<'_> {
         let mut text = "channel,place,albedo,half_energy_radius_mm,stack\n".to_owned();
         for (name, channel) in self.channels() {
             for point in &channel.points {
-                let (place, stack) = (Self::place(channel, point), self.stack(point).to_string());
+                let (place, stack) = (channel.side(point).name(), self.stack(point).to_string());
                 let (albedo, radius) = (point.albedo, point.half_energy_radius_mm);
                 text += &format!("{name},{place},{albedo:.6},{radius:.6},\"{}\"\n", stack.replace('"', "\"\""));
             }
@@ -351,7 +313,7 @@ impl Shown<'_> {
                 json!({
                     "albedo": point.albedo,
                     "half_energy_radius_mm": point.half_energy_radius_mm,
-                    "place": Self::place(channel, point),
+                    "place": channel.side(point).name(),
                     "stack": layers.collect::<Vec<_>>(),
                 })
             };
@@ -423,15 +385,6 @@ impl Shown<'_> {
         text += &table(&header, &rows);
         text + "albedo and width: what gamut-map would scale these targets by, taken together\n"
     }
-}
-
-/// The resin that most of a stacking is.
-fn thickest(point: &GamutPoint) -> Option<ResinId> {
-    let layers = &point.stacking.layers;
-    let total = |resin: ResinId| {
-        layers.iter().filter(|layer| layer.resin == resin).map(|layer| layer.thickness_mm).sum::<f64>()
-    };
-    layers.iter().map(|layer| layer.resin).max_by(|&a, &b| total(a).total_cmp(&total(b)).then(b.cmp(&a)))
 }
 
 fn colour(resin: ResinId) -> lumislice::plot::Rgb {

@@ -37,16 +37,14 @@ impl MatchPlot<'_> {
             let wanted = &self.target.channels[channel];
             let dark = vec![0.0; wanted.len()];
             let target = ChannelPrediction::from_spectra(wanted.clone(), dark, self.grid);
-            let target = Curve { name: "target".into(), light: &target, colour: GREEN, look: Look::Solid };
+            let target = Curve::new("target".into(), &target, GREEN, Look::Solid);
             let predictions = self.predictions();
-            let curves: Vec<Curve> = std::iter::once(target)
-                .chain(predictions.iter().map(|&(name, colour, look, found)| Curve {
-                    name: name.into(),
-                    light: &found.light[channel],
-                    colour,
-                    look,
-                }))
-                .collect();
+            let curves: Vec<Curve> =
+                std::iter::once(target)
+                    .chain(predictions.iter().map(|&(name, colour, look, found)| {
+                        Curve::new(name.into(), &found.light[channel], colour, look)
+                    }))
+                    .collect();
             let suffix = if self.km.channels.len() > 1 { format!(", channel {name}") } else { String::new() };
             let profile = profile_panel(Side::Reflection, &curves);
             figure.panels.extend(profile.map(|panel| panel.title(format!("Profile{suffix}"))));

@@ -4,37 +4,29 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lumislice::{
-    appearance::NormalizedDiffusion,
-    colour::{srgb_to_linear, to_channels},
-    job::{NamedLimit, SUPPORT, SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions},
-    optics::{
-        DEFAULT_SEED, FrequencyGrid, KubelkaMunk, Light, MaterialSet, PhotonOptions, Prediction, ProfileFile, Resin,
-        Stack, TransportOptions, VolumeCoefficients,
-    },
+    appearance::{material_target, srgb_albedo},
+    optics::{DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, Model, Prediction, Stack, predict},
     plot::Figure,
     search::{
-        BlockTable, Match, Norm, Objective, RefineOptions, Refiner, SearchError, SearchOptions, SearchTarget,
-        match_target, reflection_of,
+        Judge, Judged, Match, MatchOptions, Matcher, Norm, Objective, RefineOptions, SearchError, SearchOptions,
+        SearchTarget,
     },
-    watch::Watch,
+    watch::{StopOnly, Unwatched, Watch},
 };
 use serde_json::json;
 
 use super::{
-    Answer, INTERRUPT, Result,
+    Answer, Result,
     failure::{refusal, refuse},
     leave_at_once,
     match_plot::MatchPlot,
-    materials::{Materials, no_coefficients},
+    materials::{Materials, min_depth_limits, no_coefficients},
     plots::PlotFile,
     print, print_json,
     progress::Bars,
     say,
     table::{number, table},
 };
-
-/// Mean free paths that make sense, as in a job.
-pub(super) const MEAN_FREE_PATH_MM: std::ops::RangeInclusive<f64> = 1e-4..=1000.0;
 
 /// Find the stack of layers that reflects most like a target.
 #[derive(Debug, Args)]
@@ -81,8 +73,8 @@ pub struct MatchArgs {
     dc_weight: f64,
     /// Who judges: km (layers of whole units, proven the best by Kubelka-Munk) or transport (refines that to layers of any thickness in a
     /// model that holds for thin ones too; needs volume coefficients).
-    #[arg(long, value_enum, default_value_t = Judge::Km, help_heading = "Search")]
-    model: Judge,
+    #[arg(long, value_enum, default_value_t = JudgeArg::Km, help_heading = "Search")]
+    model: JudgeArg,
     /// Thinnest layer, mm; default 0.027 (transport only).
     #[arg(long, value_name = "MM", value_parser = parse_layer, help_heading = "Search")]
     min_layer_mm: Option<f64>,
@@ -101,9 +93,18 @@ pub struct MatchArgs {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Judge {
+enum JudgeArg {
     Km,
     Transport,
+}
+
+impl JudgeArg {
+    fn judge(self) -> Judge {
+        match self {
+            Self::Km => Judge::KubelkaMunk,
+            Self::Transport => Judge::Transport,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -136,29 +137,18 @@ pub(super) fn parse_depth(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|depth| (1..=12).contains(depth)).ok_or_else(|| "expected 1 to 12".to_owned())
 }
 
-/// A stacking and what the models say of it.
-struct Judged {
-    stacking: Stack,
-    /// R̂ per channel in the model that was asked for.
-    reflection: Vec<Vec<f64>>,
-    km: f64,
-    transport: Option<f64>,
-    monte_carlo: Option<f64>,
-}
-
 /// Runs the command.
 pub fn run(args: &MatchArgs) -> Result<Answer> {
     args.check()?;
     let mut materials = Materials::read(&args.materials)?;
     let target = args.target(materials.file.channels().len())?;
     let core = args.core.as_deref().map(|name| materials.file.resin_id(name)).transpose()?;
-    let limits = args.limits(&materials)?;
+    let limits = min_depth_limits(&materials.file, &args.min_depth)?;
     let plot = args.plot.as_deref().map(PlotFile::open).transpose()?;
     let bars = Bars::new(args.json);
-    let model = args.fit(&mut materials, &bars)?;
+    let judge = args.fit(&mut materials, &bars)?;
     let set = materials.load(&bars)?;
-    let volumes: Option<Vec<_>> = set.resins.iter().map(Resin::volumes).collect();
-    let options = SearchOptions {
+    let search = SearchOptions {
         max_thickness_mm: args.max_thickness_mm,
         units: args.units,
         depth: args.depth,
@@ -167,25 +157,17 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
         core,
         max_nodes: None,
     };
+    let options = MatchOptions { search, judge, layers: args.refine_options() };
     // A search does not listen, and there is nothing to clear away but a plot's place.
     if plot.is_none() {
         leave_at_once();
     }
     bars.stage("search", 0);
-    let resins = kubelka_munk(&set);
-    let refiner = (model == Judge::Transport).then(|| {
-        let volumes = volumes.as_deref().unwrap_or_default();
-        Refiner::new(volumes, &set.grid, &options, args.refine_options())
-    });
-    let found = BlockTable::new(&resins, &options).and_then(|table| match &refiner {
-        None => match_target(&table, &target).map(|found| (found, None)),
-        Some(refiner) => {
-            let mut found = refiner.match_targets(&table, std::slice::from_ref(&target))?;
-            Ok(found.pop().map(|(found, refined)| (found, Some(refined))).expect("one target, one answer"))
-        }
-    });
+    let found = Matcher::new(&set, &options)
+        .and_then(|matcher| matcher.match_targets(std::slice::from_ref(&target), &Unwatched))
+        .map(|mut found| found.swap_remove(0));
     bars.finish();
-    let (found, refined) = match found {
+    let found = match found {
         Ok(found) => found,
         Err(error @ (SearchError::Infeasible { .. } | SearchError::Steps { .. })) => {
             if args.json {
@@ -196,21 +178,29 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
         }
         Err(error) => return Err(error.into()),
     };
-    let scorer = Scorer { args, set: &set, volumes: volumes.as_deref(), target: &target, options: &options };
-    let mut answer = match refined {
-        None => scorer.judge(found.stacking.clone(), found.reflection.clone()),
-        Some(refined) => scorer.judge(refined.stacking, refined.reflection),
+    let objective = &options.search.objective;
+    let answer = found.judged(&set, &target, objective);
+    let traced = args.photons.map(|photons| {
+        let model = Model::MonteCarlo { light: Light::Diffuse, photons, seed: DEFAULT_SEED };
+        predict(&set, &answer.stacking, &model, &StopOnly(&bars))
+    });
+    let traced = traced.transpose()?;
+    let shown = Shown {
+        args,
+        set: &set,
+        target: &target,
+        monte_carlo: traced.as_ref().map(|traced| objective.of(&traced.reflection(), &target)),
+        unrefined: found.unrefined(&set, &target, objective),
+        search: &found.search,
+        answer,
     };
-    let traced = args.photons.map(|photons| scorer.trace(&answer.stacking, photons)).transpose()?;
-    answer.monte_carlo = traced.as_ref().map(|traced| scorer.objective(&spectra(traced)));
     if let Some(plot) = plot {
-        plot.finish(&scorer.figure(&answer.stacking, traced.as_ref()))?;
+        plot.finish(&shown.figure(traced.as_ref())?)?;
     }
-    let unrefined = refiner.map(|_| scorer.judge(found.stacking.clone(), found.reflection.clone()));
     if args.json {
-        print_json(&scorer.document(&answer, unrefined.as_ref(), &found))?;
+        print_json(&shown.document())?;
     } else {
-        print(&scorer.report(&answer, unrefined.as_ref(), &found))?;
+        print(&shown.report())?;
     }
     Ok(Answer::Yes)
 }
@@ -219,80 +209,20 @@ impl MatchArgs {
     /// What is to be matched, on the grid of all resins.
     fn target(&self, channels: usize) -> Result<SearchTarget> {
         let grid = FrequencyGrid::default();
-        let per_channel = |flag: &str, given: usize| match given {
-            1 => Ok(()),
-            n if n == channels => Ok(()),
-            n => Err(refusal!("{flag}: found {n} values, expected 1 or {channels}, one for each channel")),
-        };
-        let of = |values: &[f64], channel: usize| values[channel.min(values.len() - 1)];
         if !self.target.is_empty() {
-            per_channel("--target", self.target.len())?;
-            let spectra = self.target.iter().map(|path| {
-                let Some(reflection) = ProfileFile::read(path)?.reflection else {
-                    refuse!("{}: header: found no reflection_per_mm2 column, expected one", path.display());
-                };
-                Ok(reflection.hankel(&grid).values)
-            });
-            let spectra = spectra.collect::<Result<Vec<_>>>()?;
-            let channels = (0..channels).map(|channel| spectra[channel.min(spectra.len() - 1)].clone());
-            return Ok(SearchTarget { channels: channels.collect() });
+            let given = self.target.len();
+            if given != 1 && given != channels {
+                refuse!("--target: found {given} values, expected 1 or {channels}, one for each channel");
+            }
+            return Ok(SearchTarget::from_profiles(&self.target, channels, &grid)?);
         }
         let albedo: Vec<f64> = match self.srgb {
             None => self.albedo.clone(),
-            Some(srgb) => {
-                if !matches!(channels, 1 | 3) {
-                    refuse!("--srgb: found a set of {channels} channels, expected one of 1 or 3");
-                }
-                let mut linear = Vec::new();
-                to_channels(srgb.map(|value| srgb_to_linear(f32::from(value) / 255.0)), channels, &mut linear);
-                linear.into_iter().map(f64::from).collect()
-            }
+            Some(srgb) => srgb_albedo(srgb, channels)
+                .ok_or_else(|| refusal!("--srgb: found a set of {channels} channels, expected one of 1 or 3"))?,
         };
-        per_channel("--albedo", albedo.len())?;
-        per_channel("--mean-free-path-mm", self.mean_free_path_mm.len())?;
-        if let Some(found) = albedo.iter().find(|albedo| !(0.0..=1.0).contains(*albedo)) {
-            refuse!("--albedo: found {found}, expected 0 to 1");
-        }
-        if let Some(found) = self.mean_free_path_mm.iter().find(|mm| !MEAN_FREE_PATH_MM.contains(*mm)) {
-            let (least, most) = (MEAN_FREE_PATH_MM.start(), MEAN_FREE_PATH_MM.end());
-            refuse!("--mean-free-path-mm: found {found}, expected {least} to {most} mm");
-        }
-        let spectra = (0..channels).map(|channel| {
-            let material = NormalizedDiffusion::new(of(&albedo, channel), of(&self.mean_free_path_mm, channel));
-            Ok(material?.spectrum(&grid))
-        });
-        Ok(SearchTarget { channels: spectra.collect::<Result<_>>()? })
-    }
-
-    fn limits(&self, materials: &Materials) -> Result<Vec<lumislice::search::ResinLimit>> {
-        let mut limits: Vec<NamedLimit> = Vec::new();
-        let limit = |resin: &str, min_depth_mm: f64| NamedLimit {
-            resin: resin.to_owned(),
-            min_depth_mm,
-            min_mm: 0.0,
-            max_mm: f64::INFINITY,
-        };
-        for (resin, mm) in &self.min_depth {
-            materials.file.resin_id(resin)?;
-            if limits.iter().any(|other| other.resin == *resin) {
-                refuse!("--min-depth: found {resin} a second time, expected each resin once");
-            }
-            limits.push(limit(resin, *mm));
-        }
-        if limits.iter().all(|limit| limit.resin != SUPPORT) {
-            limits.push(limit(SUPPORT, SUPPORT_MIN_DEPTH_MM));
-        }
-        let names: Vec<_> = materials.file.resin_names().collect();
-        let options = StackingOptions {
-            max_thickness_mm: self.max_thickness_mm,
-            units: self.units,
-            depth: self.depth,
-            objective: self.objective(),
-            model: StackingModel::KubelkaMunk,
-            core: self.core.clone(),
-            limits,
-        };
-        Ok(options.resin_limits(&names))
+        let target = material_target(&albedo, &self.mean_free_path_mm, channels, &grid);
+        target.map_err(|error| refusal!("--{error}"))
     }
 
     fn objective(&self) -> Objective {
@@ -305,7 +235,7 @@ impl MatchArgs {
     }
 
     fn check(&self) -> Result<()> {
-        if self.model == Judge::Km && (self.min_layer_mm.is_some() || self.layer_step_mm.is_some()) {
+        if self.model == JudgeArg::Km && (self.min_layer_mm.is_some() || self.layer_step_mm.is_some()) {
             refuse!(
                 "--min-layer-mm and --layer-step-mm: whole units know neither, expected --model transport beside them"
             );
@@ -322,109 +252,79 @@ impl MatchArgs {
     /// Who asks for transport or photons needs coefficients of every resin; what fits none is left to Kubelka–Munk. The answer is the model
     /// to refine in.
     fn fit(&self, materials: &mut Materials, bars: &Bars) -> Result<Judge> {
-        if self.model == Judge::Km && self.photons.is_none() {
-            return Ok(Judge::Km);
+        if self.model == JudgeArg::Km && self.photons.is_none() {
+            return Ok(Judge::KubelkaMunk);
         }
         // Loading says what was refused, and why.
         materials.fit(None, bars)?;
         let file = &materials.file;
         match file.resin_names().find(|name| file.volume(name).is_none()) {
-            None => Ok(self.model),
+            None => Ok(self.model.judge()),
             Some(name) if self.photons.is_some() => Err(no_coefficients(name, &self.materials)),
             Some(_) => {
                 say("warning: matching by Kubelka-Munk instead");
-                Ok(Judge::Km)
+                Ok(Judge::KubelkaMunk)
             }
         }
     }
 }
 
-pub(super) fn kubelka_munk(set: &MaterialSet) -> Vec<Vec<KubelkaMunk>> {
-    let channels = |resin: &Resin| resin.channels.iter().map(|channel| channel.kubelka_munk.clone()).collect();
-    set.resins.iter().map(channels).collect()
-}
-
-fn spectra(prediction: &Prediction) -> Vec<Vec<f64>> {
-    prediction.light.iter().map(|light| light.reflection_hankel.clone()).collect()
-}
-
-/// Asks the models about a stacking, and tells people or programs.
-struct Scorer<'a> {
+/// The answer, for people or programs.
+struct Shown<'a> {
     args: &'a MatchArgs,
     set: &'a MaterialSet,
-    volumes: Option<&'a [Vec<VolumeCoefficients>]>,
     target: &'a SearchTarget,
-    options: &'a SearchOptions,
+    answer: Judged,
+    /// Its objective by photons.
+    monte_carlo: Option<f64>,
+    unrefined: Option<Judged>,
+    search: &'a Match,
 }
 
-impl Scorer<'_> {
-    fn objective(&self, reflection: &[Vec<f64>]) -> f64 {
-        self.options.objective.of(reflection, self.target)
-    }
-
-    fn judge(&self, stacking: Stack, reflection: Vec<Vec<f64>>) -> Judged {
-        let km = self.objective(&reflection_of(&kubelka_munk(self.set), &stacking));
-        let transport = self.transport(&stacking).map(|light| self.objective(&spectra(&light)));
-        Judged { stacking, reflection, km, transport, monte_carlo: None }
-    }
-
-    fn transport(&self, stacking: &Stack) -> Option<Prediction> {
-        let stack = self.coefficients(stacking)?;
-        let directions = TransportOptions::REFLECTION;
-        Some(Prediction::transport(&self.set.channels, &stack, Light::Diffuse, directions))
-    }
-
-    fn trace(&self, stacking: &Stack, photons: u64) -> Result<Prediction> {
-        let stack = self.coefficients(stacking).expect("checked with the arguments");
-        let options = PhotonOptions { light: Light::Diffuse, photons, seed: DEFAULT_SEED };
-        Ok(Prediction::monte_carlo(&self.set.channels, &stack, options, &INTERRUPT)?)
-    }
-
-    fn figure(&self, stacking: &Stack, monte_carlo: Option<&Prediction>) -> Figure {
+impl Shown<'_> {
+    fn figure(&self, monte_carlo: Option<&Prediction>) -> Result<Figure> {
+        let stacking = &self.answer.stacking;
         let named: Vec<_> = self.named(stacking).map(|(name, mm)| format!("{name} {mm:.3}")).collect();
         let below = self.args.core.as_ref().map_or("nothing", String::as_str);
+        let by = |model: Model| predict(self.set, stacking, &model, &Unwatched);
         let plot = MatchPlot {
             title: format!("{} mm over {below}", named.join(", ")),
             caption: self.set.provenance.clone(),
             target: self.target,
             grid: &self.set.grid,
-            km: Prediction::kubelka_munk(self.set, stacking),
-            transport: self.transport(stacking),
+            km: by(Model::KubelkaMunk)?,
+            transport: self.set.has_coefficients().then(|| by(Model::REFLECTION)).transpose()?,
             monte_carlo,
         };
-        plot.figure()
-    }
-
-    /// The stack of coefficients.
-    fn coefficients(&self, stacking: &Stack) -> Option<Stack<&[VolumeCoefficients]>> {
-        let volumes = self.volumes?;
-        Some(stacking.map(|resin| volumes[resin.0].as_slice()))
+        Ok(plot.figure())
     }
 
     fn named<'b>(&'b self, stacking: &'b Stack) -> impl Iterator<Item = (&'b str, f64)> {
         stacking.pairs().map(|(&resin, mm)| (self.set[resin].name.as_str(), mm))
     }
 
-    fn document(&self, answer: &Judged, unrefined: Option<&Judged>, found: &Match) -> serde_json::Value {
+    fn document(&self) -> serde_json::Value {
+        let Self { answer, search, .. } = self;
         let stack = |judged: &Judged| -> Vec<_> {
             let layers = self.named(&judged.stacking);
             layers.map(|(material, mm)| json!({ "material": material, "thickness_mm": mm })).collect()
         };
         let mut document = json!({
             "stack": stack(answer),
-            "objective": { "km": answer.km, "transport": answer.transport, "monte_carlo": answer.monte_carlo },
-            "bound": found.bound,
-            "proven": found.proven,
-            "nodes": found.nodes,
+            "objective": { "km": answer.kubelka_munk, "transport": answer.transport, "monte_carlo": self.monte_carlo },
+            "bound": search.bound,
+            "proven": search.proven,
+            "nodes": search.nodes,
         });
-        if let Some(unrefined) = unrefined {
-            let objective = json!({ "km": unrefined.km, "transport": unrefined.transport });
+        if let Some(unrefined) = &self.unrefined {
+            let objective = json!({ "km": unrefined.kubelka_munk, "transport": unrefined.transport });
             document["unrefined"] = json!({ "stack": stack(unrefined), "objective": objective });
         }
         document
     }
 
-    fn report(&self, answer: &Judged, unrefined: Option<&Judged>, found: &Match) -> String {
+    fn report(&self) -> String {
+        let Self { answer, search, .. } = self;
         let rows: Vec<_> =
             self.named(&answer.stacking).map(|(name, mm)| vec![name.to_owned(), format!("{mm:.4}")]).collect();
         let below = self.args.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
@@ -442,16 +342,14 @@ impl Scorer<'_> {
         let rows: Vec<_> = channels.collect();
         text += &table(&["channel", "albedo asked", "predicted", "rms of a coefficient"], &rows);
         let score = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3e}"));
-        let row = |name: &str, judged: &Judged| {
-            vec![name.to_owned(), score(Some(judged.km)), score(judged.transport), score(judged.monte_carlo)]
+        let row = |name: &str, judged: &Judged, monte_carlo: Option<f64>| {
+            vec![name.to_owned(), score(Some(judged.kubelka_munk)), score(judged.transport), score(monte_carlo)]
         };
-        let rows: Vec<_> = match unrefined {
-            None => vec![row("these layers", answer)],
-            Some(unrefined) => vec![row("these layers", answer), row("in whole units", unrefined)],
-        };
+        let mut rows = vec![row("these layers", answer, self.monte_carlo)];
+        rows.extend(self.unrefined.iter().map(|unrefined| row("in whole units", unrefined, None)));
         text += &table(&["objective", "Kubelka-Munk", "transport", "Monte Carlo"], &rows);
-        let proof = if found.proven { "proven the best" } else { "not proven the best" };
-        let whole = if unrefined.is_some() { "in whole units: " } else { "" };
-        text + &format!("{whole}{proof} by Kubelka-Munk (bound {:.3e}, {} nodes)\n", found.bound, found.nodes)
+        let proof = if search.proven { "proven the best" } else { "not proven the best" };
+        let whole = if self.unrefined.is_some() { "in whole units: " } else { "" };
+        text + &format!("{whole}{proof} by Kubelka-Munk (bound {:.3e}, {} nodes)\n", search.bound, search.nodes)
     }
 }

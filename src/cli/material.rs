@@ -126,7 +126,7 @@ fn figure(set: &MaterialSet) -> Figure {
             .collect();
         let curve = |(index, (resin, light)): (usize, (&Resin, _))| {
             let name = format!("{}, {} mm", resin.name, resin.channels[channel].slab_mm);
-            Curve { name, light, colour: SERIES[index % SERIES.len()], look: Look::Solid }
+            Curve::new(name, light, SERIES[index % SERIES.len()], Look::Solid)
         };
         let curves: Vec<_> = set.resins.iter().zip(&light).enumerate().map(curve).collect();
         for (side, title) in [(Side::Reflection, "Reflection"), (Side::Transmission, "Transmission")] {

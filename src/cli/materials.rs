@@ -2,10 +2,14 @@
 
 use std::path::Path;
 
-use lumislice::optics::{MaterialFile, MaterialSet, OpticsError};
+use lumislice::{
+    job::{SUPPORT, SUPPORT_MIN_DEPTH_MM},
+    optics::{MaterialFile, MaterialSet, OpticsError},
+    search::ResinLimit,
+};
 
 use super::{
-    failure::{Failure, refusal},
+    failure::{Failure, refusal, refuse},
     progress::Bars,
     say,
 };
@@ -57,6 +61,22 @@ pub fn say_provenance(set: &str, provenance: &str) {
     // The built-in text begins with the set's name already.
     let provenance = provenance.strip_prefix(&format!("{set}: ")).unwrap_or(provenance);
     say(&format!("note: materials `{set}`: {provenance}"));
+}
+
+/// The limits that `--min-depth` sets; support keeps its default depth unless it is given another.
+pub fn min_depth_limits(file: &MaterialFile, given: &[(String, f64)]) -> super::Result<Vec<ResinLimit>> {
+    for (index, (resin, _)) in given.iter().enumerate() {
+        file.resin_id(resin)?;
+        if given[..index].iter().any(|other| other.0 == *resin) {
+            refuse!("--min-depth: found {resin} a second time, expected each resin once");
+        }
+    }
+    let limit = |name: &str| {
+        let given = given.iter().find(|given| given.0 == name).map(|given| given.1);
+        let default = if name == SUPPORT { SUPPORT_MIN_DEPTH_MM } else { 0.0 };
+        ResinLimit { min_depth_mm: given.unwrap_or(default), ..ResinLimit::NONE }
+    };
+    Ok(file.resin_names().map(limit).collect())
 }
 
 /// The error of a model that needs what a resin of `materials` does not have.

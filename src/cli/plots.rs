@@ -38,6 +38,14 @@ pub struct Curve<'a> {
     pub colour: Rgb,
     /// How it is drawn.
     pub look: Look,
+    rings: Vec<PredictedRing>,
+}
+
+impl<'a> Curve<'a> {
+    /// A profile to draw.
+    pub fn new(name: String, light: &'a ChannelPrediction, colour: Rgb, look: Look) -> Self {
+        Self { name, light, colour, look, rings: light.rings() }
+    }
 }
 
 /// How a curve is drawn.
@@ -85,7 +93,7 @@ const MARKS: usize = 40;
 
 /// R or T of `curves` over r. `None` where there is no light to show.
 pub fn profile_panel(side: Side, curves: &[Curve]) -> Option<Panel> {
-    let rings = || curves.iter().flat_map(|curve| &curve.light.rings).filter(|ring| ring.r_mm >= CENTRE_MM);
+    let rings = || curves.iter().flat_map(|curve| &curve.rings).filter(|ring| ring.r_mm >= CENTRE_MM);
     let top = rings().map(|ring| side.value(ring)).fold(0.0, f64::max);
     if top <= 0.0 {
         return None;
@@ -95,7 +103,7 @@ pub fn profile_panel(side: Side, curves: &[Curve]) -> Option<Panel> {
     let y = Axis::log(side.label()).range(least, 3.0 * top);
     let panel = Panel::new(Axis::linear("r [mm]").range(0.0, reach), y);
     Some(curves.iter().fold(panel, |panel, curve| {
-        let points = curve.light.rings.iter().map(|ring| [ring.r_mm, side.value(ring)]);
+        let points = curve.rings.iter().map(|ring| [ring.r_mm, side.value(ring)]);
         let series = match curve.look {
             Look::Solid => Series::line(&curve.name, points),
             Look::Dashed => Series::line(&curve.name, points).dashed(),

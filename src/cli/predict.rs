@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use lumislice::{
     optics::{
-        DEFAULT_PHOTONS, DEFAULT_SEED, Light, MaterialFile, PhotonOptions, Prediction, Stack, TransportOptions,
-        VolumeCoefficients,
+        ChannelPrediction, DEFAULT_PHOTONS, DEFAULT_SEED, Light, Model, Prediction, Stack, TransportOptions, predict,
     },
     plot::Figure,
 };
@@ -15,7 +14,7 @@ use serde_json::json;
 use super::{
     Answer, Result,
     failure::{refusal, refuse},
-    materials::{Materials, no_coefficients},
+    materials::Materials,
     output_file::OutputFile,
     plots::{Curve, Look, PlotFile, Side, channel_colours, profile_panel},
     print, print_json,
@@ -39,7 +38,7 @@ pub struct PredictArgs {
     /// How to predict: km (Kubelka-Munk, at once), transport (directions resolved, a fraction of a second) or monte-carlo (photons,
     /// seconds); the latter two need volume coefficients.
     #[arg(long, value_name = "km|transport|monte-carlo", default_value = "km", value_parser = parse_model, help_heading = "Light")]
-    model: Model,
+    model: ModelArg,
     /// Light from all directions, or a pencil beam straight down (not with km).
     #[arg(long, value_enum, default_value_t = Source::Diffuse, help_heading = "Light")]
     light: Source,
@@ -64,7 +63,7 @@ pub struct PredictArgs {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Model {
+enum ModelArg {
     Km,
     Transport,
     MonteCarlo,
@@ -75,8 +74,8 @@ fn parse_accuracy(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(valid).ok_or_else(|| "expected 3e-5 to 1e-3".to_owned())
 }
 
-fn parse_model(text: &str) -> Result<Model, String> {
-    Model::from_str(text, false).map_err(|_| "expected km, transport or monte-carlo".to_owned())
+fn parse_model(text: &str) -> Result<ModelArg, String> {
+    ModelArg::from_str(text, false).map_err(|_| "expected km, transport or monte-carlo".to_owned())
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -98,35 +97,34 @@ pub fn run(args: &PredictArgs) -> Result<Answer> {
     let csv = args.open_csv(file.channels())?;
     let plot = args.plot.as_deref().map(PlotFile::open).transpose()?;
     let bars = Bars::new(args.json);
-    let mut model = args.model;
-    if model != Model::Km {
+    let mut model = args.model();
+    if model != Model::KubelkaMunk {
         let names: Vec<&str> = named.pairs().map(|(name, _)| name.as_str()).chain(args.core.as_deref()).collect();
         let refused = materials.fit(Some(&names), &bars)?;
         if let Some(reason) = refused.first() {
-            if model == Model::MonteCarlo || args.light == Source::Normal {
+            if args.model == ModelArg::MonteCarlo || args.light == Source::Normal {
                 refuse!("{}: {reason}", args.materials.display());
             }
             // Loading says what was refused, and why.
             say("warning: predicting by Kubelka-Munk instead");
-            model = Model::Km;
+            model = Model::KubelkaMunk;
         }
     }
-    let file = &materials.file;
     let prediction = match model {
-        Model::Km => Prediction::kubelka_munk(&materials.load(&bars)?, &stack),
-        Model::Transport => args.transport(file, &named)?,
-        Model::MonteCarlo => args.trace(file, &named, &bars)?,
+        Model::KubelkaMunk => predict(&materials.load(&bars)?, &stack, &model, &bars),
+        _ => materials.file.predict(&stack, &model, &bars),
     };
+    bars.finish();
+    let prediction = prediction?;
     for (file, light) in csv.into_iter().zip(&prediction.light) {
         file.finish(light.to_csv().as_bytes())?;
     }
     if let Some(plot) = plot {
-        plot.finish(&args.figure(&named, model, &prediction))?;
+        plot.finish(&args.figure(&named, &model, &prediction))?;
     }
     if args.json {
-        let spectra = |of: fn(&lumislice::optics::ChannelPrediction) -> &Vec<f64>| -> Vec<&Vec<f64>> {
-            prediction.light.iter().map(of).collect()
-        };
+        let spectra =
+            |of: fn(&ChannelPrediction) -> &Vec<f64>| -> Vec<&Vec<f64>> { prediction.light.iter().map(of).collect() };
         let (reflection, transmission) =
             (spectra(|light| &light.reflection_hankel), spectra(|light| &light.transmission_hankel));
         let first =
@@ -139,7 +137,7 @@ pub fn run(args: &PredictArgs) -> Result<Answer> {
             "reflection_hankel": reflection,
             "transmission_hankel": transmission,
             "glint": prediction.light.iter().map(|light| light.glint).collect::<Vec<_>>(),
-            "half_energy_radius_mm": prediction.light.iter().map(|light| light.half_energy_radius_mm).collect::<Vec<_>>(),
+            "half_energy_radius_mm": prediction.light.iter().map(half_energy_radius_mm).collect::<Vec<_>>(),
         }))?;
         return Ok(Answer::Yes);
     }
@@ -152,24 +150,28 @@ pub fn run(args: &PredictArgs) -> Result<Answer> {
                 channel.clone(),
                 number(light.reflection_hankel.first().copied(), 4),
                 number(light.transmission_hankel.first().copied(), 4),
-                number(light.half_energy_radius_mm, 3),
-                number(light.ninety_percent_radius_mm, 3),
+                number(half_energy_radius_mm(light), 3),
+                number(light.radius_of_energy_mm(0.9), 3),
             ]
         })
         .collect();
     let header = ["channel", "albedo", "transmission", "50% within mm", "90% within mm"];
-    print(&(args.title(&named, model) + "\n" + &table(&header, &rows)))?;
+    print(&(args.title(&named, &model) + "\n" + &table(&header, &rows)))?;
     Ok(Answer::Yes)
+}
+
+fn half_energy_radius_mm(light: &ChannelPrediction) -> Option<f64> {
+    light.radius_of_energy_mm(0.5)
 }
 
 impl PredictArgs {
     fn check(&self) -> Result<()> {
-        if self.model == Model::Km && self.light == Source::Normal {
+        if self.model == ModelArg::Km && self.light == Source::Normal {
             refuse!(
                 "--light normal: Kubelka-Munk knows diffuse light only, expected --model transport or monte-carlo beside it"
             );
         }
-        if self.model != Model::MonteCarlo && (self.photons.is_some() || self.seed.is_some()) {
+        if self.model != ModelArg::MonteCarlo && (self.photons.is_some() || self.seed.is_some()) {
             refuse!("--photons and --seed: this model traces no photons, expected --model monte-carlo beside them");
         }
         Ok(())
@@ -182,26 +184,19 @@ impl PredictArgs {
         }
     }
 
-    /// The stack of coefficients.
-    fn volumes<'a>(&self, file: &'a MaterialFile, named: &Stack<String>) -> Result<Stack<&'a [VolumeCoefficients]>> {
-        named.try_map(|name| file.volume(name).ok_or_else(|| no_coefficients(name, &self.materials)))
-    }
-
-    fn transport(&self, file: &MaterialFile, named: &Stack<String>) -> Result<Prediction> {
-        let options = TransportOptions::for_accuracy(self.accuracy, self.light());
-        Ok(Prediction::transport(file.channels(), &self.volumes(file, named)?, self.light(), options))
-    }
-
-    fn trace(&self, file: &MaterialFile, named: &Stack<String>, bars: &Bars) -> Result<Prediction> {
-        let stack = self.volumes(file, named)?;
-        let options = PhotonOptions {
-            light: self.light(),
-            photons: self.photons.unwrap_or(DEFAULT_PHOTONS),
-            seed: self.seed.unwrap_or(DEFAULT_SEED),
-        };
-        let prediction = Prediction::monte_carlo(file.channels(), &stack, options, bars);
-        bars.finish();
-        Ok(prediction?)
+    fn model(&self) -> Model {
+        let light = self.light();
+        match self.model {
+            ModelArg::Km => Model::KubelkaMunk,
+            ModelArg::Transport => {
+                Model::Transport { light, options: TransportOptions::for_accuracy(self.accuracy, light) }
+            }
+            ModelArg::MonteCarlo => Model::MonteCarlo {
+                light,
+                photons: self.photons.unwrap_or(DEFAULT_PHOTONS),
+                seed: self.seed.unwrap_or(DEFAULT_SEED),
+            },
+        }
     }
 
     /// The files of `--csv`, one per channel.
@@ -213,7 +208,7 @@ impl PredictArgs {
         channels.iter().map(|channel| OutputFile::open(&with_channel(path, channel))).collect()
     }
 
-    fn figure(&self, named: &Stack<String>, model: Model, prediction: &Prediction) -> Figure {
+    fn figure(&self, named: &Stack<String>, model: &Model, prediction: &Prediction) -> Figure {
         let colours = channel_colours(&prediction.channels);
         let curves: Vec<_> = prediction
             .channels
@@ -222,8 +217,8 @@ impl PredictArgs {
             .zip(colours)
             .map(|((channel, light), colour)| {
                 let name = if prediction.channels.len() > 1 { channel.clone() } else { String::new() };
-                let look = if model == Model::MonteCarlo { Look::Rings } else { Look::Solid };
-                Curve { name, light, colour, look }
+                let look = if matches!(model, Model::MonteCarlo { .. }) { Look::Rings } else { Look::Solid };
+                Curve::new(name, light, colour, look)
             })
             .collect();
         let panels = [(Side::Reflection, "Reflection"), (Side::Transmission, "Transmission")];
@@ -231,13 +226,13 @@ impl PredictArgs {
         panels.fold(Figure::new(self.title(named, model)).columns(2), Figure::with)
     }
 
-    fn title(&self, named: &Stack<String>, model: Model) -> String {
+    fn title(&self, named: &Stack<String>, model: &Model) -> String {
         let layers: Vec<_> = named.pairs().map(|(name, mm)| format!("{name} {mm} mm")).collect();
         let below = self.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
         let model = match model {
-            Model::Km => "Kubelka-Munk",
-            Model::Transport => "transport",
-            Model::MonteCarlo => "Monte Carlo",
+            Model::KubelkaMunk => "Kubelka-Munk",
+            Model::Transport { .. } => "transport",
+            Model::MonteCarlo { .. } => "Monte Carlo",
         };
         let light = match self.light {
             Source::Diffuse => "diffuse light",

@@ -70,7 +70,7 @@ pub fn run(args: &SimulateArgs) -> Result<Answer> {
         let profile = profile?;
         let content = profile.profiles().to_csv(&profile.comment());
         OutputFile::open(&folder.join(&plan.file))?.finish(content.as_bytes())?;
-        let (r, t) = (profile.result.reflection, profile.result.transmission);
+        let (r, t) = (profile.reflection(), profile.transmission());
         rows.push(vec![
             plan.file.clone(),
             format!("{}", plan.thickness_mm),

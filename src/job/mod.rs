@@ -26,7 +26,7 @@ pub use factor::{
 pub use file::{
     AlbedoSource, ClusterOptions, DepthFrom, Distance, FieldOptions, InputPath, Job, JobError, MAX_JOB_BYTES,
     MaterialSource, NamedLimit, ObjectJob, OutputFormat, OutputOptions, Place, ResolvedJob, SUPPORT,
-    SUPPORT_MIN_DEPTH_MM, Scaling, StackError, StackingModel, StackingOptions, TargetSpec, Unit,
+    SUPPORT_MIN_DEPTH_MM, Scaling, StackingModel, StackingOptions, TargetSpec, Unit,
 };
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord, STACKINGS,

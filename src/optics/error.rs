@@ -78,6 +78,12 @@ pub enum OpticsError {
         /// All its resins.
         known: String,
     },
+    /// A model needs coefficients of a resin that is given by profiles only.
+    #[error("resin {resin}: found no coefficients, expected scattering-per-mm and absorption-per-mm")]
+    NoCoefficients {
+        /// The resin.
+        resin: String,
+    },
     /// The watch asked a simulation to stop.
     #[error("simulation cancelled")]
     Stopped(#[from] Stopped),

@@ -8,8 +8,10 @@
 //! between interpolated coefficients; beyond the grid the rest is 0. *Fails* beyond r ≈ π/Δk (20 mm on the default grid), where
 //! the spacing of the coefficients aliases.
 
+use super::FrequencyGrid;
 use super::quadrature::bisect;
-use super::{FrequencyGrid, ProfileError, RadialProfile};
+#[cfg(test)]
+use super::{ProfileError, RadialProfile};
 use crate::numeric::quadrature::GAUSS_3;
 
 /// Coefficients averaged at each of the two places the asymptote is read from.
@@ -126,6 +128,7 @@ impl<'a> InverseHankel<'a> {
     ///
     /// # Errors
     /// As [`RadialProfile::from_rings`].
+    #[cfg(test)]
     pub fn rings(&self, edges_mm: &[f64]) -> Result<RadialProfile, ProfileError> {
         let energies: Vec<f64> = edges_mm.iter().map(|r| self.energy_within(*r)).collect();
         let areas = super::profile::ring_areas(edges_mm);

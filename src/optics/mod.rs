@@ -24,6 +24,7 @@ mod inverse;
 mod kubelka_munk;
 mod materials;
 pub(crate) mod monte_carlo;
+mod predict;
 mod prediction;
 mod profile;
 mod profile_csv;
@@ -34,30 +35,42 @@ mod tail;
 mod transport;
 mod volume;
 
-pub use coefficient_fit::{CoefficientFit, FitRefusal, MAX_FIT_RESIDUAL, MeasuredSlab, fit_coefficients};
-pub use composite::Composite;
+pub use coefficient_fit::{CoefficientFit, FitRefusal};
 pub use edge::EdgeResponse;
 pub use error::OpticsError;
 pub use frequency::FrequencyGrid;
 pub use hankel::ProfileSpectrum;
 pub use ids::{ChannelId, ResinId};
-pub use inverse::InverseHankel;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
-#[cfg(feature = "measure")]
-pub(crate) use materials::resin_table;
 pub use materials::{
-    BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MEASURED_EXCESS, MaterialFile, MaterialSet, Resin, ResinChannel,
-    ResinSpectrum, SimulatedProfile, SlabPlan, SpectrumError, regenerate_builtin, simulate_profile,
+    BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MaterialFile, MaterialSet, Resin, ResinChannel, SimulatedProfile,
+    SlabPlan, SpectrumError, regenerate_builtin,
 };
-pub use monte_carlo::{Estimate, Light, MonteCarlo, MonteCarloResult, RingEdges};
-pub use prediction::{ChannelPrediction, PhotonOptions, PredictedRing, Prediction};
-pub use profile::{MAX_CENTRE_SHARE, MAX_RADIUS_MM, MIN_SAMPLES, NEGATIVE_TOLERANCE, ProfileError, RadialProfile};
+pub use monte_carlo::{Estimate, Light};
+pub use predict::{Model, predict};
+pub use prediction::{ChannelPrediction, PredictedRing, Prediction};
+pub use profile::{ProfileError, RadialProfile};
 pub use profile_csv::ProfileFile;
-pub use repair::{LostInNoise, TransmissionRepair, repair_transmission};
-pub use stack::{Layer, Stack};
+pub use repair::LostInNoise;
+pub use stack::{Layer, Stack, StackError};
 pub use tail::Tail;
-pub use transport::{ModalReflection, ReflectionSlope, Transport, TransportOptions, TransportSpectra};
-pub use volume::{MAX_COEFFICIENT_PER_MM, MAX_REFRACTIVE_INDEX, VolumeCoefficients};
+pub use transport::TransportOptions;
+pub use volume::VolumeCoefficients;
+
+// Within the crate.
+#[cfg(test)]
+pub(crate) use stack::LAYER;
+pub(crate) use {
+    coefficient_fit::{MeasuredSlab, fit_coefficients},
+    composite::Composite,
+    inverse::InverseHankel,
+    materials::{ResinSpectrum, resin_table},
+    monte_carlo::{MonteCarlo, MonteCarloResult, RingEdges},
+    profile::MIN_SAMPLES,
+    repair::{TransmissionRepair, repair_transmission},
+    transport::{ModalReflection, Transport},
+    volume::{MAX_COEFFICIENT_PER_MM, MAX_REFRACTIVE_INDEX},
+};
 
 #[cfg(test)]
 mod tests;

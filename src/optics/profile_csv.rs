@@ -45,6 +45,20 @@ impl ProfileFile {
         Self::parse(&text, path)
     }
 
+    /// Reads a file's R(r).
+    ///
+    /// # Errors
+    /// As [`Self::read`]; [`OpticsError::Entry`] for a file without it.
+    pub fn read_reflection(path: &Path) -> Result<RadialProfile, OpticsError> {
+        Self::read(path)?.reflection.ok_or_else(|| OpticsError::Entry {
+            file: path.to_path_buf(),
+            line: None,
+            element: "header".to_owned(),
+            found: format!("no {REFLECTION} column"),
+            expected: "one".to_owned(),
+        })
+    }
+
     /// Reads a text; `path` names it in errors.
     ///
     /// # Errors

@@ -38,7 +38,7 @@ use thiserror::Error;
 
 pub use collect::PreviewBuilder;
 pub use folder::from_folder;
-pub use report::{ReportData, ReportHealth, ReportLayer, ReportMaterial, ReportPicture, ReportStacking, report_html};
+pub use report::{ReportData, ReportHealth, ReportMaterial, ReportPicture, ReportStacking, report_html};
 
 use crate::voxel::{MaterialId, Slab};
 

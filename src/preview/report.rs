@@ -3,6 +3,7 @@
 use std::fmt::{self, Write};
 
 use crate::{
+    optics::{ResinId, Stack},
     page::{escape, page},
     words::counted,
 };
@@ -58,23 +59,12 @@ pub struct ReportMaterial {
 pub struct ReportStacking {
     /// What it is for, such as `cluster 3`.
     pub name: String,
-    /// Layers from the observer down.
-    pub layers: Vec<ReportLayer>,
-    /// Index into the materials of what lies below the layers.
-    pub core: Option<usize>,
+    /// Layers of the materials, over their core.
+    pub stack: Stack,
     /// Part of the surface it is for, 0 to 1, if known.
     pub share: Option<f64>,
     /// Predicted error, if known.
     pub error: Option<f64>,
-}
-
-/// One layer.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct ReportLayer {
-    /// Index into the materials.
-    pub material: usize,
-    /// Its thickness, mm.
-    pub thickness_mm: f64,
 }
 
 /// What was found in one mesh.
@@ -220,9 +210,8 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
     if data.stackings.is_empty() {
         return Ok(());
     }
-    let thickness = |stacking: &ReportStacking| {
-        stacking.layers.iter().map(|layer| layer.thickness_mm.max(0.0)).fold(0.0, |sum, mm| sum + mm)
-    };
+    let thickness =
+        |stacking: &ReportStacking| stacking.stack.pairs().map(|(_, mm)| mm.max(0.0)).fold(0.0, |sum, mm| sum + mm);
     let thickest = data.stackings.iter().map(thickness).fold(0.0, f64::max);
     let scale = if thickest.is_finite() && thickest > 0.0 { BAR / thickest } else { 0.0 };
     let shares = data.stackings.iter().any(|stacking| stacking.share.is_some());
@@ -230,7 +219,7 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
     let error_name = if data.error_name.is_empty() { "Error" } else { &data.error_name };
     writeln!(page, "<h2>Stackings</h2>")?;
     write!(page, "<p class=\"note\">Layers from the surface (left) inwards, thickness in mm, all to one scale")?;
-    let core = data.stackings.iter().any(|stacking| stacking.core.is_some());
+    let core = data.stackings.iter().any(|stacking| stacking.stack.core.is_some());
     writeln!(page, "{}.</p>", if core { "; the last block is the core, which goes on" } else { "" })?;
     writeln!(page, "<table>\n<thead><tr><th>Stacking</th><th>Layers</th>")?;
     let headings = [(shares, "Surface"), (true, "Thickness, mm"), (errors, error_name)];
@@ -255,25 +244,23 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
 
 /// A stacking's layers side by side, to scale, and what they are in words.
 fn bar(page: &mut String, stacking: &ReportStacking, data: &ReportData, scale: f64) -> fmt::Result {
-    let colour = |material: usize| data.materials.get(material).map_or([128, 128, 128, 255], |found| found.rgba);
-    let name = |material: usize| data.materials.get(material).map_or("?", |found| found.name.as_str());
-    let mut words: Vec<String> = stacking
-        .layers
-        .iter()
-        .map(|layer| format!("{} {}", name(layer.material), number(layer.thickness_mm, 3)))
-        .collect();
-    words.extend(stacking.core.map(|core| format!("core {}", name(core))));
+    let colour = |resin: ResinId| data.materials.get(resin.0).map_or([128, 128, 128, 255], |found| found.rgba);
+    let name = |resin: ResinId| data.materials.get(resin.0).map_or("?", |found| found.name.as_str());
+    let stack = &stacking.stack;
+    let mut words: Vec<String> =
+        stack.pairs().map(|(&resin, mm)| format!("{} {}", name(resin), number(mm, 3))).collect();
+    words.extend(stack.core.map(|core| format!("core {}", name(core))));
     let words = words.join(", ");
     svg(page, "bar", [BAR + CORE, BAR_HEIGHT], &words)?;
     let mut left = 0.0;
-    for layer in &stacking.layers {
+    for layer in &stack.layers {
         let width = layer.thickness_mm.max(0.0) * scale;
-        block(page, [left, width], colour(layer.material))?;
+        block(page, [left, width], colour(layer.resin))?;
         if width >= NUMBERED {
-            let ink = if is_dark(colour(layer.material)) { "#fff" } else { "#1f2630" };
+            let ink = if is_dark(colour(layer.resin)) { "#fff" } else { "#1f2630" };
             let (x, text) = (left + 0.5 * width, number(layer.thickness_mm, 2));
             // On the hatch a number needs a ground of its own.
-            let halo = if colour(layer.material)[3] == 0 {
+            let halo = if colour(layer.resin)[3] == 0 {
                 " paint-order=\"stroke\" stroke=\"#f1dfb6\" stroke-width=\"4\""
             } else {
                 ""
@@ -283,7 +270,7 @@ fn bar(page: &mut String, stacking: &ReportStacking, data: &ReportData, scale: f
         }
         left += width;
     }
-    if let Some(core) = stacking.core {
+    if let Some(core) = stack.core {
         // A torn end: the core goes on.
         let [r, g, b, a] = colour(core);
         let fill = if a == 0 { "#f1dfb6".to_owned() } else { format!("#{r:02x}{g:02x}{b:02x}") };
@@ -406,11 +393,7 @@ mod tests {
             ],
             stackings: vec![ReportStacking {
                 name: "all".into(),
-                layers: vec![
-                    ReportLayer { material: 0, thickness_mm: 0.5 },
-                    ReportLayer { material: 1, thickness_mm: 2.0 },
-                ],
-                core: Some(7),
+                stack: Stack::new([(ResinId(0), 0.5), (ResinId(1), 2.0)]).over(ResinId(7)),
                 ..Default::default()
             }],
             warnings: vec!["x < y".into()],

@@ -37,7 +37,7 @@ struct Search<'a> {
 ///
 /// # Errors
 /// A target unlike the table's resins; limits that leave no stacking.
-pub fn algorithm_1(table: &BlockTable, target: &SearchTarget) -> Result<Match, SearchError> {
+pub(super) fn algorithm_1(table: &BlockTable, target: &SearchTarget) -> Result<Match, SearchError> {
     table.goal(target)?;
     let options = table.options();
     let base = match options.core {

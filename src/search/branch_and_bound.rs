@@ -60,7 +60,7 @@ struct Search<'a> {
 ///
 /// # Errors
 /// A target unlike the table's resins; limits that leave no stacking; a node budget too small to find one.
-pub fn match_target(table: &BlockTable, target: &SearchTarget) -> Result<Match, SearchError> {
+pub(super) fn match_target(table: &BlockTable, target: &SearchTarget) -> Result<Match, SearchError> {
     let mut best = match_candidates(table, target, 1)?;
     Ok(best.swap_remove(0))
 }
@@ -70,17 +70,25 @@ pub fn match_target(table: &BlockTable, target: &SearchTarget) -> Result<Match, 
 ///
 /// # Errors
 /// As [`match_target`].
-pub fn match_candidates(table: &BlockTable, target: &SearchTarget, count: usize) -> Result<Vec<Match>, SearchError> {
+pub(super) fn match_candidates(
+    table: &BlockTable,
+    target: &SearchTarget,
+    count: usize,
+) -> Result<Vec<Match>, SearchError> {
     candidates(table, target, Search::new(table, table.goal(target)?, count.max(1)))
 }
 
-/// The best stacking of each of the `count` best sequences of resins, best first: starts for [`Refiner`](super::Refiner). The sequence is
+/// The best stacking of each of the `count` best sequences of resins, best first: starts for refining. The sequence is
 /// that of the blocks, so two may differ in a last layer of the core's own resin only, which is not listed. `proven` means that
 /// no sequence is missing.
 ///
 /// # Errors
 /// As [`match_target`].
-pub fn match_sequences(table: &BlockTable, target: &SearchTarget, count: usize) -> Result<Vec<Match>, SearchError> {
+pub(super) fn match_sequences(
+    table: &BlockTable,
+    target: &SearchTarget,
+    count: usize,
+) -> Result<Vec<Match>, SearchError> {
     let search = Search::new(table, table.goal(target)?, count.max(1));
     candidates(table, target, Search { one_per_sequence: true, ..search })
 }
@@ -112,7 +120,7 @@ fn candidates(table: &BlockTable, target: &SearchTarget, mut search: Search<'_>)
 ///
 /// # Errors
 /// The first error in the order of the targets.
-pub fn match_targets(table: &BlockTable, targets: &[SearchTarget]) -> Result<Vec<Match>, SearchError> {
+pub(super) fn match_targets(table: &BlockTable, targets: &[SearchTarget]) -> Result<Vec<Match>, SearchError> {
     let answers: Vec<_> = targets.par_iter().with_max_len(1).map(|target| match_target(table, target)).collect();
     answers.into_iter().collect()
 }

@@ -1,11 +1,13 @@
 //! The inverse problem: which stacking of resins reflects like the target (Hašan et al. 2010, section 6).
 //!
-//! **In:** Kubelka–Munk parameters of the resins, index `[resin][channel]`; a target reflection R̂_t per channel; limits.
-//! **Out:** a [`Match`]: the [`Stack`](crate::optics::Stack) of least error in a space of whole units h₀, with the proof that it is.
+//! **In:** a set of resins, a target reflection R̂_t per channel, limits. **Out:** what a [`Matcher`] [`Found`]: the
+//! [`Stack`](crate::optics::Stack) of least error in a space of whole units h₀, with the proof that it is, and what
+//! transport makes of it; what a set can reach at all, its [`Gamut`].
 //!
 //! ```text
-//!   resins, options ──► BlockTable ──┬──► match_target / match_candidates / match_targets   (default)
-//!                                    └──► algorithm_1                                       (reference, as printed)
+//!   MaterialSet, MatchOptions ──► Matcher: BlockTable ──┬──► branch_and_bound ──► refine ──► Found
+//!                            │                          └──► algorithm_1 (reference, as printed)
+//!                            └──► Gamut ──► GamutMap: targets within reach
 //! ```
 //!
 //! # Limits
@@ -21,6 +23,7 @@ mod envelope;
 mod forward;
 mod gamut;
 mod kernels;
+mod matcher;
 mod objective;
 mod options;
 mod refine;
@@ -28,15 +31,13 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub use algorithm_1::algorithm_1;
-pub use branch_and_bound::{match_candidates, match_sequences, match_target, match_targets};
-pub use forward::reflection_of;
-pub use gamut::{Boundary, ChannelGamut, Gamut, GamutMap, GamutPoint, Move, layer_space, place_of};
+pub use gamut::{Boundary, ChannelGamut, Gamut, GamutMap, GamutPoint, Move, Side, place_of};
+pub use matcher::{Found, Judge, Judged, MatchOptions, Matcher};
 pub(crate) use objective::BLACK_RMS;
 pub use objective::{Norm, Objective};
 pub use options::{Match, SearchError, SearchOptions, SearchTarget};
-pub use refine::{RefineOptions, Refined, Refiner};
-pub use table::BlockTable;
+pub use refine::{RefineOptions, Refined};
+use table::BlockTable;
 
 /// What a resin is allowed to do in a stacking.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -1,7 +1,10 @@
 //! What a search is asked, what it answers, and how it may fail.
 
+use std::path::Path;
+
 use super::{Objective, ResinLimit};
-use crate::optics::{ChannelId, ResinId, Stack};
+use crate::optics::{ChannelId, FrequencyGrid, OpticsError, ProfileFile, ResinId, Stack};
+use crate::watch::Stopped;
 
 /// The space of stackings that is searched, shared by all targets.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,6 +45,23 @@ impl Default for SearchOptions {
 pub struct SearchTarget {
     /// R̂_t per channel, on the frequency grid of the resins.
     pub channels: Vec<Vec<f64>>,
+}
+
+impl SearchTarget {
+    /// What a profile file or several ask for, over `grid`: one serves all of `channels` channels, or each has its own.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is no profile of reflection.
+    pub fn from_profiles(
+        paths: &[impl AsRef<Path>],
+        channels: usize,
+        grid: &FrequencyGrid,
+    ) -> Result<Self, OpticsError> {
+        let spectra = paths.iter().map(|path| Ok(ProfileFile::read_reflection(path.as_ref())?.hankel(grid).values));
+        let spectra = spectra.collect::<Result<Vec<_>, OpticsError>>()?;
+        let of = |channel: usize| spectra.get(channel).or(spectra.last()).cloned();
+        Ok(Self { channels: (0..channels).filter_map(of).collect() })
+    }
 }
 
 /// A stacking found, and how good it is.
@@ -136,6 +156,15 @@ pub enum SearchError {
         /// Blocks allowed.
         depth: usize,
     },
+    /// The model that judges needs coefficients of a resin that is given by profiles only.
+    #[error("resin {resin}: found no coefficients, expected scattering-per-mm and absorption-per-mm")]
+    NoCoefficients {
+        /// The resin.
+        resin: String,
+    },
+    /// The watch asked the search to stop.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// The node budget ended the search before any stacking that keeps the limits was met.
     #[error("no stacking found within {nodes} nodes, expected a larger node budget")]
     Budget {

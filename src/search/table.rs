@@ -2,13 +2,14 @@
 
 use super::endings::Endings;
 use super::envelope::envelope;
+use super::forward::reflection_of;
 use super::kernels::{Block, CHUNK, Goal};
 use super::options::UnitLimit;
-use super::{Match, SearchError, SearchOptions, SearchTarget, reflection_of};
+use super::{Match, SearchError, SearchOptions, SearchTarget};
 use crate::optics::{ChannelId, KubelkaMunk, ResinId, Stack};
 
 /// Everything the searches for all targets share. Build it once, search from any number of threads.
-pub struct BlockTable {
+pub(super) struct BlockTable {
     pub(super) options: SearchOptions,
     pub(super) limits: Vec<UnitLimit>,
     /// `[resin][channel]`

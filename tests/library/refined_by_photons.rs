@@ -8,8 +8,8 @@
 use std::time::Instant;
 
 use lumislice::{
-    optics::{Light, MaterialSet, PhotonOptions, Prediction, ResinId, Stack},
-    search::{BlockTable, Objective, RefineOptions, Refiner, ResinLimit, SearchOptions, SearchTarget, match_sequences},
+    optics::{Light, MaterialSet, Model, ResinId, Stack, predict},
+    search::{self, MatchOptions, Matcher, Objective, RefineOptions, ResinLimit, SearchOptions, SearchTarget},
     watch::Unwatched,
 };
 
@@ -51,10 +51,8 @@ struct Verdict {
 impl Judge {
     fn reflection(&mut self, stacking: &Stack, photons: u64) -> Vec<f64> {
         let seed = self.seeds.next();
-        let volumes = stacking.map(|&resin| self.set[resin].volumes().expect("synthetic resins have coefficients"));
-        let stack = volumes.map(|resin| resin.as_slice());
-        let options = PhotonOptions { light: Light::Diffuse, photons, seed };
-        let found = Prediction::monte_carlo(&self.set.channels, &stack, options, &Unwatched).unwrap();
+        let model = Model::MonteCarlo { light: Light::Diffuse, photons, seed };
+        let found = predict(&self.set, stacking, &model, &Unwatched).unwrap();
         found.light.into_iter().next().unwrap().reflection_hankel
     }
 
@@ -132,11 +130,8 @@ fn what_was_promised_is_what_photons_see() {
     let mut limits = vec![ResinLimit::NONE; set.resins.len()];
     limits[support.0].min_depth_mm = 0.2;
     let options = SearchOptions { limits, core: Some(core), ..SearchOptions::default() };
-    let parameters: Vec<Vec<_>> =
-        set.resins.iter().map(|resin| resin.channels.iter().map(|c| c.kubelka_munk.clone()).collect()).collect();
-    let volumes: Vec<_> = set.resins.iter().map(|resin| resin.volumes().unwrap()).collect();
-    let table = BlockTable::new(&parameters, &options).unwrap();
-    let refiner = Refiner::new(&volumes, &set.grid, &options, RefineOptions::default());
+    let options = MatchOptions { search: options, judge: search::Judge::Transport, layers: RefineOptions::default() };
+    let matcher = Matcher::new(&set, &options).unwrap();
     let mut judge = Judge { photons: number("LUMISLICE_PHOTONS", 20_000_000), set, seeds: SplitMix(8) };
     let layers = |judge: &Judge, stacking: &Stack| -> String {
         let name = |resin: ResinId| &judge.set[resin].name[..1];
@@ -160,11 +155,11 @@ fn what_was_promised_is_what_photons_see() {
     for (number, (name, spectrum)) in targets.into_iter().enumerate() {
         let target = SearchTarget { channels: vec![spectrum.clone()] };
         let start = Instant::now();
-        let candidates = match_sequences(&table, &target, Refiner::SEQUENCES).unwrap();
-        let refined = refiner.refine(&candidates, &target).unwrap();
+        let found = matcher.match_targets(&[target], &Unwatched).unwrap().remove(0);
+        let (discrete, refined) = (found.search.stacking, found.refined.unwrap());
         let ms = start.elapsed().as_secs_f64() * 1e3;
-        let found = judge.verdict(&refined.stacking, &spectrum, &options.objective);
-        let discrete = judge.verdict(&candidates[0].stacking, &spectrum, &options.objective);
+        let found = judge.verdict(&refined.stacking, &spectrum, &options.search.objective);
+        let discrete = judge.verdict(&discrete, &spectrum, &options.search.objective);
         let ratio = discrete.plain / found.plain;
         println!(
             "{:9.1e} {:9.1e} {:9.1e} ± {:.0e} {:9.1e} ± {:.0e} {ratio:7.1} {ms:5.0}  {name}→ {}",

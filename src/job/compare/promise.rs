@@ -5,10 +5,8 @@ use serde::Serialize;
 use super::{CompareError, CompareRequest, Comparison, Patch, Printed, Stage, printed::volume};
 use crate::{
     look::{Pattern, Photons, Sides, TexelGrid, VoxelScene},
-    optics::{
-        ChannelId, Light, MaterialFile, MaterialSet, Prediction, Stack, Transport, TransportOptions, VolumeCoefficients,
-    },
-    watch::{StopOnly, Watch},
+    optics::{ChannelId, Light, MaterialFile, MaterialSet, Model, Stack, predict},
+    watch::{StopOnly, Unwatched, Watch},
 };
 
 /// How well the stackings of a job fit the clusters they stand for. Objectives are the paper's, Σ (R̂ − R̂_t)² over coefficients and channels,
@@ -63,7 +61,8 @@ impl Promise<'_> {
         let (prefix, scale) = (&self.prefix, self.scale);
         let goal = comparison.stages[0].rescaled(scale);
         let light = |spectra: &Spectra| spectra.iter().map(|spectra| self.patch.radiosity(spectra)).collect();
-        let (transport, scalar) = (self.by_transport()?, self.by_kubelka_munk()?);
+        let stacks = self.stacks()?;
+        let (transport, scalar) = (self.by(&Model::REFLECTION, &stacks)?, self.by(&Model::KubelkaMunk, &stacks)?);
         comparison.jobs.push(self.fit(&transport, &scalar));
         let mut predicted = Stage::new(format!("{prefix}predicted"), scale, light(&transport), None);
         predicted.compare_with_goal(&goal);
@@ -83,29 +82,26 @@ impl Promise<'_> {
         Ok(())
     }
 
-    fn by_transport(&self) -> Result<Spectra, CompareError> {
+    /// The stackings, one for every cluster, of resins with coefficients.
+    fn stacks(&self) -> Result<Vec<Stack<String>>, CompareError> {
         let clusters = self.patch.map.profiles.len();
         let stacks = self.job.stacks()?;
-        let volumes = stacks.iter().map(|stack| stack.try_map(|resin| volume(self.file, resin)));
-        let volumes = volumes.collect::<Result<Vec<_>, _>>()?;
+        for stack in &stacks {
+            stack.try_map(|resin| volume(self.file, resin).map(drop))?;
+        }
         if stacks.len() != clusters {
             let found = format!("{} stackings for {clusters} clusters", stacks.len());
             let (folder, expected) = (self.job.folder.clone(), "a job with kind = \"bssrdf\" and this map");
             return Err(CompareError::Folder { folder, found, expected });
         }
-        let spectrum = |stack: &Stack<&[VolumeCoefficients]>, channel: usize| {
-            let stack = stack.map(|resin| resin[channel]);
-            let model = Transport { stack: &stack, light: Light::Diffuse, options: TransportOptions::REFLECTION };
-            model.spectra(&self.patch.grid).reflection
-        };
-        let channel = |channel: usize| volumes.iter().map(|stack| spectrum(stack, channel)).collect();
-        Ok((0..self.file.channels().len()).map(channel).collect())
+        Ok(stacks)
     }
 
-    fn by_kubelka_munk(&self) -> Result<Spectra, CompareError> {
+    /// R̂ of every stacking by a model.
+    fn by(&self, model: &Model, stacks: &[Stack<String>]) -> Result<Spectra, CompareError> {
         let mut spectra = vec![Vec::new(); self.set.channels.len()];
-        for stack in self.job.stacks()? {
-            let light = Prediction::kubelka_munk(self.set, &self.file.stack(&stack)?).light;
+        for stack in stacks {
+            let light = predict(self.set, &self.set.stack(stack)?, model, &Unwatched)?.light;
             spectra.iter_mut().zip(light).for_each(|(spectra, light)| spectra.push(light.reflection_hankel));
         }
         Ok(spectra)

@@ -1,6 +1,6 @@
 //! What can be wrong with a job, each said in one line: place, key, found, expected.
 
-use super::stack::StackError;
+use crate::optics::StackError;
 use crate::toml_reader::Place;
 
 /// Why a job is refused. Every message is one line.

@@ -12,7 +12,6 @@ mod paths;
 mod ranges;
 mod read;
 mod resolved;
-mod stack;
 mod target;
 #[cfg(test)]
 mod tests;
@@ -31,7 +30,6 @@ pub use options::{
 };
 pub use paths::InputPath;
 pub use resolved::ResolvedJob;
-pub use stack::StackError;
 pub use target::{AlbedoSource, TargetSpec};
 
 pub use crate::{mesh::Unit, toml_reader::Place};

@@ -6,7 +6,7 @@ use super::error::JobError;
 use super::paths::InputPath;
 use super::ranges as range;
 use super::read::{Result, Table, Value};
-use crate::search::{Norm, Objective, ResinLimit};
+use crate::search::{Judge, Norm, Objective, ResinLimit};
 use crate::voxel::Printer;
 use crate::words::quoted_list;
 
@@ -68,6 +68,14 @@ impl StackingOptions {
     /// The resin that fills the inside of an object.
     pub fn core_name(&self) -> &str {
         self.core.as_deref().unwrap_or(DEFAULT_CORE)
+    }
+
+    /// The model that judges stackings.
+    pub fn judge(&self) -> Judge {
+        match self.model {
+            StackingModel::KubelkaMunk => Judge::KubelkaMunk,
+            StackingModel::Transport { .. } => Judge::Transport,
+        }
     }
 }
 

@@ -21,7 +21,6 @@ pub(super) const TRAY: Range = Range::new("a tray size in mm", 1.0, MAX_EXTENT_M
 /// Material ids are bytes, and 0 is the background.
 pub(super) const COLORS: IntRange = IntRange { noun: "a number of colours", min: 1, max: 255 };
 pub(super) const SLICES: IntRange = IntRange { noun: "a number of slices", min: 1, max: 100_000 };
-pub(super) const LAYER: Range = Range::new("a thickness in mm", MIN_THICKNESS_MM, MAX_EXTENT_MM);
 pub(super) const ALBEDO: Range = Range::new("an albedo", 0.0, 1.0);
 /// At 0 there would be nothing to rescale to.
 pub(super) const MAX_ALBEDO: Range = Range::new("an albedo", 0.001, 1.0);

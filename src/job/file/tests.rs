@@ -38,7 +38,7 @@ fn every_bound_is_documented() {
         ("position-mm", r::POSITION),
         ("pitch-mm", r::PITCH),
         ("tray-mm", r::TRAY),
-        ("stack", r::LAYER),
+        ("stack", crate::optics::LAYER),
         ("albedo-value", r::ALBEDO),
         ("max-albedo", r::MAX_ALBEDO),
         ("mean-free-path-mm", r::MEAN_FREE_PATH),

@@ -3,8 +3,8 @@
 use crate::{
     job::{Job, RunError},
     mesh::Solid,
-    optics::{KubelkaMunk, MaterialSet, Resin, ResinId, VolumeCoefficients},
-    search::{ResinLimit, SearchError, SearchOptions},
+    optics::{MaterialSet, ResinId},
+    search::{MatchOptions, ResinLimit, SearchError, SearchOptions},
     voxel::MaterialId,
     watch::Watch,
 };
@@ -32,10 +32,6 @@ impl TargetContext<'_> {
         self.job.refuse(key, found.to_string(), expected).into()
     }
 
-    pub(super) fn parameters(&self) -> Vec<Vec<KubelkaMunk>> {
-        self.materials.resins.iter().map(Resin::kubelka_munk).collect()
-    }
-
     pub(super) fn limits(&self) -> Vec<ResinLimit> {
         let names: Vec<_> = self.materials.resins.iter().map(|resin| resin.name.as_str()).collect();
         self.job.stacking.resin_limits(&names)
@@ -50,31 +46,34 @@ impl TargetContext<'_> {
         }
     }
 
-    /// Coefficients of all resins, index `[resin][channel]`.
-    pub(super) fn volumes(&self) -> Result<Vec<Vec<VolumeCoefficients>>, RunError> {
-        let volumes = self.materials.resins.iter().map(|resin| {
-            resin.volumes().ok_or_else(|| {
-                let found = format!("\"transport\" with resin {}, which is given by profiles", resin.name);
-                self.refuse("stacking.model", found, "resins given by coefficients, or \"km\"")
-            })
-        });
-        volumes.collect()
-    }
-
-    pub(super) fn search_options(&self, core: ResinId) -> SearchOptions {
+    /// What is asked of a search: the job's settings, over `core`.
+    pub(super) fn match_options(&self, core: ResinId) -> MatchOptions {
         let stacking = &self.job.stacking;
-        SearchOptions {
-            max_thickness_mm: stacking.max_thickness_mm,
-            units: stacking.units,
-            depth: stacking.depth,
-            objective: stacking.objective,
-            limits: self.limits(),
-            core: Some(core),
-            max_nodes: None,
+        MatchOptions {
+            search: SearchOptions {
+                max_thickness_mm: stacking.max_thickness_mm,
+                units: stacking.units,
+                depth: stacking.depth,
+                objective: stacking.objective,
+                limits: self.limits(),
+                core: Some(core),
+                max_nodes: None,
+            },
+            judge: stacking.judge(),
+            layers: self.job.layer_options(self.object),
         }
     }
 
     pub(super) fn search_fault(&self, source: SearchError) -> RunError {
-        RunError::Search { object: self.job.objects[self.object].mesh.shown(), source }
+        match source {
+            SearchError::Stopped(stopped) => stopped.into(),
+            SearchError::NoCoefficients { resin } => self.lacks_coefficients(&resin),
+            source => RunError::Search { object: self.job.objects[self.object].mesh.shown(), source },
+        }
+    }
+
+    pub(super) fn lacks_coefficients(&self, resin: &str) -> RunError {
+        let found = format!("\"transport\" with resin {resin}, which is given by profiles");
+        self.refuse("stacking.model", found, "resins given by coefficients, or \"km\"")
     }
 }

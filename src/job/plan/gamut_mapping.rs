@@ -1,9 +1,9 @@
 //! `gamut-map`: targets that the resins cannot reach, brought within their gamut before the search.
 
 use super::{asked::Wanted, context::TargetContext};
-use crate::job::{RunError, StackingModel};
+use crate::job::RunError;
 use crate::optics::ResinId;
-use crate::search::{Gamut, GamutMap, Move, SearchTarget, layer_space};
+use crate::search::{Gamut, GamutMap, Move, SearchTarget};
 
 impl TargetContext<'_> {
     /// Where the object's targets go, if the job asks for that; says what it does.
@@ -17,14 +17,9 @@ impl TargetContext<'_> {
             return Ok(None);
         }
         self.watch.stage("gamut", 0);
-        let by_transport = self.job.stacking.model != StackingModel::KubelkaMunk;
-        let volumes = by_transport.then(|| self.volumes()).transpose()?;
-        let layers = self.job.layer_options(self.object);
-        let options = layer_space(&self.search_options(core), &layers, self.materials.resins.len());
-        let grid = &self.materials.grid;
-        let gamut = Gamut::explore(&self.parameters(), volumes.as_deref(), grid, &options);
-        let map =
-            GamutMap::new(&gamut.map_err(|fault| self.search_fault(fault))?, &wanted.targets, &wanted.shares, grid);
+        let gamut = Gamut::explore(self.materials, &self.match_options(core));
+        let gamut = gamut.map_err(|fault| self.search_fault(fault))?;
+        let map = GamutMap::new(&gamut, &wanted.targets, &wanted.shares, &self.materials.grid);
         warnings.push(format!("object {}: gamut-map: {}", self.object + 1, map_in_words(&map, &wanted.shares)));
         Ok(Some(map))
     }

@@ -35,7 +35,7 @@ pub fn targets(job: Job, watch: &dyn Watch) -> Result<Vec<JobTarget>, RunError> 
         if object.depth_from == DepthFrom::Top {
             solid.measure_from_top();
         }
-        let has_uvs = complete_uvs(&mut solid);
+        let has_uvs = complete_uvs(&mut solid, &object.target)?;
         let context = TargetContext { job: &job, materials: &materials, solid: &solid, has_uvs, object: index, watch };
         let found = wanted(&context, &object.target, &mut warnings)?;
         for (cluster, (target, share)) in found.targets.into_iter().zip(found.shares).enumerate() {

@@ -11,7 +11,10 @@ use glam::{DMat4, DVec3};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::{StackingReport, checks, context::TargetContext, factored::FactoredMap, stackings::object_layers};
+use super::{
+    StackingReport, checks, context::TargetContext, factored::FactoredMap, images::picture_size,
+    stackings::object_layers,
+};
 use crate::{
     job::{
         AlbedoSource, DepthFrom, Distance, InputPath, Job, MaterialSource, ObjectJob, OutputFormat, RunError, Scaling,
@@ -130,7 +133,7 @@ impl Prepared {
                     .refuse(&format!("object[{index}].depth-from"), found, "a level or nearly level top")
                     .into());
             }
-            let has_uvs = complete_uvs(&mut solid);
+            let has_uvs = complete_uvs(&mut solid, &object.target)?;
             let context =
                 TargetContext { job: &job, materials: &materials, solid: &solid, has_uvs, object: index, watch };
             let (layers, stackings) = object_layers(&context, &object.target, &mut warnings)?;
@@ -316,11 +319,16 @@ pub(super) fn load_solid(
     Ok((solid, to_lattice * loaded.file_to_mesh, loaded.companions))
 }
 
-/// Gives a mesh without texture coordinates some, for nothing varies within a page then and any will do; whether it had its own.
-pub(super) fn complete_uvs(solid: &mut Solid) -> bool {
+/// Gives a mesh without texture coordinates some, for nothing varies within a page then and any will do; whether it had
+/// its own. Where the target is made of the mesh's colour, what is not a repeating texture becomes one.
+pub(super) fn complete_uvs(solid: &mut Solid, target: &TargetSpec) -> Result<bool, RunError> {
     let had = !solid.mesh.uvs.is_empty();
     solid.mesh.uvs.resize(solid.mesh.triangles.len(), Default::default());
-    had
+    if let TargetSpec::Texture { albedo: AlbedoSource::MeshBaseColor, mean_free_path, .. } = target {
+        let detail = mean_free_path.as_ref().map(|path| picture_size(path.as_ref())).transpose()?;
+        solid.mesh.bake_base_color(detail);
+    }
+    Ok(had)
 }
 
 fn bounds(solid: &Solid) -> [DVec3; 2] {

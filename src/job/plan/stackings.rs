@@ -12,27 +12,9 @@ use crate::{
         AlignedStackings, Atlas, HeightFields, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers, align,
     },
     job::{DepthFrom, Job, OutputFormat, RunError, StackingModel, TargetSpec},
-    optics::{ChannelId, Light, ResinId, Stack, Transport, TransportOptions},
-    search::{
-        BlockTable, Match, RefineOptions, Refined, Refiner, SearchOptions, SearchTarget, match_targets, reflection_of,
-    },
+    optics::{OpticsError, ResinId, Stack},
+    search::{Found, Matcher, RefineOptions, SearchTarget},
 };
-
-/// What a search found, refined or not.
-struct Found {
-    search: Match,
-    refined: Option<Refined>,
-}
-
-impl Found {
-    fn stacking(&self) -> &Stack {
-        self.refined.as_ref().map_or(&self.search.stacking, |refined| &refined.stacking)
-    }
-
-    fn reflection(&self) -> &[Vec<f64>] {
-        self.refined.as_ref().map_or(&self.search.reflection, |refined| &refined.reflection)
-    }
-}
 
 /// Turns the target of an object into its layers.
 pub(super) fn object_layers(
@@ -93,17 +75,13 @@ fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
     ))
 }
 
+/// R̂ per channel of a stacking that was given.
 fn reflection(context: &TargetContext<'_>, stacking: &Stack) -> Result<Vec<Vec<f64>>, RunError> {
-    if context.job.stacking.model == StackingModel::KubelkaMunk {
-        return Ok(reflection_of(&context.parameters(), stacking));
-    }
-    let volumes = context.volumes()?;
-    let channel = |ChannelId(channel)| {
-        let stack = stacking.map(|resin| volumes[resin.0][channel]);
-        let model = Transport { stack: &stack, light: Light::Diffuse, options: TransportOptions::REFLECTION };
-        model.spectra(&context.materials.grid).reflection
-    };
-    Ok(context.materials.channel_ids().map(channel).collect())
+    let found = context.job.stacking.judge().reflection(context.materials, stacking);
+    found.map_err(|error| match error {
+        OpticsError::NoCoefficients { resin } => context.lacks_coefficients(&resin),
+        error => error.into(),
+    })
 }
 
 /// Thinnest layer of whole slices in a gamut.
@@ -130,39 +108,10 @@ impl Job {
 }
 
 impl TargetContext<'_> {
-    fn refiner(&self, options: &SearchOptions) -> Result<Option<Refiner>, RunError> {
-        let Some(refine) = self.refine_options() else { return Ok(None) };
-        Ok(Some(Refiner::new(&self.volumes()?, &self.materials.grid, options, refine)))
-    }
-
-    /// How thicknesses are refined, if they are.
-    fn refine_options(&self) -> Option<RefineOptions> {
-        (self.job.stacking.model != StackingModel::KubelkaMunk).then(|| self.job.layer_options(self.object))
-    }
-
     fn search(&self, core: ResinId, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
         self.watch.stage("stackings", targets.len() as u64);
-        let options = self.search_options(core);
-        let fault = |source| self.search_fault(source);
-        let table = BlockTable::new(&self.parameters(), &options).map_err(fault)?;
-        let refiner = self.refiner(&options)?;
-        // In batches, so that the user sees progress and can stop.
-        let mut found = Vec::with_capacity(targets.len());
-        for batch in targets.chunks(SEARCH_BATCH) {
-            self.watch.go_on()?;
-            match &refiner {
-                None => {
-                    let matches = match_targets(&table, batch).map_err(fault)?;
-                    found.extend(matches.into_iter().map(|search| Found { search, refined: None }));
-                }
-                Some(refiner) => {
-                    let matches = refiner.match_targets(&table, batch).map_err(fault)?;
-                    found.extend(matches.into_iter().map(|(search, refined)| Found { search, refined: Some(refined) }));
-                }
-            }
-            self.watch.advance(batch.len() as u64);
-        }
-        Ok(found)
+        let found = Matcher::new(self.materials, &self.match_options(core));
+        found.and_then(|matcher| matcher.match_targets(targets, self.watch)).map_err(|source| self.search_fault(source))
     }
 
     fn entry(&self, stacking: &Stack, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {
@@ -278,6 +227,3 @@ impl TargetContext<'_> {
         LayerMaps { pages: pages.collect(), resins, pitch_mm }
     }
 }
-
-/// Searches between two looks at the clock.
-const SEARCH_BATCH: usize = 16;

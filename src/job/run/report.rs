@@ -2,11 +2,11 @@
 
 use crate::{
     job::{LatticeRecord, Manifest, MaterialRecord, ObjectRecord, RunError},
-    optics::Layer,
+    optics::{ResinId, Stack},
     output::{MANIFEST, OutputFolder},
     preview::{
-        self, PreviewFile, PreviewMaterial, ReportData, ReportHealth, ReportLayer, ReportMaterial, ReportPicture,
-        ReportStacking, report_html,
+        self, PreviewFile, PreviewMaterial, ReportData, ReportHealth, ReportMaterial, ReportPicture, ReportStacking,
+        report_html,
     },
     voxel::{Lattice, MaterialId},
 };
@@ -55,15 +55,12 @@ impl LatticeRecord {
 
 /// What the page says.
 pub fn report_data<'a>(manifest: &Manifest, pictures: impl Iterator<Item = &'a str>) -> ReportData {
-    let index = |name: &str| manifest.materials.iter().position(|material| material.name == name);
+    let id = |name: &str| manifest.materials.iter().position(|material| material.name == name).map(ResinId);
     let slices = manifest.slices[1] - manifest.slices[0];
     let mut stackings = Vec::new();
     for (number, object) in (1..).zip(&manifest.stackings) {
-        let core = index(&object.core);
         for (cluster, entry) in (0..).zip(&object.stackings) {
-            let layer = |layer: &Layer<String>| {
-                Some(ReportLayer { material: index(&layer.resin)?, thickness_mm: layer.thickness_mm })
-            };
+            let layers = entry.layers.iter().filter_map(|layer| Some((id(&layer.resin)?, layer.thickness_mm)));
             stackings.push(ReportStacking {
                 name: match (manifest.stackings.len(), object.stackings.len()) {
                     (1, 1) => "stacking".to_owned(),
@@ -71,8 +68,7 @@ pub fn report_data<'a>(manifest: &Manifest, pictures: impl Iterator<Item = &'a s
                     (1, _) => format!("cluster {cluster}"),
                     _ => format!("object {number}, cluster {cluster}"),
                 },
-                layers: entry.layers.iter().filter_map(layer).collect(),
-                core,
+                stack: Stack::new(layers).over(id(&object.core)),
                 share: (object.stackings.len() > 1).then_some(entry.share),
                 error: entry
                     .search

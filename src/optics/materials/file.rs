@@ -255,6 +255,12 @@ impl MaterialFile {
         self.resins.iter().find(|draft| draft.name == resin)?.volume.as_deref()
     }
 
+    /// The coefficients of one of its resins per channel.
+    pub(in crate::optics) fn needed_volumes(&self, resin: ResinId) -> Result<&[VolumeCoefficients], OpticsError> {
+        let draft = &self.resins[resin.0];
+        draft.volume.as_deref().ok_or_else(|| OpticsError::NoCoefficients { resin: draft.name.clone() })
+    }
+
     /// Names, coefficients and thickness per channel of the resins that have coefficients.
     #[cfg(test)]
     pub(in crate::optics) fn coefficients(&self) -> impl Iterator<Item = (&str, &[VolumeCoefficients], &[f64])> {

@@ -20,9 +20,10 @@ use super::{
 };
 pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
-pub use simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, SimulatedProfile, simulate_profile};
+pub use simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, SimulatedProfile};
 pub use slabs::SlabPlan;
-pub use spectra::{MEASURED_EXCESS, ResinSpectrum, SpectrumError};
+pub(crate) use spectra::ResinSpectrum;
+pub use spectra::SpectrumError;
 
 /// The resins a job may use, in the order of the file.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,6 +87,14 @@ impl Resin {
         self.channels.iter().map(|channel| channel.volume).collect()
     }
 
+    /// The volume coefficients of all channels.
+    ///
+    /// # Errors
+    /// [`OpticsError::NoCoefficients`].
+    pub(crate) fn needed_volumes(&self) -> Result<Vec<VolumeCoefficients>, OpticsError> {
+        self.volumes().ok_or_else(|| OpticsError::NoCoefficients { resin: self.name.clone() })
+    }
+
     /// How the coefficients of all channels were fitted, if they were.
     pub fn fits(&self) -> Option<Vec<CoefficientFit>> {
         self.channels.iter().map(|channel| channel.fit).collect()
@@ -106,6 +115,11 @@ impl MaterialSet {
     /// The resin name nearest to `name`, if one is near enough to be meant.
     pub fn suggest(&self, name: &str) -> Option<&str> {
         crate::words::suggest(name, self.resins.iter().map(|resin| resin.name.as_str()))
+    }
+
+    /// Whether the volume coefficients of all resins are known.
+    pub fn has_coefficients(&self) -> bool {
+        self.resins.iter().all(|resin| resin.volumes().is_some())
     }
 
     /// All resins.

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use crate::optics::{
-    Light, MonteCarlo, MonteCarloResult, OpticsError, ProfileFile, RadialProfile, RingEdges, Stack, VolumeCoefficients,
+    Estimate, Light, MonteCarlo, MonteCarloResult, OpticsError, ProfileFile, RadialProfile, RingEdges, Stack,
+    VolumeCoefficients,
 };
 use crate::watch::Watch;
 
@@ -22,7 +23,7 @@ pub struct SimulatedProfile {
     /// Seed of the random numbers.
     pub seed: u64,
     /// Profiles and totals.
-    pub result: MonteCarloResult,
+    pub(in crate::optics) result: MonteCarloResult,
 }
 
 /// Simulates a slab, index-matched whatever the resin's refractive index: what Kubelka–Munk parameters are read from must not have the
@@ -48,6 +49,16 @@ pub fn simulate_profile(
 }
 
 impl SimulatedProfile {
+    /// Share of the light that is reflected.
+    pub fn reflection(&self) -> Estimate {
+        self.result.reflection
+    }
+
+    /// Share of the light that comes through.
+    pub fn transmission(&self) -> Estimate {
+        self.result.transmission
+    }
+
     /// The profiles as a file, without the outer rings no photon reached.
     pub fn profiles(&self) -> ProfileFile {
         let (reflection, transmission) = (&self.result.reflection_profile, &self.result.transmission_profile);

@@ -20,7 +20,9 @@ use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
 
 use super::{OpticsError, RadialProfile, Stack, VolumeCoefficients};
-use crate::watch::{Unwatched, Watch};
+#[cfg(test)]
+use crate::watch::Unwatched;
+use crate::watch::Watch;
 pub use rings::RingEdges;
 use tally::Tally;
 use walk::Media;
@@ -90,6 +92,7 @@ impl MonteCarlo {
     ///
     /// # Errors
     /// [`OpticsError::Parameter`] if a layer, the base or the number of photons is out of range.
+    #[cfg(test)]
     pub fn run(&self) -> Result<MonteCarloResult, OpticsError> {
         self.run_with(&Unwatched)
     }

@@ -1,5 +1,6 @@
 //! The rings in which exits are counted.
 
+#[cfg(test)]
 use crate::optics::OpticsError;
 
 /// Edges of concentric rings in mm, ascending, the first 0.
@@ -11,6 +12,7 @@ impl RingEdges {
     ///
     /// # Errors
     /// [`OpticsError::Parameter`] unless there are at least two, finite, ascending, starting at 0.
+    #[cfg(test)]
     pub fn new(edges_mm: Vec<f64>) -> Result<Self, OpticsError> {
         let ascending = edges_mm.windows(2).all(|pair| pair[0] < pair[1]);
         if edges_mm.len() >= 2 && edges_mm[0] == 0.0 && ascending && edges_mm.iter().all(|edge| edge.is_finite()) {
@@ -21,6 +23,7 @@ impl RingEdges {
     }
 
     /// 500 rings to 80 mm: 10 µm wide to 2 mm, 50 µm to 10 mm, 0.5 mm beyond; those of the reference data.
+    #[cfg(test)]
     pub fn fine() -> Self {
         let step = |from: f64, width: f64, count: usize| (0..count).map(move |i| from + i as f64 * width);
         Self(step(0.0, 0.01, 200).chain(step(2.0, 0.05, 160)).chain(step(10.0, 0.5, 141)).collect())

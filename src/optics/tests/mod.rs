@@ -1,6 +1,7 @@
 //! Laws of the optics room.
 
 mod hankel;
+mod laws;
 mod materials;
 mod monte_carlo;
 mod profile_csv;

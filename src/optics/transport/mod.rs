@@ -26,7 +26,7 @@ mod slab;
 use faer::{Col, Row};
 use rayon::prelude::*;
 
-pub use self::modal::{ModalReflection, ReflectionSlope};
+pub use self::modal::ModalReflection;
 use self::{
     beam::Straight,
     directions::{AIR, Directions},

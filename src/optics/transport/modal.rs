@@ -97,6 +97,7 @@ impl ModalReflection {
     }
 
     /// The same with T̂; 0 over a half-space.
+    #[cfg_attr(not(test), expect(dead_code, reason = "tested and timed; searches weigh R̂ alone"))]
     pub fn spectra(&self, layers: &[(usize, f64)]) -> TransportSpectra {
         let mut spectra = self.discrete(layers);
         if self.setting.base.is_none() {

@@ -24,9 +24,10 @@ pub use boundary::Boundary;
 use explore::{Explorer, Runs, TRIALS};
 pub use map::{GamutMap, Move};
 
-use super::{RefineOptions, ResinLimit, SearchError, SearchOptions, options::MAX_UNITS};
+use super::{MatchOptions, RefineOptions, ResinLimit, SearchError, SearchOptions, options::MAX_UNITS};
 use crate::optics::{
-    FrequencyGrid, InverseHankel, KubelkaMunk, ModalReflection, ResinId, Stack, TransportOptions, VolumeCoefficients,
+    FrequencyGrid, InverseHankel, KubelkaMunk, MaterialSet, ModalReflection, Resin, ResinId, Stack, TransportOptions,
+    VolumeCoefficients,
 };
 
 /// Directions that place a stacking to 0.4% in albedo and 1.3% in radius (docs/accuracy.md), at a third of the cost of those that judge it.
@@ -59,12 +60,34 @@ pub struct GamutPoint {
     pub half_energy_radius_mm: f64,
 }
 
+/// Where a stacking lies in a gamut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// No other of its albedo has a smaller radius.
+    Narrow,
+    /// None has a greater one.
+    Wide,
+    /// Between the two.
+    Inside,
+}
+
+impl Side {
+    /// In files and at the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Narrow => "narrow",
+            Self::Wide => "wide",
+            Self::Inside => "inside",
+        }
+    }
+}
+
 /// Units of refined layers that make the thinnest: a quarter of 27 µm of black at the surface changes an albedo by 0.04 and leaves a notch.
 const PARTS: f64 = 16.0;
 
 /// The space of `options` in steps of a printer's layers instead of a search's blocks; without `refine.step_mm`, which leaves any thickness, in
 /// sixteenths of the thinnest layer. Where these would be more units than a search may have, they are coarser.
-pub fn layer_space(options: &SearchOptions, refine: &RefineOptions, resins: usize) -> SearchOptions {
+fn layer_space(options: &SearchOptions, refine: &RefineOptions, resins: usize) -> SearchOptions {
     let step_mm = refine.step_mm.unwrap_or(refine.min_layer_mm / PARTS);
     let given = |resin: usize| options.limits.get(resin).copied().unwrap_or(ResinLimit::NONE);
     let limit = |limit: ResinLimit| ResinLimit { min_mm: limit.min_mm.max(refine.min_layer_mm), ..limit };
@@ -83,14 +106,21 @@ pub fn place_of(spectrum: &[f64], grid: &FrequencyGrid) -> Option<[f64; 2]> {
 }
 
 impl Gamut {
-    /// Explores what `resins`, index `[resin][channel]` on `grid`, reach with at most `depth` layers of whole units that keep the limits
-    /// of `options`. Layers are to be as fine as the printer's, not as a search's blocks: whole units of 78 µm leave gaps. Stackings are found by
-    /// Kubelka–Munk; with the resins' coefficients in `volumes` they are placed by transport, and more are found by it. The same for the same input,
-    /// whatever the number of threads.
+    /// Explores what the resins of `set` reach with at most `depth` layers that keep the limits of `options.search`, as fine as
+    /// `options.layers` may be: whole units of a search, 78 µm, leave gaps. Stackings are found by Kubelka–Munk; if transport judges, they
+    /// are placed by it, and more are found by it. The same for the same input, whatever the number of threads.
     ///
     /// # Errors
-    /// Options out of range, contradictory limits, or no stacking that keeps them and reflects anything.
-    pub fn explore(
+    /// Options out of range, contradictory limits, no stacking that keeps them and reflects anything; a resin without
+    /// coefficients, if transport judges.
+    pub fn explore(set: &MaterialSet, options: &MatchOptions) -> Result<Self, SearchError> {
+        let parameters: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
+        let space = layer_space(&options.search, &options.layers, parameters.len());
+        Self::of_space(&parameters, options.volumes(set)?.as_deref(), &set.grid, &space)
+    }
+
+    /// The same of `resins`, index `[resin][channel]` on `grid`, in layers of whole units of `options`.
+    fn of_space(
         resins: &[Vec<KubelkaMunk>],
         volumes: Option<&[Vec<VolumeCoefficients>]>,
         grid: &FrequencyGrid,
@@ -120,6 +150,18 @@ impl Gamut {
 }
 
 impl ChannelGamut {
+    /// Where `point`, one of its own, lies.
+    pub fn side(&self, point: &GamutPoint) -> Side {
+        let place = [point.albedo, point.half_energy_radius_mm];
+        if self.boundary.wide().contains(&place) {
+            Side::Wide
+        } else if self.boundary.narrow().contains(&place) {
+            Side::Narrow
+        } else {
+            Side::Inside
+        }
+    }
+
     fn around(found: &[(Runs, Vec<f64>)], grid: &FrequencyGrid, options: &SearchOptions) -> Option<Self> {
         let unit_mm = options.unit_mm();
         let point = |(runs, spectrum): &(Runs, Vec<f64>)| {

@@ -23,7 +23,7 @@ use self::{
     nodes::Nodes,
     polytope::Polytope,
 };
-use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, match_sequences};
+use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, branch_and_bound::match_sequences};
 use crate::{
     numeric::least_squares::{curvature, dot, gradient},
     optics::{FrequencyGrid, ModalReflection, ResinId, Stack, TransportOptions, VolumeCoefficients},
@@ -62,7 +62,7 @@ pub struct Refined {
 
 /// Tables of a set of resins, for any number of targets.
 #[derive(Debug)]
-pub struct Refiner {
+pub(super) struct Refiner {
     options: SearchOptions,
     refine: RefineOptions,
     /// The frequencies that the model is asked at.
@@ -102,7 +102,7 @@ struct Goal {
 }
 
 impl Refiner {
-    /// Sequences of resins worth asking [`match_sequences`] for. Evidence: docs/accuracy.md, "Refined stackings".
+    /// Sequences of resins worth asking `match_sequences` for. Evidence: docs/accuracy.md, "Refined stackings".
     pub const SEQUENCES: usize = 16;
 
     /// `resins` has index `[resin][channel]`; `options` are those of the search whose candidates will be refined.

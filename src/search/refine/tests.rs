@@ -3,7 +3,7 @@
 use super::*;
 use crate::{
     optics::{MaterialSet, Resin},
-    search::{BlockTable, ResinLimit, match_sequences},
+    search::ResinLimit,
 };
 
 struct Bench {

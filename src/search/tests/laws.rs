@@ -3,7 +3,12 @@
 use super::optimum::keeps_limits;
 use super::resins::*;
 use crate::optics::{ResinId, Stack};
-use crate::search::*;
+use crate::search::{
+    algorithm_1::algorithm_1,
+    branch_and_bound::{match_candidates, match_target, match_targets},
+    forward::reflection_of,
+    *,
+};
 
 fn options() -> SearchOptions {
     SearchOptions { depth: 5, core: Some(BLACK), ..Default::default() }

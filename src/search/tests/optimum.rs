@@ -2,7 +2,7 @@
 
 use super::resins::*;
 use crate::optics::{KubelkaMunk, MaterialSet, Resin, ResinId, Stack};
-use crate::search::*;
+use crate::search::{algorithm_1::algorithm_1, branch_and_bound::match_target, forward::reflection_of, *};
 
 /// Every stacking of at most `depth` blocks, without any bound: (objective, layers in units), core's tail removed.
 fn brute_force(resins: &[Vec<KubelkaMunk>], options: &SearchOptions, target: &SearchTarget) -> Option<f64> {

@@ -2,8 +2,7 @@
 
 use lumislice::measure::simulate::Laboratory;
 use lumislice::optics::{
-    ChannelPrediction, Light, MaterialFile, MaterialSet, PhotonOptions, Prediction, Stack, TransportOptions,
-    VolumeCoefficients,
+    ChannelPrediction, Light, MaterialFile, MaterialSet, Model, Stack, TransportOptions, VolumeCoefficients, predict,
 };
 use lumislice::watch::Unwatched;
 
@@ -41,12 +40,13 @@ fn measured_set(folder: &std::path::Path) -> MaterialFile {
 
 /// Share by which albedo and half-energy radius are off.
 fn off(found: &ChannelPrediction, truth: &ChannelPrediction) -> [f64; 2] {
-    let half = |light: &ChannelPrediction| light.half_energy_radius_mm.unwrap();
+    let half = |light: &ChannelPrediction| light.radius_of_energy_mm(0.5).unwrap();
     [found.reflection_hankel[0] / truth.reflection_hankel[0] - 1.0, half(found) / half(truth) - 1.0]
 }
 
-fn volumes(set: &MaterialSet, stack: Layers) -> Stack<Vec<VolumeCoefficients>> {
-    Stack::new(stack.iter().map(|(name, mm)| (set.resin(name).unwrap().1.volumes().unwrap(), *mm)))
+fn predicted(set: &MaterialSet, layers: Layers, model: Model) -> ChannelPrediction {
+    let stack = Stack::new(layers.iter().map(|(name, mm)| (set.resin(name).unwrap().0, *mm)));
+    predict(set, &stack, &model, &Unwatched).unwrap().light.remove(0)
 }
 
 #[test]
@@ -69,20 +69,13 @@ fn predictions_from_the_measurement_hold() {
         assert!((fit.coefficients.g - truth.g).abs() < 2.0 * fit.g_uncertainty);
     }
     for (thin, stack) in THICK.iter().map(|stack| (false, *stack)).chain(THIN.iter().map(|stack| (true, *stack))) {
-        let (own, true_ones) = (volumes(&measured, stack), volumes(&exact, stack));
-        let options = PhotonOptions { light: Light::Diffuse, photons: 1_000_000, seed: 4 };
-        let photons =
-            Prediction::monte_carlo(&exact.channels, &true_ones.map(|resin| resin.as_slice()), options, &Unwatched);
-        let photons = photons.unwrap().light.remove(0);
-        let transport = |stack: &Stack<Vec<VolumeCoefficients>>| {
-            let stack = stack.map(|resin| resin.as_slice());
-            Prediction::transport(&exact.channels, &stack, Light::Diffuse, TransportOptions::default()).light.remove(0)
-        };
-        let indexed = Stack::new(stack.iter().map(|(name, mm)| (measured.resin(name).unwrap().0, *mm)));
-        let km = off(&Prediction::kubelka_munk(&measured, &indexed).light[0], &photons);
-        let found = transport(&own);
+        let transport = Model::Transport { light: Light::Diffuse, options: TransportOptions::default() };
+        let photons = Model::MonteCarlo { light: Light::Diffuse, photons: 1_000_000, seed: 4 };
+        let photons = predicted(&exact, stack, photons);
+        let km = off(&predicted(&measured, stack, Model::KubelkaMunk), &photons);
+        let found = predicted(&measured, stack, transport);
         let by_transport = off(&found, &photons);
-        let of_measuring = off(&found, &transport(&true_ones));
+        let of_measuring = off(&found, &predicted(&exact, stack, transport));
         let percent = |off: [f64; 2]| off.map(|share| format!("{:+.2}%", 100.0 * share)).join(", ");
         println!(
             "{stack:?}: albedo, half-energy radius: transport {}; km {}; measuring alone {}",

@@ -1,11 +1,10 @@
 //! Targets out of reach, matched as they are and brought into the gamut first: does what was distinct stay distinct?
 
 use lumislice::{
-    appearance::NormalizedDiffusion,
+    appearance::material_target,
     plot::{Axis, BLACK, BLUE, Figure, GREY, Panel, Series, Shape, VERMILION},
-    search::{
-        BlockTable, Gamut, GamutMap, RefineOptions, Refined, Refiner, SearchError, SearchTarget, layer_space, place_of,
-    },
+    search::{Gamut, GamutMap, Matcher, Refined, SearchError, SearchTarget, place_of},
+    watch::Unwatched,
 };
 
 use super::{Options, Outcome, models::Resins};
@@ -24,19 +23,15 @@ pub fn run(options: &Options) -> Outcome {
     let search = resins.options();
     let wanted: Vec<SearchTarget> = MEAN_FREE_PATH_MM
         .iter()
-        .flat_map(|&path| ALBEDO.map(|albedo| (albedo, path)))
-        .map(|(albedo, path)| {
-            Ok(SearchTarget { channels: vec![NormalizedDiffusion::new(albedo, path)?.spectrum(grid)] })
-        })
-        .collect::<Result<_, lumislice::appearance::DiffusionError>>()?;
-    let fine = layer_space(&search, &RefineOptions::default(), resins.set.resins.len());
-    let gamut = Gamut::explore(&resins.parameters(), Some(&resins.volumes()), grid, &fine)?;
+        .flat_map(|&path| ALBEDO.map(|albedo| material_target(&[albedo], &[path], 1, grid)))
+        .collect::<Result<_, _>>()?;
+    let gamut = Gamut::explore(&resins.set, &search)?;
     let map = GamutMap::new(&gamut, &wanted, &vec![1.0; wanted.len()], grid);
     let mapped: Vec<_> = map.moves.iter().zip(&wanted).map(|(moved, target)| moved.apply(target, grid)).collect();
-    let table = BlockTable::new(&resins.parameters(), &search)?;
-    let refiner = Refiner::new(&resins.volumes(), grid, &search, RefineOptions::default());
+    let matcher = Matcher::new(&resins.set, &search)?;
     let refined = |targets: &[SearchTarget]| -> Result<Vec<Refined>, SearchError> {
-        Ok(refiner.match_targets(&table, targets)?.into_iter().map(|(_, refined)| refined).collect())
+        let found = matcher.match_targets(targets, &Unwatched)?;
+        Ok(found.into_iter().filter_map(|found| found.refined).collect())
     };
     let (clipped, brought) = (refined(&wanted)?, refined(&mapped)?);
 

@@ -1,11 +1,8 @@
 //! The synthetic resins, and a stack of them in all three models.
 
 use lumislice::{
-    optics::{
-        KubelkaMunk, Light, MaterialSet, OpticsError, PhotonOptions, Prediction, Resin, ResinId, Stack,
-        TransportOptions, VolumeCoefficients,
-    },
-    search::{ResinLimit, SearchOptions},
+    optics::{Light, MaterialSet, Model, OpticsError, Prediction, ResinId, Stack, TransportOptions, predict},
+    search::{Judge, MatchOptions, RefineOptions, ResinLimit, SearchOptions},
     watch::Unwatched,
 };
 
@@ -33,21 +30,13 @@ impl Resins {
         self.set.resin(name).map(|(id, _)| id).unwrap_or_else(|| panic!("the set has no {name}"))
     }
 
-    pub fn parameters(&self) -> Vec<Vec<KubelkaMunk>> {
-        let channels = |resin: &Resin| resin.channels.iter().map(|channel| channel.kubelka_munk.clone()).collect();
-        self.set.resins.iter().map(channels).collect()
-    }
-
-    pub fn volumes(&self) -> Vec<Vec<VolumeCoefficients>> {
-        self.set.resins.iter().filter_map(Resin::volumes).collect()
-    }
-
-    /// The paper's search over black, support at least 0.2 mm deep.
-    pub fn options(&self) -> SearchOptions {
+    /// The paper's search over black, support at least 0.2 mm deep, refined by transport.
+    pub fn options(&self) -> MatchOptions {
         let limit =
             |name: &str| ResinLimit { min_depth_mm: if name == "support" { 0.2 } else { 0.0 }, ..ResinLimit::NONE };
         let limits = self.set.resins.iter().map(|resin| limit(&resin.name)).collect();
-        SearchOptions { core: Some(self.id("black")), limits, ..SearchOptions::default() }
+        let search = SearchOptions { core: Some(self.id("black")), limits, ..SearchOptions::default() };
+        MatchOptions { search, judge: Judge::Transport, layers: RefineOptions::default() }
     }
 
     pub fn named(&self, stacking: &Stack) -> String {
@@ -60,29 +49,21 @@ impl Resins {
         Stack::new(layers.iter().map(|&(name, mm)| (self.id(name), mm)))
     }
 
-    fn coefficients(&self, stack: &Stack) -> Stack<Vec<VolumeCoefficients>> {
-        let volumes = self.volumes();
-        stack.map(|resin| volumes[resin.0].clone())
-    }
-
-    pub fn by_transport(&self, stack: &Stack) -> Prediction {
-        let stack = self.coefficients(stack);
-        let stack = stack.map(|resin| resin.as_slice());
-        Prediction::transport(&self.set.channels, &stack, Light::Diffuse, TransportOptions::default())
+    pub fn by_transport(&self, stack: &Stack) -> Result<Prediction, OpticsError> {
+        let model = Model::Transport { light: Light::Diffuse, options: TransportOptions::default() };
+        predict(&self.set, stack, &model, &Unwatched)
     }
 
     pub fn by_photons(&self, stack: &Stack, photons: u64) -> Result<Prediction, OpticsError> {
-        let stack = self.coefficients(stack);
-        let stack = stack.map(|resin| resin.as_slice());
-        let options = PhotonOptions { light: Light::Diffuse, photons, seed: 5 };
-        Prediction::monte_carlo(&self.set.channels, &stack, options, &Unwatched)
+        let model = Model::MonteCarlo { light: Light::Diffuse, photons, seed: 5 };
+        predict(&self.set, stack, &model, &Unwatched)
     }
 
     pub fn predict(&self, layers: Layers, photons: u64) -> Result<Predicted, OpticsError> {
         let stack = self.stack(layers);
         Ok(Predicted {
-            km: Prediction::kubelka_munk(&self.set, &stack),
-            transport: self.by_transport(&stack),
+            km: predict(&self.set, &stack, &Model::KubelkaMunk, &Unwatched)?,
+            transport: self.by_transport(&stack)?,
             photons: self.by_photons(&stack, photons)?,
         })
     }

@@ -9,10 +9,10 @@ use std::{fmt::Write, fs};
 use lumislice::{
     colour::linear_to_byte,
     job::{self, Job, Prepared, RunOptions},
-    optics::{ChannelPrediction, EdgeResponse},
+    optics::{ChannelPrediction, EdgeResponse, OpticsError},
     output::Existing,
     plot::{Axis, Figure, Panel, Raster, Rgb, Series, Shape, viridis},
-    search::{BlockTable, Match, RefineOptions, Refined, Refiner, SearchTarget, place_of},
+    search::{Found, Matcher, SearchTarget, place_of},
     watch::Unwatched,
 };
 
@@ -30,20 +30,17 @@ const PITCH_MM: f64 = 26.0;
 
 pub fn run(options: &Options) -> Outcome {
     let resins = Resins::synthetic()?;
-    let targets = targets(&resins);
-    let search = resins.options();
-    let table = BlockTable::new(&resins.parameters(), &search)?;
-    let refiner = Refiner::new(&resins.volumes(), &resins.set.grid, &search, RefineOptions::default());
-    let found = refiner.match_targets(&table, &targets)?;
+    let targets = targets(&resins)?;
+    let found = Matcher::new(&resins.set, &resins.options())?.match_targets(&targets, &Unwatched)?;
     println!(
         "| slab | layers, mm from the top | support, mm | albedo | asked | 50% within, mm | asked | KM's claim | promised | photons see | rms |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
     );
     let mut seen = Vec::new();
-    for (slab, ((discrete, refined), target)) in found.iter().zip(&targets).enumerate() {
-        let photons = resins.by_photons(&refined.stacking, options.photons)?.light.remove(0);
-        row(&resins, slab, discrete, refined, target, &photons);
-        seen.push((resins.by_transport(&refined.stacking).light.remove(0), photons));
+    for (slab, (found, target)) in found.iter().zip(&targets).enumerate() {
+        let photons = resins.by_photons(found.stacking(), options.photons)?.light.remove(0);
+        row(&resins, slab, found, target, &photons);
+        seen.push((resins.by_transport(found.stacking())?.light.remove(0), photons));
     }
     profiles(&resins, &targets, &seen).write(&options.folder.join("slabs-profiles.png"))?;
     profiles(&resins, &targets, &seen).write(&options.folder.join("slabs-profiles.svg"))?;
@@ -52,32 +49,25 @@ pub fn run(options: &Options) -> Outcome {
 }
 
 /// The five profiles, from the most translucent to the least.
-fn targets(resins: &Resins) -> Vec<SearchTarget> {
+fn targets(resins: &Resins) -> Result<Vec<SearchTarget>, OpticsError> {
     let black = resins.id("black");
     let spectrum = |layers| {
         let stack = resins.stack(layers).over(black);
-        resins.by_transport(&stack).light.remove(0).reflection_hankel
+        Ok::<_, OpticsError>(resins.by_transport(&stack)?.light.remove(0).reflection_hankel)
     };
-    let (sample, white) = (spectrum(&SAMPLE), spectrum(&[("white", 5.0)]));
+    let (sample, white) = (spectrum(&SAMPLE)?, spectrum(&[("white", 5.0)])?);
     let scale = sample[0] / white[0];
     let mix = |slab: usize| {
         let part = slab as f64 / (SLABS - 1) as f64;
         let channel = sample.iter().zip(&white).map(|(sample, white)| (1.0 - part) * sample + part * scale * white);
         SearchTarget { channels: vec![channel.collect()] }
     };
-    (0..SLABS).map(mix).collect()
+    Ok((0..SLABS).map(mix).collect())
 }
 
-fn row(
-    resins: &Resins,
-    slab: usize,
-    discrete: &Match,
-    refined: &Refined,
-    target: &SearchTarget,
-    photons: &ChannelPrediction,
-) {
+fn row(resins: &Resins, slab: usize, found: &Found, target: &SearchTarget, photons: &ChannelPrediction) {
     let support = resins.id("support");
-    let layers = refined.stacking.layers.iter().filter(|layer| layer.resin == support);
+    let layers = found.stacking().layers.iter().filter(|layer| layer.resin == support);
     let support: f64 = layers.map(|layer| layer.thickness_mm).sum();
     let radius = |spectrum: &[f64]| place_of(spectrum, &resins.set.grid).map_or(f64::NAN, |place| place[1]);
     let wanted = &target.channels[0];
@@ -85,14 +75,14 @@ fn row(
     println!(
         "| {} | {} | {:.2} | {:.4} | {:.4} | {:.3} | {:.3} | {:.1e} | {:.1e} | {:.1e} | {off:.1e} |",
         slab + 1,
-        resins.named(&refined.stacking),
+        resins.named(found.stacking()),
         support.max(0.0),
         photons.reflection_hankel[0],
         wanted[0],
         radius(&photons.reflection_hankel),
         radius(wanted),
-        discrete.objective,
-        refined.objective,
+        found.search.objective,
+        found.objective(),
         off * off * wanted.len() as f64,
     );
 }
@@ -112,7 +102,7 @@ fn profiles(resins: &Resins, targets: &[SearchTarget], seen: &[(ChannelPredictio
         let dark = vec![0.0; resins.set.grid.len()];
         let asked = ChannelPrediction::from_spectra(target.channels[0].clone(), dark, &resins.set.grid);
         let curve = |light: &ChannelPrediction| -> Vec<[f64; 2]> {
-            light.rings.iter().map(|ring| [ring.r_mm, ring.reflection_per_mm2]).collect()
+            light.rings().iter().map(|ring| [ring.r_mm, ring.reflection_per_mm2]).collect()
         };
         profiles = profiles.with(Series::line(format!("slab {} asked", slab + 1), curve(&asked)).colour(colour(slab)));
         let rings = curve(photons).into_iter().filter(|point| point[1] > 0.0).step_by(8);
@@ -162,7 +152,7 @@ fn pictures(resins: &Resins, seen: &[(ChannelPrediction, ChannelPrediction)]) ->
 }
 
 /// All five through the slicer: a job, its mesh, and `slabs-job/out`.
-fn slice(options: &Options, resins: &Resins, found: &[(Match, Refined)]) -> Outcome {
+fn slice(options: &Options, resins: &Resins, found: &[Found]) -> Outcome {
     let folder = options.folder.join("slabs-job");
     fs::create_dir_all(&folder)?;
     fs::write(folder.join("slab.stl"), box_stl(SLAB_MM))?;
@@ -170,12 +160,12 @@ fn slice(options: &Options, resins: &Resins, found: &[(Match, Refined)]) -> Outc
         "[printer]\npitch-mm = [0.1, 0.1, 0.05]\n[materials]\nset = \"synthetic\"\n[stacking]\ncore = \"black\"\n\
                     [output]\nformats = [\"png\", \"stl\", \"preview\"]\nmesh-pitch-mm = 0.1\n"
             .to_owned();
-    for (slab, (_, refined)) in found.iter().enumerate() {
+    for (slab, found) in found.iter().enumerate() {
         write!(
             text,
             "[[object]]\nmesh = \"slab.stl\"\nposition-mm = [{}, 0, 0]\n[object.target]\nkind = \"stacking\"\nstack = \"{}\"\n",
             slab as f64 * PITCH_MM,
-            resins.set.named(&refined.stacking),
+            resins.set.named(found.stacking()),
         )?;
     }
     let path = folder.join("slabs.toml");

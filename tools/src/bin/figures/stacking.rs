@@ -64,7 +64,7 @@ fn row(name: &str, found: &Predicted) {
 
 fn panel(found: &Predicted, value: fn(&PredictedRing) -> f64, label: &str) -> Panel {
     let points = |light: &ChannelPrediction| -> Vec<[f64; 2]> {
-        light.rings.iter().map(|ring| [ring.r_mm, value(ring)]).collect()
+        light.rings().iter().map(|ring| [ring.r_mm, value(ring)]).collect()
     };
     let (km, transport, photons) =
         (points(&found.km.light[0]), points(&found.transport.light[0]), points(&found.photons.light[0]));

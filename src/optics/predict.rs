@@ -1,0 +1,144 @@
+//! What a stack of layers does to light: the forward problem as a user asks it.
+//!
+//! Three models share one question and the form of the answer. **Kubelka–Munk** (Hašan et al. 2010, equations 3, 4 and 6) composes
+//! spectra and turns them back into profiles ([`InverseHankel`](super::InverseHankel)); it knows diffuse light only and is poor for
+//! thin layers. **Transport** solves the transport equation over discrete directions, from the volume coefficients ([`Transport`]).
+//! **Monte Carlo** traces photons through the volume coefficients and transforms what it counted; its spectra start at the
+//! totals of its profiles, tail included. All three keep the laws of `tests/laws.rs`.
+//!
+//! Over a core no light is transmitted: the half-space below has no other side.
+
+use super::{
+    ChannelPrediction, Composite, FrequencyGrid, KubelkaMunk, Light, MaterialFile, MaterialSet, MonteCarlo,
+    OpticsError, Prediction, RingEdges, Stack, Transport, TransportOptions, VolumeCoefficients,
+};
+use crate::watch::{Thousandths, Watch};
+
+/// A model of light in a stack, and the light on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Model {
+    /// Scalar Kubelka–Munk, under diffuse light. At once.
+    KubelkaMunk,
+    /// The transport equation. A fraction of a second; needs volume coefficients.
+    Transport {
+        /// The source.
+        light: Light,
+        /// How many directions.
+        options: TransportOptions,
+    },
+    /// Photons. Seconds a million; needs volume coefficients.
+    MonteCarlo {
+        /// The source.
+        light: Light,
+        /// Photons per channel, at least 2.
+        photons: u64,
+        /// Seed of the first channel; the others follow it.
+        seed: u64,
+    },
+}
+
+impl Model {
+    /// What judges stackings in searches: R̂ under diffuse light within 2.5e-4 rms of Monte Carlo.
+    pub const REFLECTION: Self = Self::Transport { light: Light::Diffuse, options: TransportOptions::REFLECTION };
+}
+
+/// What leaves `stack`, of resins of `set`, by `model`. `watch` hears the stage "photons" where they are traced.
+///
+/// ```
+/// use lumislice::{
+///     optics::{MaterialSet, Model, OpticsError, predict},
+///     watch::Unwatched,
+/// };
+///
+/// let set = MaterialSet::builtin("synthetic")?;
+/// let white_on_black = "white:5".parse().map(|layers| set.stack(&layers)).expect("layers")?;
+/// let white_on_black = white_on_black.over(set.resin("black").map(|(id, _)| id));
+/// let light = predict(&set, &white_on_black, &Model::KubelkaMunk, &Unwatched)?.light.remove(0);
+/// let albedo = light.reflection_hankel[0];
+/// assert!((albedo - 0.628).abs() < 1e-3);
+/// # Ok::<(), OpticsError>(())
+/// ```
+///
+/// # Errors
+/// [`OpticsError::NoCoefficients`] where the model needs those of a resin that has none; as [`MonteCarlo::run_with`].
+pub fn predict(set: &MaterialSet, stack: &Stack, model: &Model, watch: &dyn Watch) -> Result<Prediction, OpticsError> {
+    let by_channel =
+        |light: Vec<ChannelPrediction>| Prediction { channels: set.channels.clone(), grid: set.grid.clone(), light };
+    if *model == Model::KubelkaMunk {
+        let parameters = |channel| stack.map(|&resin| &set[resin][channel].kubelka_munk);
+        let light = set.channel_ids().map(|channel| by_kubelka_munk(&parameters(channel), &set.grid));
+        return Ok(by_channel(light.collect()));
+    }
+    let volumes = stack.try_map(|&resin| set[resin].needed_volumes())?;
+    let volumes = volumes.map(|resin| resin.as_slice());
+    Ok(by_channel(by_coefficients(&volumes, set.channels.len(), &set.grid, model, watch)?))
+}
+
+impl MaterialFile {
+    /// [`predict`] by a model that takes the coefficients of the stack's resins and nothing else: without the slow
+    /// simulations of [`MaterialFile::into_set`].
+    ///
+    /// # Errors
+    /// As [`predict`]; [`OpticsError::Parameter`] for [`Model::KubelkaMunk`], whose parameters a file does not have yet.
+    pub fn predict(&self, stack: &Stack, model: &Model, watch: &dyn Watch) -> Result<Prediction, OpticsError> {
+        let volumes = stack.try_map(|&resin| self.needed_volumes(resin))?;
+        let grid = FrequencyGrid::default();
+        let light = by_coefficients(&volumes, self.channels().len(), &grid, model, watch)?;
+        Ok(Prediction { channels: self.channels().to_vec(), grid, light })
+    }
+}
+
+/// Scalar Kubelka–Munk in one channel.
+fn by_kubelka_munk(stack: &Stack<&KubelkaMunk>, grid: &FrequencyGrid) -> ChannelPrediction {
+    let slabs = stack.pairs().map(|(resin, mm)| Composite::from_slab(&resin.slab(mm)));
+    let layers = slabs.fold(Composite::identity(grid.len()), |top, slab| top.over(&slab));
+    let (reflection, transmission) = match &stack.core {
+        None => (layers.reflection_top, layers.transmission),
+        Some(core) => (layers.reflection_over(&core.half_space()), vec![0.0; grid.len()]),
+    };
+    ChannelPrediction::from_spectra(reflection, transmission, grid)
+}
+
+/// Transport or photons, with resins given by their coefficients per channel.
+fn by_coefficients(
+    stack: &Stack<&[VolumeCoefficients]>,
+    channels: usize,
+    grid: &FrequencyGrid,
+    model: &Model,
+    watch: &dyn Watch,
+) -> Result<Vec<ChannelPrediction>, OpticsError> {
+    let in_channel = |channel: usize| stack.map(|resin| resin[channel]);
+    match *model {
+        Model::KubelkaMunk => {
+            let expected = "one that takes coefficients".to_owned();
+            Err(OpticsError::parameter("model", "Kubelka-Munk", expected))
+        }
+        Model::Transport { light, options } => {
+            let predicted = (0..channels).map(|channel| {
+                let stack = in_channel(channel);
+                let model = Transport { stack: &stack, light, options };
+                let spectra = model.spectra(grid);
+                let predicted = ChannelPrediction::from_spectra(spectra.reflection, spectra.transmission, grid);
+                predicted.with_glint(model.glint())
+            });
+            Ok(predicted.collect())
+        }
+        Model::MonteCarlo { light, photons, seed } => {
+            let stage = Thousandths::begin(watch, "photons", photons.saturating_mul(channels as u64));
+            let trace = |channel: usize| {
+                let simulation = MonteCarlo {
+                    stack: in_channel(channel),
+                    light,
+                    photons,
+                    seed: seed.wrapping_add(channel as u64),
+                    rings: RingEdges::growing(),
+                };
+                let result = simulation.run_with(&stage)?;
+                let (reflection, transmission) = (result.reflection_profile, result.transmission_profile);
+                let predicted = ChannelPrediction::from_profiles(reflection, transmission, grid);
+                Ok(predicted.with_glint(result.glint.mean))
+            };
+            (0..channels).map(trace).collect()
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! One matcher for all who ask which stacking reflects like a target: a command, a job, a program.
+
+use super::{
+    Match, Objective, RefineOptions, Refined, SearchError, SearchOptions, SearchTarget, algorithm_1::algorithm_1,
+    branch_and_bound::match_targets, forward, refine::Refiner, table::BlockTable,
+};
+use crate::{
+    optics::{MaterialSet, Model, OpticsError, Resin, Stack, VolumeCoefficients, predict},
+    watch::{Unwatched, Watch},
+};
+
+/// Which model judges stackings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Judge {
+    /// Scalar Kubelka–Munk: layers of whole units, proven the best.
+    #[default]
+    KubelkaMunk,
+    /// Transport, which holds for thin layers too: what Kubelka–Munk finds is refined to layers of any thickness. Needs
+    /// the coefficients of all resins.
+    Transport,
+}
+
+/// What is asked of all targets.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MatchOptions {
+    /// The space that is searched, and what is minimised.
+    pub search: SearchOptions,
+    /// Who judges.
+    pub judge: Judge,
+    /// Layers that may be printed: of stackings refined by transport, and of those that span a gamut.
+    pub layers: RefineOptions,
+}
+
+/// Tables of a set of resins, built once for any number of targets.
+///
+/// ```
+/// use lumislice::{
+///     appearance::material_target,
+///     optics::MaterialSet,
+///     search::{MatchOptions, Matcher, SearchOptions},
+///     watch::Unwatched,
+/// };
+///
+/// let set = MaterialSet::builtin("synthetic")?;
+/// let target = material_target(&[0.4], &[0.5], 1, &set.grid)?;
+/// let core = set.resin("black").map(|(id, _)| id);
+/// let search = SearchOptions { core, depth: 3, ..SearchOptions::default() };
+/// let matcher = Matcher::new(&set, &MatchOptions { search, ..MatchOptions::default() })?;
+/// let found = matcher.match_targets(&[target], &Unwatched)?.remove(0);
+/// println!("{} over black", set.named(found.stacking()));
+/// assert!((found.reflection()[0][0] - 0.4).abs() < 0.02);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct Matcher {
+    table: BlockTable,
+    refiner: Option<Refiner>,
+}
+
+/// What was found for a target.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// The best stacking of whole units by Kubelka–Munk.
+    pub search: Match,
+    /// What became of it by transport, if that judges.
+    pub refined: Option<Refined>,
+}
+
+/// A stacking, and what each model says of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judged {
+    /// The layers over the core.
+    pub stacking: Stack,
+    /// R̂ per channel by the model that judged.
+    pub reflection: Vec<Vec<f64>>,
+    /// The objective by Kubelka–Munk.
+    pub kubelka_munk: f64,
+    /// The objective by transport; `None` where a resin of the set has no coefficients.
+    pub transport: Option<f64>,
+}
+
+/// Targets that are searched between two looks at the watch.
+const BATCH: usize = 16;
+
+impl MatchOptions {
+    /// Coefficients of all resins of `set`, index `[resin][channel]`, if transport judges.
+    ///
+    /// # Errors
+    /// [`SearchError::NoCoefficients`].
+    pub(super) fn volumes(&self, set: &MaterialSet) -> Result<Option<Vec<Vec<VolumeCoefficients>>>, SearchError> {
+        if self.judge == Judge::KubelkaMunk {
+            return Ok(None);
+        }
+        let volumes =
+            |resin: &Resin| resin.volumes().ok_or_else(|| SearchError::NoCoefficients { resin: resin.name.clone() });
+        set.resins.iter().map(volumes).collect::<Result<_, _>>().map(Some)
+    }
+}
+
+impl Found {
+    /// The layers, by the model that judged.
+    pub fn stacking(&self) -> &Stack {
+        self.refined.as_ref().map_or(&self.search.stacking, |refined| &refined.stacking)
+    }
+
+    /// R̂ of them per channel.
+    pub fn reflection(&self) -> &[Vec<f64>] {
+        self.refined.as_ref().map_or(&self.search.reflection, |refined| &refined.reflection)
+    }
+
+    /// Their objective.
+    pub fn objective(&self) -> f64 {
+        self.refined.as_ref().map_or(self.search.objective, |refined| refined.objective)
+    }
+
+    /// The answer to `target`, by every model; `set` is the one that the matcher was made of.
+    pub fn judged(&self, set: &MaterialSet, target: &SearchTarget, objective: &Objective) -> Judged {
+        Judged::new(set, self.stacking(), self.reflection(), target, objective)
+    }
+
+    /// The stacking of whole units that was refined, by every model; `None` where none was.
+    pub fn unrefined(&self, set: &MaterialSet, target: &SearchTarget, objective: &Objective) -> Option<Judged> {
+        let Match { stacking, reflection, .. } = &self.search;
+        self.refined.is_some().then(|| Judged::new(set, stacking, reflection, target, objective))
+    }
+}
+
+impl Judged {
+    fn new(
+        set: &MaterialSet,
+        stacking: &Stack,
+        reflection: &[Vec<f64>],
+        target: &SearchTarget,
+        objective: &Objective,
+    ) -> Self {
+        let by = |judge: Judge| judge.reflection(set, stacking).map(|reflection| objective.of(&reflection, target));
+        Self {
+            stacking: stacking.clone(),
+            reflection: reflection.to_vec(),
+            // Every set has what Kubelka–Munk needs.
+            kubelka_munk: by(Judge::KubelkaMunk).unwrap_or(f64::NAN),
+            transport: if set.has_coefficients() { by(Judge::Transport).ok() } else { None },
+        }
+    }
+}
+
+impl Matcher {
+    /// Precomputes for the resins of `set`.
+    ///
+    /// # Errors
+    /// Options out of range, contradictory limits; a resin without coefficients, if transport judges.
+    pub fn new(set: &MaterialSet, options: &MatchOptions) -> Result<Self, SearchError> {
+        let parameters: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
+        let table = BlockTable::new(&parameters, &options.search)?;
+        let volumes = options.volumes(set)?;
+        let refiner = volumes.map(|volumes| Refiner::new(&volumes, &set.grid, &options.search, options.layers));
+        Ok(Self { table, refiner })
+    }
+
+    /// The best stacking of each target, in parallel; the answers do not depend on the number of threads. A target is a step of
+    /// the stage that `watch` hears.
+    ///
+    /// # Errors
+    /// The first in the order of the targets: one unlike the resins, limits that leave no stacking, a node budget too small to find
+    /// one, no layers of whole steps; [`SearchError::Stopped`].
+    pub fn match_targets(&self, targets: &[SearchTarget], watch: &dyn Watch) -> Result<Vec<Found>, SearchError> {
+        let mut found = Vec::with_capacity(targets.len());
+        for batch in targets.chunks(BATCH) {
+            watch.go_on()?;
+            match &self.refiner {
+                None => {
+                    let matches = match_targets(&self.table, batch)?.into_iter();
+                    found.extend(matches.map(|search| Found { search, refined: None }));
+                }
+                Some(refiner) => {
+                    let matches = refiner.match_targets(&self.table, batch)?.into_iter();
+                    found.extend(matches.map(|(search, refined)| Found { search, refined: Some(refined) }));
+                }
+            }
+            watch.advance(batch.len() as u64);
+        }
+        Ok(found)
+    }
+
+    /// The best stacking of whole units by Algorithm 1 of Hašan et al. 2010 as printed: slow, for checks and comparisons. Ignores
+    /// `max_nodes`.
+    ///
+    /// # Errors
+    /// A target unlike the resins; limits that leave no stacking.
+    pub fn algorithm_1(&self, target: &SearchTarget) -> Result<Match, SearchError> {
+        algorithm_1(&self.table, target)
+    }
+}
+
+impl Judge {
+    /// R̂ per channel of `stack`, of resins of `set`.
+    ///
+    /// # Errors
+    /// A resin without coefficients, if transport judges.
+    pub fn reflection(self, set: &MaterialSet, stack: &Stack) -> Result<Vec<Vec<f64>>, OpticsError> {
+        match self {
+            Self::KubelkaMunk => {
+                let parameters = |channel| stack.map(|&resin| &set[resin][channel].kubelka_munk);
+                let len = set.grid.len();
+                Ok(set.channel_ids().map(|channel| forward::reflection(&parameters(channel), len)).collect())
+            }
+            Self::Transport => {
+                let light = predict(set, stack, &Model::REFLECTION, &Unwatched)?.light;
+                Ok(light.into_iter().map(|light| light.reflection_hankel).collect())
+            }
+        }
+    }
+}
