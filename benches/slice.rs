@@ -15,10 +15,11 @@ use std::{
 use glam::DVec3;
 use lumislice::{
     appearance::{LayerField, LayerStack},
-    job::{Interrupt, Job, Prepared, Scaling, Silent},
+    job::{Job, Prepared, Scaling},
     mesh::{LoadOptions, Placement, Size, TriangleMesh, close, load, place},
     slice::{ObjectField, Palette, RowBuffers, Slicer, encode_rgba},
     voxel::{Lattice, MaterialId, Printer},
+    watch::Unwatched,
 };
 use rayon::prelude::*;
 
@@ -212,7 +213,7 @@ fn in_layers(mesh: TriangleMesh, placement: &Placement, pitch: DVec3) -> Slicer 
 
 fn textured(job: Job) -> Prepared {
     let clock = Clock::start();
-    let prepared = Prepared::new(job, &Silent, &Interrupt::new()).unwrap();
+    let prepared = Prepared::new(job, &Unwatched).unwrap();
     println!("\n{}: ready to slice after {:.2} s CPU", prepared.job.name, clock.read().cpu);
     prepared
 }

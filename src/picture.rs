@@ -34,6 +34,7 @@ pub(crate) fn png(columns: usize, pixels: Pixels<'_>) -> Result<Vec<u8>, Encodin
 }
 
 /// [`png()`], but quickly made and larger.
+#[cfg(any(test, feature = "measure"))]
 pub(crate) fn fast_png(columns: usize, pixels: Pixels<'_>) -> Result<Vec<u8>, EncodingError> {
     encode(columns, pixels, Compression::Fast)
 }

@@ -1,8 +1,9 @@
 //! How slow work tells what it is doing, and how it is told to stop.
 //!
-//! Every call of this crate that may take seconds takes one `&dyn `[`Watch`]. It opens stages and advances through their steps, and asks
-//! between batches of work whether to go on; asked to stop, it ends with [`Stopped`], which every room's error holds. A call whose
-//! documentation names no stage opens none, and advances through the one its caller opened.
+//! Every call of this crate that may take seconds takes one `&dyn `[`Watch`]. It opens stages and advances through
+//! their steps, and asks between batches of work whether to go on; asked to stop, it ends with [`Stopped`], which every
+//! room's error holds. A call whose documentation names no stage opens none, and advances through the one its caller
+//! opened.
 //!
 //! ```
 //! use lumislice::watch::Watch;
@@ -18,6 +19,8 @@
 //! ```
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use crate::blame::{Blame, Blamed};
 
 /// Watches over slow work. All methods may be called from any thread, and do nothing unless implemented.
 pub trait Watch: Sync {
@@ -45,6 +48,12 @@ pub trait Watch: Sync {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("interrupted")]
 pub struct Stopped;
+
+impl Blamed for Stopped {
+    fn blame(&self) -> Blame {
+        Blame::Interrupt
+    }
+}
 
 /// Hears nothing and never asks to stop.
 #[derive(Debug, Clone, Copy, Default)]
@@ -88,7 +97,8 @@ impl Watch for StopOnly<'_> {
     }
 }
 
-/// One stage of [`Thousandths::STEPS`] steps over work that is counted finer, such as photons, and may be several calls.
+/// One stage of [`Thousandths::STEPS`] steps over work that is counted finer, such as photons, and may be several
+/// calls.
 pub struct Thousandths<'a> {
     watch: &'a dyn Watch,
     whole: u64,
@@ -149,7 +159,7 @@ mod tests {
         let stage = Thousandths::begin(&heard, "photons", 3_000_001);
         // One call's stages are not the whole's.
         stage.stage("inner", 5);
-        [1, 999, 1_499_000, 1_500_001].map(|steps| stage.advance(steps));
+        [1, 999, 1_499_000, 1_500_001].into_iter().for_each(|steps| stage.advance(steps));
         stage.advance(10);
         assert_eq!(heard.0.into_inner().unwrap(), ["photons 1000", "499", "501"]);
     }

@@ -123,6 +123,8 @@ pub enum ClusterError {
     },
 }
 
+impl crate::blame::Blamed for ClusterError {}
+
 /// The iteration rests when a round lowers the total by less than this share. Evidence: 20,000 random materials in 100 clusters
 /// rest 1e-5 above the total of full convergence.
 const REST: f64 = 1e-4;

@@ -39,6 +39,8 @@ pub enum DiffusionError {
     },
 }
 
+impl crate::blame::Blamed for DiffusionError {}
+
 impl NormalizedDiffusion {
     /// Albedo 0…1 and mean free path ℓ = 1/σt ≥ 0 in mm; ℓ = 0 is an opaque surface.
     ///

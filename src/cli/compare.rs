@@ -9,7 +9,8 @@ use lumislice::{
 };
 
 use super::{
-    Answer, INTERRUPT,
+    Answer, Result,
+    failure::refuse,
     materials::Materials,
     print, print_json,
     progress::Bars,
@@ -50,12 +51,12 @@ pub struct CompareArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &CompareArgs) -> Result<Answer> {
     let existing = Existing::overwrite(args.overwrite);
     OutputFolder::check(&args.output, existing).map_err(CompareError::from)?;
     let materials = args.materials.as_deref().map(Materials::read).transpose()?.map(|materials| materials.file);
     if args.photons == 1 {
-        anyhow::bail!("--photons: found 1, expected 0 or at least 2");
+        refuse!("--photons: found 1, expected 0 or at least 2");
     }
     let request = CompareRequest {
         map: args.map.clone(),
@@ -66,7 +67,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
         seed: args.seed,
     };
     let bars = Bars::new(args.json);
-    let comparison = compare_into(&request, &args.output, existing, &bars, &INTERRUPT);
+    let comparison = compare_into(&request, &args.output, existing, &bars);
     bars.finish();
     let comparison = comparison?;
     if args.json {

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lumislice::{
-    appearance::bssrdf::{ClusterCount, FactorOptions},
+    appearance::bssrdf::{BssrdfError, ClusterCount, FactorOptions},
     job::{FactorError, FactorRequest, Factored, factor_into},
     output::{Existing, OutputFolder},
     words::counted,
 };
 
-use super::{Answer, INTERRUPT, print, print_json, progress::Bars, say};
+use super::{Answer, Result, failure::refusal, print, print_json, progress::Bars, say};
 
 /// Factor a measured BSSRDF into a profile per texel, and group the profiles.
 #[derive(Debug, Args)]
@@ -63,7 +63,7 @@ fn parse_weight(text: &str) -> Result<f64, String> {
 }
 
 /// Runs the command.
-pub fn run(args: &FactorArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &FactorArgs) -> Result<Answer> {
     let existing = Existing::overwrite(args.overwrite);
     OutputFolder::check(&args.output, existing).map_err(FactorError::from)?;
     let request = FactorRequest {
@@ -76,9 +76,12 @@ pub fn run(args: &FactorArgs) -> anyhow::Result<Answer> {
         compare: args.compare,
     };
     let bars = Bars::new(args.json);
-    let factored = factor_into(&request, &args.output, existing, &bars, &INTERRUPT);
+    let factored = factor_into(&request, &args.output, existing, &bars);
     bars.finish();
-    let factored = factored?;
+    let factored = factored.map_err(|error| match error {
+        FactorError::Dataset(BssrdfError::NotThree { .. }) => refusal!("{error} for --luminance"),
+        error => error.into(),
+    })?;
     if args.json {
         print_json(&factored)?;
         return Ok(Answer::Yes);

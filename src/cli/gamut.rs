@@ -2,22 +2,23 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{anyhow, bail};
 use clap::Args;
 use lumislice::{
     appearance::material_target,
-    job::{self, Job, MaterialSource, Progress, StackingModel, StackingOptions},
+    job::{self, Job, MaterialSource, StackingModel, StackingOptions},
     optics::{FrequencyGrid, MaterialSet, ResinId, Stack},
     plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
     search::{
         self, ChannelGamut, Gamut, GamutMap, GamutPoint, MatchOptions, RefineOptions, SearchError, SearchOptions,
         SearchTarget,
     },
+    watch::Watch,
 };
 use serde_json::json;
 
 use super::{
-    Answer, INTERRUPT,
+    Answer, Result,
+    failure::{refusal, refuse},
     match_target::{parse_depth, parse_layer, parse_min_depth},
     materials::{Materials, min_depth_limits, no_coefficients},
     output_file::OutputFile,
@@ -95,13 +96,13 @@ struct Named {
 }
 
 /// Runs the command. The answer is no if a target lies outside.
-pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &GamutArgs) -> Result<Answer> {
     let job = args.job.as_deref().map(Job::load).transpose()?;
     let named = job.as_ref().map(|job| match &job.materials {
         MaterialSource::Set(name) => PathBuf::from(name),
         MaterialSource::File(path) => path.as_ref().to_path_buf(),
     });
-    let Some(named) = args.materials.clone().or(named) else { bail!("--materials: found none, expected one") };
+    let Some(named) = args.materials.clone().or(named) else { refuse!("--materials: found none, expected one") };
     let mut materials = Materials::read(&named)?;
     let stacking = job.as_ref().map(|job| &job.stacking);
     let core_name = args.core.as_deref().or(stacking.map(StackingOptions::core_name));
@@ -169,12 +170,12 @@ pub fn run(args: &GamutArgs) -> anyhow::Result<Answer> {
 }
 
 /// The targets of a job.
-fn job_targets(path: &Path, job: Job, channels: &[String], bars: &Bars) -> anyhow::Result<Vec<Named>> {
-    let found = job::targets(job, bars, &INTERRUPT)?;
+fn job_targets(path: &Path, job: Job, channels: &[String], bars: &Bars) -> Result<Vec<Named>> {
+    let found = job::targets(job, bars)?;
     let named = found.into_iter().map(|found| {
         if found.target.channels.len() != channels.len() {
             let (has, expected) = (found.target.channels.len(), channels.len());
-            bail!("{}: found targets of {has} channels, expected {expected} as --materials has", path.display());
+            refuse!("{}: found targets of {has} channels, expected {expected} as --materials has", path.display());
         }
         Ok(Named { name: found.name, weight: found.share, target: found.target })
     });
@@ -191,7 +192,7 @@ impl GamutArgs {
     }
 
     /// Fits coefficients to resins given by profiles, for the transport model; whether it can be asked.
-    fn fit(&self, materials: &mut Materials, model: Option<Judge>, named: &Path, bars: &Bars) -> anyhow::Result<bool> {
+    fn fit(&self, materials: &mut Materials, model: Option<Judge>, named: &Path, bars: &Bars) -> Result<bool> {
         if model == Some(Judge::Km) {
             return Ok(false);
         }
@@ -205,7 +206,7 @@ impl GamutArgs {
     }
 
     /// The targets named by files and by pairs of numbers.
-    fn targets(&self, channels: usize) -> anyhow::Result<Vec<Named>> {
+    fn targets(&self, channels: usize) -> Result<Vec<Named>> {
         let grid = FrequencyGrid::default();
         let mut targets = Vec::new();
         let mut add = |name: String, target: SearchTarget| targets.push(Named { name, weight: 1.0, target });
@@ -215,7 +216,7 @@ impl GamutArgs {
         }
         let (albedos, paths) = (&self.albedo, &self.mean_free_path_mm);
         if paths.len() > 1 && paths.len() != albedos.len() {
-            bail!(
+            refuse!(
                 "--mean-free-path-mm: found {} values, expected 1 or {}, one for each albedo",
                 paths.len(),
                 albedos.len()
@@ -223,7 +224,7 @@ impl GamutArgs {
         }
         for (index, &albedo) in albedos.iter().enumerate() {
             let path = paths[index.min(paths.len() - 1)];
-            let target = material_target(&[albedo], &[path], channels, &grid).map_err(|error| anyhow!("--{error}"))?;
+            let target = material_target(&[albedo], &[path], channels, &grid).map_err(|error| refusal!("--{error}"))?;
             add(format!("albedo {albedo}, mfp {path} mm"), target);
         }
         Ok(targets)

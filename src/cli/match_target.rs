@@ -2,23 +2,23 @@
 
 use std::path::PathBuf;
 
-use anyhow::{anyhow, bail};
 use clap::Args;
 use lumislice::{
     appearance::{material_target, srgb_albedo},
-    job::Progress,
     optics::{DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, Model, Prediction, Stack, predict},
     plot::Figure,
     search::{
         Judge, Judged, Match, MatchOptions, Matcher, Norm, Objective, RefineOptions, SearchError, SearchOptions,
         SearchTarget,
     },
-    watch::{StopOnly, Unwatched},
+    watch::{StopOnly, Unwatched, Watch},
 };
 use serde_json::json;
 
 use super::{
-    Answer, leave_at_once,
+    Answer, Result,
+    failure::{refusal, refuse},
+    leave_at_once,
     match_plot::MatchPlot,
     materials::{Materials, min_depth_limits, no_coefficients},
     plots::PlotFile,
@@ -138,7 +138,7 @@ pub(super) fn parse_depth(text: &str) -> Result<usize, String> {
 }
 
 /// Runs the command.
-pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &MatchArgs) -> Result<Answer> {
     args.check()?;
     let mut materials = Materials::read(&args.materials)?;
     let target = args.target(materials.file.channels().len())?;
@@ -207,22 +207,22 @@ pub fn run(args: &MatchArgs) -> anyhow::Result<Answer> {
 
 impl MatchArgs {
     /// What is to be matched, on the grid of all resins.
-    fn target(&self, channels: usize) -> anyhow::Result<SearchTarget> {
+    fn target(&self, channels: usize) -> Result<SearchTarget> {
         let grid = FrequencyGrid::default();
         if !self.target.is_empty() {
             let given = self.target.len();
             if given != 1 && given != channels {
-                bail!("--target: found {given} values, expected 1 or {channels}, one for each channel");
+                refuse!("--target: found {given} values, expected 1 or {channels}, one for each channel");
             }
             return Ok(SearchTarget::from_profiles(&self.target, channels, &grid)?);
         }
         let albedo: Vec<f64> = match self.srgb {
             None => self.albedo.clone(),
             Some(srgb) => srgb_albedo(srgb, channels)
-                .ok_or_else(|| anyhow!("--srgb: found a set of {channels} channels, expected one of 1 or 3"))?,
+                .ok_or_else(|| refusal!("--srgb: found a set of {channels} channels, expected one of 1 or 3"))?,
         };
         let target = material_target(&albedo, &self.mean_free_path_mm, channels, &grid);
-        target.map_err(|error| anyhow!("--{error}"))
+        target.map_err(|error| refusal!("--{error}"))
     }
 
     fn objective(&self) -> Objective {
@@ -234,9 +234,9 @@ impl MatchArgs {
         Objective { norm, dc_weight: self.dc_weight }
     }
 
-    fn check(&self) -> anyhow::Result<()> {
+    fn check(&self) -> Result<()> {
         if self.model == JudgeArg::Km && (self.min_layer_mm.is_some() || self.layer_step_mm.is_some()) {
-            bail!(
+            refuse!(
                 "--min-layer-mm and --layer-step-mm: whole units know neither, expected --model transport beside them"
             );
         }
@@ -251,7 +251,7 @@ impl MatchArgs {
 
     /// Who asks for transport or photons needs coefficients of every resin; what fits none is left to Kubelka–Munk. The answer is the model
     /// to refine in.
-    fn fit(&self, materials: &mut Materials, bars: &Bars) -> anyhow::Result<Judge> {
+    fn fit(&self, materials: &mut Materials, bars: &Bars) -> Result<Judge> {
         if self.model == JudgeArg::Km && self.photons.is_none() {
             return Ok(Judge::KubelkaMunk);
         }
@@ -282,7 +282,7 @@ struct Shown<'a> {
 }
 
 impl Shown<'_> {
-    fn figure(&self, monte_carlo: Option<&Prediction>) -> anyhow::Result<Figure> {
+    fn figure(&self, monte_carlo: Option<&Prediction>) -> Result<Figure> {
         let stacking = &self.answer.stacking;
         let named: Vec<_> = self.named(stacking).map(|(name, mm)| format!("{name} {mm:.3}")).collect();
         let below = self.args.core.as_ref().map_or("nothing", String::as_str);

@@ -10,7 +10,7 @@ use lumislice::{
 use serde_json::json;
 
 use super::{
-    Answer,
+    Answer, Result,
     materials::Materials,
     measure::{self, MeasureArgs},
     plots::{Curve, Look, PlotFile, Side, profile_panel},
@@ -59,7 +59,7 @@ struct ShowArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &MaterialArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &MaterialArgs) -> Result<Answer> {
     match &args.command {
         MaterialCommand::List(args) => list(args),
         MaterialCommand::Show(args) => show(args),
@@ -68,7 +68,7 @@ pub fn run(args: &MaterialArgs) -> anyhow::Result<Answer> {
     }
 }
 
-fn list(args: &ListArgs) -> anyhow::Result<Answer> {
+fn list(args: &ListArgs) -> Result<Answer> {
     let sets = MaterialSet::builtin_names().map(MaterialFile::builtin).collect::<Result<Vec<_>, _>>()?;
     if args.json {
         let record = |set: &MaterialFile| {
@@ -91,7 +91,7 @@ fn list(args: &ListArgs) -> anyhow::Result<Answer> {
     Ok(Answer::Yes)
 }
 
-fn show(args: &ShowArgs) -> anyhow::Result<Answer> {
+fn show(args: &ShowArgs) -> Result<Answer> {
     let mut materials = Materials::read(&args.materials)?;
     let plot = args.plot.as_deref().map(PlotFile::open).transpose()?;
     let bars = Bars::new(args.json);

@@ -1,6 +1,6 @@
 //! `--materials`: a TOML file or the name of a built-in set.
 
-use std::{ops::ControlFlow, path::Path};
+use std::path::Path;
 
 use lumislice::{
     job::{SUPPORT, SUPPORT_MIN_DEPTH_MM},
@@ -8,7 +8,11 @@ use lumislice::{
     search::ResinLimit,
 };
 
-use super::{INTERRUPT, progress::Bars, say};
+use super::{
+    failure::{Failure, refusal, refuse},
+    progress::Bars,
+    say,
+};
 
 /// Materials as far as they are read quickly.
 pub struct Materials {
@@ -35,22 +39,14 @@ impl Materials {
     /// Fits coefficients to the resins given by profiles only, of those in `names` or of all, and says what was found. The answer is one line for
     /// each resin that no coefficients fit.
     pub fn fit(&mut self, names: Option<&[&str]>, bars: &Bars) -> Result<Vec<String>, OpticsError> {
-        let mut step = bars.share("coefficients");
-        let refused = self.file.fit(names, |_, share| {
-            step(share);
-            go_on()
-        });
+        let refused = self.file.fit(names, bars);
         bars.finish();
         refused
     }
 
     /// All parameters; simulates the resins that come without profiles. Says what was done to the data of a file.
     pub fn load(self, bars: &Bars) -> Result<MaterialSet, OpticsError> {
-        let mut step = bars.share("materials");
-        let set = self.file.into_set(|_, share| {
-            step(share);
-            go_on()
-        });
+        let set = self.file.into_set(bars);
         bars.finish();
         let set = set?;
         if !self.built_in {
@@ -67,17 +63,12 @@ pub fn say_provenance(set: &str, provenance: &str) {
     say(&format!("note: materials `{set}`: {provenance}"));
 }
 
-/// What to answer a callback: whether Ctrl-C was pressed.
-pub fn go_on() -> ControlFlow<()> {
-    if INTERRUPT.requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-}
-
 /// The limits that `--min-depth` sets; support keeps its default depth unless it is given another.
-pub fn min_depth_limits(file: &MaterialFile, given: &[(String, f64)]) -> anyhow::Result<Vec<ResinLimit>> {
+pub fn min_depth_limits(file: &MaterialFile, given: &[(String, f64)]) -> super::Result<Vec<ResinLimit>> {
     for (index, (resin, _)) in given.iter().enumerate() {
         file.resin_id(resin)?;
         if given[..index].iter().any(|other| other.0 == *resin) {
-            anyhow::bail!("--min-depth: found {resin} a second time, expected each resin once");
+            refuse!("--min-depth: found {resin} a second time, expected each resin once");
         }
     }
     let limit = |name: &str| {
@@ -89,7 +80,7 @@ pub fn min_depth_limits(file: &MaterialFile, given: &[(String, f64)]) -> anyhow:
 }
 
 /// The error of a model that needs what a resin of `materials` does not have.
-pub fn no_coefficients(resin: &str, materials: &Path) -> anyhow::Error {
+pub fn no_coefficients(resin: &str, materials: &Path) -> Failure {
     let needed = "this model needs scattering-per-mm and absorption-per-mm";
-    anyhow::anyhow!("{}: resin {resin}: found no coefficients; {needed}", materials.display())
+    refusal!("{}: resin {resin}: found no coefficients; {needed}", materials.display())
 }

@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
 use clap::Args;
 use lumislice::measure::{Capture, ChannelMeasurement, Measurement, SeriesMeasurement, measure, plus_minus};
 use serde_json::json;
 
-use super::{Answer, INTERRUPT, output_file::OutputFile, print, print_json, progress::Bars, say, table::table};
+use super::{
+    Answer, Result, failure::refuse, output_file::OutputFile, print, print_json, progress::Bars, say, table::table,
+};
 
 /// Measure a resin from photographs: exposure brackets under a point of light, dark series, grey card and screen.
 #[derive(Debug, Args)]
@@ -27,14 +28,11 @@ pub struct MeasureArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &MeasureArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &MeasureArgs) -> Result<Answer> {
     let capture = Capture::read(&args.capture)?;
     let outputs = args.open_outputs(&capture)?;
     let bars = Bars::new(args.json);
-    let step = |what: &str, done: usize, of: usize| {
-        drop(bars.share(&format!("{what} ({} of {of})", done + 1)));
-    };
-    let measurement = measure(capture, &step, &|| INTERRUPT.requested());
+    let measurement = measure(capture, &bars);
     bars.finish();
     let measurement = measurement?;
     let mut contents = measurement.files(&args.stem()?);
@@ -58,25 +56,25 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Answer> {
 
 impl MeasureArgs {
     /// What the names of all files begin with.
-    fn stem(&self) -> anyhow::Result<String> {
+    fn stem(&self) -> Result<String> {
         let toml = self.output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
         match self.output.file_stem() {
             Some(stem) if toml => Ok(stem.to_string_lossy().into_owned()),
-            _ => bail!("{}: found a name without .toml, expected that of a material file", self.output.display()),
+            _ => refuse!("{}: found a name without .toml, expected that of a material file", self.output.display()),
         }
     }
 
     /// Reserves every file before the slow work; the material file comes last: where it is, all are.
-    fn open_outputs(&self, capture: &Capture) -> anyhow::Result<Vec<(String, OutputFile)>> {
+    fn open_outputs(&self, capture: &Capture) -> Result<Vec<(String, OutputFile)>> {
         let stem = self.stem()?;
         let folder = self.output.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
         let mut outputs = Vec::new();
         for name in [format!("{stem}-report.html")].into_iter().chain(Measurement::file_names(capture, &stem)) {
             let path = folder.join(&name);
             if path.exists() && !self.overwrite {
-                bail!("{}: found a file of that name, expected none (--overwrite replaces it)", path.display());
+                refuse!("{}: found a file of that name, expected none (--overwrite replaces it)", path.display());
             }
-            let file = OutputFile::open(&path).with_context(|| format!("{}: writing failed", path.display()))?;
+            let file = OutputFile::open(&path)?;
             outputs.push((name, file));
         }
         Ok(outputs)

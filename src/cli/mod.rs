@@ -5,6 +5,7 @@
 
 mod compare;
 mod factor;
+mod failure;
 mod gamut;
 mod match_plot;
 mod match_target;
@@ -32,11 +33,11 @@ use std::{
 
 use clap::{Parser, Subcommand};
 use lumislice::{
-    job::{Blame, CompareError, FactorError, Interrupt, RedrawError, RunError, verify::VerifyError},
-    measure::MeasureError,
-    optics::OpticsError,
+    watch::Interrupt,
     words::{escaped, escaped_lines},
 };
+
+use failure::{Failure, INTERRUPTED, refusal};
 
 /// Slices meshes into voxels of resin that scatter light as specified.
 #[derive(Debug, Parser)]
@@ -61,6 +62,9 @@ enum Command {
     Completions(shell::CompletionsArgs),
     Man(shell::ManArgs),
 }
+
+/// What commands and their parts end with.
+type Result<T, E = Failure> = std::result::Result<T, E>;
 
 /// What a command ends with when nothing failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -103,55 +107,13 @@ pub fn run() -> ExitCode {
     match result {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
-        Err(error) => {
-            let _ = writeln!(io::stderr(), "error: {}", escaped(&one_line(&error)));
-            ExitCode::from(exit_code(&error))
+        Err(failure) => {
+            say(&format!("error: {}", failure.text()));
+            ExitCode::from(failure.exit_code())
         }
     }
 }
 
-/// An error and its causes on one line. Some of our messages quote their cause, others leave it to the chain: none is said twice.
-fn one_line(error: &anyhow::Error) -> String {
-    let mut text = error.to_string();
-    for cause in error.chain().skip(1).map(ToString::to_string) {
-        if !text.contains(&cause) {
-            text += ": ";
-            text += &cause;
-        }
-    }
-    text
-}
-
-fn exit_code(error: &anyhow::Error) -> u8 {
-    let blame = if let Some(error) = error.downcast_ref::<RunError>() {
-        error.blame()
-    } else if let Some(error) = error.downcast_ref::<VerifyError>() {
-        error.blame()
-    } else if let Some(error) = error.downcast_ref::<RedrawError>() {
-        error.blame()
-    } else if let Some(error) = error.downcast_ref::<FactorError>() {
-        error.blame()
-    } else if let Some(error) = error.downcast_ref::<CompareError>() {
-        error.blame()
-    } else if let Some(OpticsError::Cancelled) = error.downcast_ref() {
-        Blame::Interrupt
-    } else if let Some(error) = error.downcast_ref::<MeasureError>() {
-        if matches!(error, MeasureError::Cancelled) { Blame::Interrupt } else { Blame::Input }
-    } else if error.downcast_ref::<io::Error>().is_some() {
-        // What is left of plain I/O errors comes from writing to stdout or a file the user named.
-        Blame::Disk
-    } else {
-        Blame::Input
-    };
-    match blame {
-        Blame::Input => 2,
-        Blame::Disk => 3,
-        Blame::Interrupt => INTERRUPTED,
-    }
-}
-
-/// Exit code after Ctrl-C, as shells have it.
-const INTERRUPTED: u8 = 130;
 /// Whether the first Ctrl-C may end the process where it stands.
 static AT_ONCE: AtomicBool = AtomicBool::new(false);
 
@@ -181,20 +143,21 @@ fn install_interrupt() {
 }
 
 /// Writes data to stdout. A reader that has seen enough, as `head`, is no error.
-fn print(text: &str) -> anyhow::Result<()> {
+fn print(text: &str) -> Result<()> {
     let mut stdout = io::stdout().lock();
     // A pipe takes what it is given.
     let shown = if stdout.is_terminal() { Cow::Owned(escaped_lines(text)) } else { Cow::Borrowed(text) };
     match stdout.write_all(shown.as_bytes()).and_then(|()| stdout.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        Err(error) => Err(anyhow::Error::new(error).context("stdout: writing failed")),
+        Err(error) => Err(Failure::writing("stdout", error)),
         Ok(()) => Ok(()),
     }
 }
 
 /// Writes one JSON document to stdout.
-fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
-    print(&(serde_json::to_string_pretty(value)? + "\n"))
+fn print_json(value: &impl serde::Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(value).map_err(|error| refusal!("{error}"))?;
+    print(&(text + "\n"))
 }
 
 /// Writes a line of words to stderr.

@@ -7,7 +7,7 @@ use lumislice::{
     plot::{Axis, BLUE, Figure, Format, GREEN, Panel, RED, Rgb, SERIES, Series, Shape},
 };
 
-use super::output_file::OutputFile;
+use super::{Result, output_file::OutputFile};
 
 /// A plot's file: its format is known and its place reserved before long work.
 pub struct PlotFile {
@@ -17,13 +17,13 @@ pub struct PlotFile {
 
 impl PlotFile {
     /// Checks the name's ending and that the file can be written.
-    pub fn open(path: &Path) -> anyhow::Result<Self> {
+    pub fn open(path: &Path) -> Result<Self> {
         let format = Format::of(path)?;
         Ok(Self { file: OutputFile::open(path)?, format })
     }
 
     /// Writes the whole file.
-    pub fn finish(self, figure: &Figure) -> anyhow::Result<()> {
+    pub fn finish(self, figure: &Figure) -> Result<()> {
         self.file.finish(&figure.encode(self.format)?)
     }
 }

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{anyhow, bail};
 use clap::{Args, ValueEnum};
 use lumislice::{
     optics::{
@@ -13,7 +12,8 @@ use lumislice::{
 use serde_json::json;
 
 use super::{
-    Answer,
+    Answer, Result,
+    failure::{refusal, refuse},
     materials::Materials,
     output_file::OutputFile,
     plots::{Curve, Look, PlotFile, Side, channel_colours, profile_panel},
@@ -87,9 +87,9 @@ enum Source {
 }
 
 /// Runs the command.
-pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &PredictArgs) -> Result<Answer> {
     args.check()?;
-    let named: Stack<String> = args.stack.parse().map_err(|error| anyhow!("--stack: {error}"))?;
+    let named: Stack<String> = args.stack.parse().map_err(|error| refusal!("--stack: {error}"))?;
     let named = named.over(args.core.clone());
     let mut materials = Materials::read(&args.materials)?;
     let file = &materials.file;
@@ -103,7 +103,7 @@ pub fn run(args: &PredictArgs) -> anyhow::Result<Answer> {
         let refused = materials.fit(Some(&names), &bars)?;
         if let Some(reason) = refused.first() {
             if args.model == ModelArg::MonteCarlo || args.light == Source::Normal {
-                bail!("{}: {reason}", args.materials.display());
+                refuse!("{}: {reason}", args.materials.display());
             }
             // Loading says what was refused, and why.
             say("warning: predicting by Kubelka-Munk instead");
@@ -165,14 +165,14 @@ fn half_energy_radius_mm(light: &ChannelPrediction) -> Option<f64> {
 }
 
 impl PredictArgs {
-    fn check(&self) -> anyhow::Result<()> {
+    fn check(&self) -> Result<()> {
         if self.model == ModelArg::Km && self.light == Source::Normal {
-            bail!(
+            refuse!(
                 "--light normal: Kubelka-Munk knows diffuse light only, expected --model transport or monte-carlo beside it"
             );
         }
         if self.model != ModelArg::MonteCarlo && (self.photons.is_some() || self.seed.is_some()) {
-            bail!("--photons and --seed: this model traces no photons, expected --model monte-carlo beside them");
+            refuse!("--photons and --seed: this model traces no photons, expected --model monte-carlo beside them");
         }
         Ok(())
     }
@@ -200,7 +200,7 @@ impl PredictArgs {
     }
 
     /// The files of `--csv`, one per channel.
-    fn open_csv(&self, channels: &[String]) -> anyhow::Result<Vec<OutputFile>> {
+    fn open_csv(&self, channels: &[String]) -> Result<Vec<OutputFile>> {
         let Some(path) = &self.csv else { return Ok(Vec::new()) };
         if channels.len() == 1 {
             return Ok(vec![OutputFile::open(path)?]);

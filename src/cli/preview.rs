@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use lumislice::job::{Progress, redraw};
+use lumislice::{job::redraw, watch::Watch};
 
-use super::{Answer, print, progress::Bars};
+use super::{Answer, Result, print, progress::Bars};
 
 /// Draw the pictures of a finished job again, from its slices, and the page that shows them.
 #[derive(Debug, Args)]
@@ -16,7 +16,7 @@ pub struct PreviewArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &PreviewArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &PreviewArgs) -> Result<Answer> {
     let bars = Bars::new(false);
     bars.stage("pictures", 0);
     let written = redraw(&args.folder);

@@ -4,7 +4,7 @@ use clap::Args;
 use lumislice::voxel::Printer;
 use serde_json::json;
 
-use super::{Answer, print, print_json, say, table::table};
+use super::{Answer, Result, print, print_json, say, table::table};
 
 /// List the printers a job may name as its preset.
 #[derive(Debug, Args)]
@@ -15,7 +15,7 @@ pub struct PrintersArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &PrintersArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &PrintersArgs) -> Result<Answer> {
     let presets = Printer::presets();
     if args.json {
         let record = |printer: &Printer| {

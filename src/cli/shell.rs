@@ -1,10 +1,13 @@
 //! `lumislice completions` and `man`: made from the same definitions as the commands.
 
-use anyhow::anyhow;
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 
-use super::{Answer, Cli, print};
+use super::{
+    Answer, Cli, Result,
+    failure::{Failure, refusal},
+    print,
+};
 
 /// Print a completion script for a shell.
 #[derive(Debug, Args)]
@@ -22,7 +25,7 @@ pub struct ManArgs {
 }
 
 /// Runs `completions`.
-pub fn completions(args: &CompletionsArgs) -> anyhow::Result<Answer> {
+pub fn completions(args: &CompletionsArgs) -> Result<Answer> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "lumislice", &mut script);
     print(&String::from_utf8_lossy(&script))?;
@@ -30,19 +33,22 @@ pub fn completions(args: &CompletionsArgs) -> anyhow::Result<Answer> {
 }
 
 /// Runs `man`.
-pub fn man(args: &ManArgs) -> anyhow::Result<Answer> {
+pub fn man(args: &ManArgs) -> Result<Answer> {
     let mut root = Cli::command();
     root.build(); // gives subcommands their full names and inherited settings
     let mut command = &root;
     for name in &args.command {
         let known: Vec<_> = command.get_subcommands().map(|command| command.get_name().to_owned()).collect();
         command = command.find_subcommand(name).ok_or_else(|| {
-            anyhow!("{}: found no command `{name}`, expected one of {}", command.get_name(), known.join(", "))
+            refusal!("{}: found no command `{name}`, expected one of {}", command.get_name(), known.join(", "))
         })?;
     }
     let title = args.command.iter().fold("lumislice".to_owned(), |title, name| format!("{title}-{name}"));
     let mut page = Vec::new();
-    clap_mangen::Man::new(command.clone()).title(title).render(&mut page)?;
+    clap_mangen::Man::new(command.clone())
+        .title(title)
+        .render(&mut page)
+        .map_err(|error| Failure::writing("page", error))?;
     print(&String::from_utf8_lossy(&page))?;
     Ok(Answer::Yes)
 }

@@ -5,13 +5,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context, bail};
 use clap::Args;
-use lumislice::optics::{DEFAULT_PHOTONS, MaterialFile, SlabPlan};
+use lumislice::{
+    optics::{DEFAULT_PHOTONS, MaterialFile, SlabPlan},
+    watch::Thousandths,
+};
 
 use super::{
-    Answer,
-    materials::{Materials, go_on},
+    Answer, Result,
+    failure::{Failure, refuse},
+    materials::Materials,
     output_file::OutputFile,
     print,
     progress::Bars,
@@ -52,7 +55,7 @@ fn parse_thickness(text: &str) -> Result<f64, String> {
 }
 
 /// Runs the command.
-pub fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &SimulateArgs) -> Result<Answer> {
     let Materials { file, .. } = Materials::read(&args.materials)?;
     let plans = args.plans(&file)?;
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-simulated", file.file_stem())));
@@ -61,11 +64,8 @@ pub fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
     let bars = Bars::new(false);
     let mut rows = Vec::new();
     for (index, plan) in plans.iter().enumerate() {
-        let mut step = bars.share(&format!("{} {} ({} of {})", plan.resin, plan.channel, index + 1, plans.len()));
-        let profile = plan.simulate(args.photons, |photons| {
-            step(photons as f64 / args.photons as f64);
-            go_on()
-        });
+        let name = format!("{} {} ({} of {})", plan.resin, plan.channel, index + 1, plans.len());
+        let profile = plan.simulate(args.photons, &Thousandths::begin(&bars, &name, args.photons));
         bars.finish();
         let profile = profile?;
         let content = profile.profiles().to_csv(&profile.comment());
@@ -86,11 +86,11 @@ pub fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
 }
 
 impl SimulateArgs {
-    fn plans(&self, file: &MaterialFile) -> anyhow::Result<Vec<SlabPlan>> {
+    fn plans(&self, file: &MaterialFile) -> Result<Vec<SlabPlan>> {
         for name in &self.resin {
             file.resin_id(name)?;
             if file.volume(name).is_none() {
-                bail!(
+                refuse!(
                     "--resin {name}: found no coefficients to simulate, expected scattering-per-mm and absorption-per-mm"
                 );
             }
@@ -104,23 +104,23 @@ impl SimulateArgs {
             plans.iter_mut().for_each(|plan| plan.thickness_mm = thickness_mm);
         }
         if plans.is_empty() {
-            bail!("{}: found no resin with coefficients, expected one to simulate", self.materials.display());
+            refuse!("{}: found no resin with coefficients, expected one to simulate", self.materials.display());
         }
         Ok(plans)
     }
 
     /// Creates the folder and refuses to replace anything unasked, before the slow work.
-    fn check_folder<'a>(&self, folder: &Path, files: impl Iterator<Item = &'a String>) -> anyhow::Result<()> {
+    fn check_folder<'a>(&self, folder: &Path, files: impl Iterator<Item = &'a String>) -> Result<()> {
         if folder.exists() && !folder.is_dir() {
-            bail!("{}: found a file, expected a folder", folder.display());
+            refuse!("{}: found a file, expected a folder", folder.display());
         }
         let mut paths = files.map(|file| folder.join(file));
         if let Some(path) = paths.find(|path| path.exists() && !self.overwrite) {
-            bail!("{}: found a file of that name, expected none (--overwrite replaces it)", path.display());
+            refuse!("{}: found a file of that name, expected none (--overwrite replaces it)", path.display());
         }
-        let place = || format!("{}: writing failed", folder.display());
-        fs::create_dir_all(folder).with_context(place)?;
-        tempfile::tempfile_in(folder).with_context(place)?;
+        let writing = |error| Failure::writing(folder.display(), error);
+        fs::create_dir_all(folder).map_err(writing)?;
+        tempfile::tempfile_in(folder).map_err(writing)?;
         Ok(())
     }
 }

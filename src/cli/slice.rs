@@ -11,7 +11,7 @@ use lumislice::{
 };
 use serde_json::json;
 
-use super::{Answer, INTERRUPT, materials::say_provenance, print, print_json, progress::Bars, say};
+use super::{Answer, Result, failure::refusal, materials::say_provenance, print, print_json, progress::Bars, say};
 
 /// Slice a job into printer-ready files.
 #[derive(Debug, Args)]
@@ -47,7 +47,7 @@ fn parse_range(text: &str) -> Result<Range<u32>, String> {
 }
 
 /// Runs the command.
-pub fn run(args: &SliceArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &SliceArgs) -> Result<Answer> {
     let job = Job::load(&args.job).map_err(RunError::from)?;
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-out", job.name)));
     let existing = if args.resume { Existing::Resume } else { Existing::overwrite(args.overwrite) };
@@ -56,21 +56,24 @@ pub fn run(args: &SliceArgs) -> anyhow::Result<Answer> {
     }
     let bars = Bars::new(args.json);
     let built_in = matches!(job.materials, MaterialSource::Set(_));
-    let prepared = Prepared::new(job, &bars, &INTERRUPT);
+    let prepared = Prepared::new(job, &bars);
     if let Some(set) = prepared.as_ref().ok().map(|prepared| &prepared.materials).filter(|_| built_in) {
         bars.finish();
         say_provenance(&set.name, &set.provenance);
     }
     if args.dry_run {
-        let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars, &INTERRUPT)?, prepared)));
+        let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars)?, prepared)));
         bars.finish();
         let (estimate, prepared) = result?;
         return report_estimate(&prepared, &estimate, args.json);
     }
     let options = RunOptions { existing, slices: args.slices.clone() };
-    let result = prepared.and_then(|prepared| job::run(&prepared, &folder, &options, &bars, &INTERRUPT));
+    let result = prepared.and_then(|prepared| job::run(&prepared, &folder, &options, &bars));
     bars.finish();
-    let Finished { manifest, kept } = result?;
+    let Finished { manifest, kept } = result.map_err(|error| match error {
+        RunError::Slices { .. } => refusal!("--{error}"),
+        error => error.into(),
+    })?;
     if args.resume {
         let slices = manifest.slices[1] - manifest.slices[0];
         say(&format!("note: {kept} of {slices} slices were there and whole"));
@@ -116,7 +119,7 @@ fn material_table(materials: &[MaterialRecord], about: &str) -> String {
     .collect()
 }
 
-fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool) -> anyhow::Result<Answer> {
+fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool) -> Result<Answer> {
     let answer = if estimate.misfits.is_empty() { Answer::Yes } else { Answer::No };
     if json {
         print_json(estimate)?;

@@ -6,7 +6,7 @@ use clap::Args;
 use lumislice::{job::verify::verify, words::counted};
 use serde_json::json;
 
-use super::{Answer, INTERRUPT, print, print_json, progress::Bars, say};
+use super::{Answer, Result, print, print_json, progress::Bars, say};
 
 /// Re-read every file of a finished job and check it against the manifest.
 ///
@@ -22,9 +22,9 @@ pub struct VerifyArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &VerifyArgs) -> anyhow::Result<Answer> {
+pub fn run(args: &VerifyArgs) -> Result<Answer> {
     let bars = Bars::new(args.json);
-    let result = verify(&args.folder, &bars, &INTERRUPT);
+    let result = verify(&args.folder, &bars);
     bars.finish();
     let result = result?;
     let sound = result.findings.is_empty();

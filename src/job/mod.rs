@@ -14,7 +14,6 @@ mod factor;
 mod file;
 mod manifest;
 mod plan;
-mod progress;
 mod run;
 mod run_error;
 pub mod verify;
@@ -36,6 +35,5 @@ pub use plan::{
     GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry, StackingReport,
     TransportEntry, targets,
 };
-pub use progress::{Interrupt, Progress, Silent};
 pub use run::{Estimate, Finished, REPORT, RedrawError, RunOptions, draw_again, redraw, report_data, run};
-pub use run_error::{Blame, RunError};
+pub use run_error::RunError;

@@ -6,8 +6,15 @@ use thiserror::Error;
 
 use super::JobError;
 use crate::{
-    mesh::MeshError, optics::OpticsError, output::OutputError, preview::PreviewError, search::SearchError,
-    slice::meshes::MeshingError, voxel::LatticeError,
+    blame::{Blame, Blamed, Remedy},
+    mesh::MeshError,
+    optics::OpticsError,
+    output::OutputError,
+    preview::PreviewError,
+    search::SearchError,
+    slice::meshes::MeshingError,
+    voxel::LatticeError,
+    watch::Stopped,
 };
 
 /// Why a job was not done.
@@ -29,7 +36,7 @@ pub enum RunError {
     },
     /// A material or a profile.
     #[error(transparent)]
-    Optics(#[from] OpticsError),
+    Optics(OpticsError),
     /// A texture.
     #[error("{}: found {found}, expected {expected}", path.display())]
     Texture {
@@ -52,7 +59,7 @@ pub enum RunError {
     #[error("printer: {0}")]
     Lattice(#[from] LatticeError),
     /// A range of slices that the job does not have.
-    #[error("--slices: found {}..{}, expected a range within 0..{slices} that is not empty", found.start, found.end)]
+    #[error("slices: found {}..{}, expected a range within 0..{slices} that is not empty", found.start, found.end)]
     Slices {
         /// What was asked for.
         found: std::ops::Range<u32>,
@@ -61,36 +68,57 @@ pub enum RunError {
     },
     /// Material meshes.
     #[error("meshes: {0}")]
-    Meshes(#[from] MeshingError),
+    Meshes(MeshingError),
     /// Pictures.
     #[error(transparent)]
     Preview(#[from] PreviewError),
     /// The output folder.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// Somebody asked to stop.
-    #[error("interrupted; files written so far are whole, and --resume goes on from there")]
-    Interrupted,
+    /// The watch asked to stop.
+    #[error("interrupted; files written so far are whole")]
+    Stopped(#[from] Stopped),
 }
 
-/// Who is to blame, as the exit code says it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Blame {
-    /// Usage, job or input.
-    Input,
-    /// The disk.
-    Disk,
-    /// Somebody pressed Ctrl-C.
-    Interrupt,
+impl From<OpticsError> for RunError {
+    fn from(error: OpticsError) -> Self {
+        match error {
+            OpticsError::Stopped(stopped) => Self::Stopped(stopped),
+            error => Self::Optics(error),
+        }
+    }
 }
 
-impl RunError {
-    /// Who is to blame.
-    pub fn blame(&self) -> Blame {
+impl From<MeshingError> for RunError {
+    fn from(error: MeshingError) -> Self {
+        match error {
+            MeshingError::Stopped(stopped) => Self::Stopped(stopped),
+            error => Self::Meshes(error),
+        }
+    }
+}
+
+impl Blamed for RunError {
+    fn blame(&self) -> Blame {
         match self {
-            Self::Output(error) if error.is_io() => Blame::Disk,
-            Self::Interrupted => Blame::Interrupt,
-            _ => Blame::Input,
+            Self::Job(error) => error.blame(),
+            Self::Mesh(error) | Self::Shape { source: error, .. } => error.blame(),
+            Self::Optics(error) => error.blame(),
+            Self::Search { source, .. } => source.blame(),
+            Self::Lattice(error) => error.blame(),
+            Self::Meshes(error) => error.blame(),
+            Self::Preview(error) => error.blame(),
+            Self::Output(error) => error.blame(),
+            Self::Texture { .. } | Self::Slices { .. } => Blame::Input,
+            Self::Stopped(stopped) => stopped.blame(),
+        }
+    }
+
+    fn remedy(&self) -> Option<Remedy> {
+        match self {
+            Self::Output(error) => error.remedy(),
+            Self::Stopped(_) => Some(Remedy::Resume),
+            _ => None,
         }
     }
 }

@@ -16,8 +16,6 @@ mod tally;
 mod tests;
 mod walk;
 
-use std::ops::ControlFlow;
-
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
@@ -30,6 +28,7 @@ use crate::optics::{
     Light, OpticsError, VolumeCoefficients,
     monte_carlo::{BATCH, GROUP, photon::uniform},
 };
+use crate::watch::Watch;
 use light::Source;
 use tally::{Counted, ImageTally};
 use walk::{End, Walk};
@@ -79,17 +78,17 @@ pub struct Windows {
 }
 
 impl VoxelScene<'_> {
-    /// The radiosity of `texels` under `pattern`, in units of its irradiance (or per mm² of unit flux, for a point of light). `progress` hears
-    /// the number of photons traced about every million, and may break off.
+    /// The radiosity of `texels` under `pattern`, in units of its irradiance (or per mm² of unit flux, for a point of light). `watch` hears
+    /// of the photons about every million.
     ///
     /// # Errors
-    /// [`OpticsError::Parameter`] for what is out of range, [`OpticsError::Cancelled`] when `progress` broke off.
+    /// [`OpticsError::Parameter`] for what is out of range, [`OpticsError::Stopped`].
     pub fn image(
         &self,
         pattern: &Pattern,
         texels: TexelGrid,
         photons: Photons,
-        mut progress: impl FnMut(u64) -> ControlFlow<()>,
+        watch: &dyn Watch,
     ) -> Result<ExitImage, OpticsError> {
         let walk = self.checked_walk(photons)?;
         texels.check()?;
@@ -98,7 +97,7 @@ impl VoxelScene<'_> {
         let mut tally = ImageTally::new(texels);
         let mut traced = 0;
         while traced < photons.count {
-            let mut group = Vec::with_capacity(GROUP);
+            let (before, mut group) = (traced, Vec::with_capacity(GROUP));
             while group.len() < GROUP && traced < photons.count {
                 let end = photons.count.min(traced + BATCH);
                 group.push((traced..end, stream.clone()));
@@ -116,9 +115,8 @@ impl VoxelScene<'_> {
             };
             let batches: Vec<Counted> = group.into_par_iter().map(trace).collect();
             batches.iter().for_each(|batch| tally.add(batch));
-            if progress(traced).is_break() {
-                return Err(OpticsError::Cancelled);
-            }
+            watch.advance(traced - before);
+            watch.go_on()?;
         }
         Ok(tally.image(photons.count, source.flux))
     }

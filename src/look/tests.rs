@@ -5,7 +5,7 @@ use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
 use crate::look::{ExitImage, Pattern, Photons, Response, Sides, TexelGrid, VoxelGrid, VoxelScene, Windows};
 use crate::optics::{Estimate, Light, MonteCarlo, MonteCarloResult, RingEdges, Stack, VolumeCoefficients};
-use std::ops::ControlFlow;
+use crate::watch::Unwatched;
 
 const VOID: VolumeCoefficients = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.0, g: 0.0, refractive_index: 1.0 };
 const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5, refractive_index: 1.0 };
@@ -33,7 +33,7 @@ fn everywhere(grid: &VoxelGrid) -> Pattern {
 }
 
 fn image(scene: &VoxelScene<'_>, pattern: &Pattern, dims: [usize; 2], photons: Photons) -> ExitImage {
-    scene.image(pattern, texels(scene.grid, dims), photons, |_| ControlFlow::Continue(())).unwrap()
+    scene.image(pattern, texels(scene.grid, dims), photons, &Unwatched).unwrap()
 }
 
 fn layered(
@@ -249,7 +249,7 @@ fn what_cannot_be_traced_is_refused() {
     let scene = VoxelScene { grid: &volume, media: &MEDIA[..3], sides: Sides::Open, base: None };
     let run = |scene: &VoxelScene<'_>, pattern: &Pattern| {
         let photons = Photons { count: 10, ..DIFFUSE };
-        scene.image(pattern, texels(&volume, [2, 2]), photons, |_| ControlFlow::Continue(())).unwrap_err().to_string()
+        scene.image(pattern, texels(&volume, [2, 2]), photons, &Unwatched).unwrap_err().to_string()
     };
     assert_eq!(run(&scene, &everywhere(&volume)), "material id: found 3, expected 0 to 2, as there are coefficients");
     let scene = VoxelScene { media: &MEDIA, ..scene };

@@ -172,7 +172,6 @@ fn fit(grid: &Grid, mean: &[f64], error: &[f64], rings: std::ops::Range<usize>, 
 }
 
 #[cfg(test)]
-#[allow(clippy::print_stdout)]
 mod tests {
     use super::*;
     use crate::measure::simulate::normal;

@@ -2,7 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{optics::OpticsError, toml_reader::Fault};
+use crate::{
+    blame::{Blame, Blamed},
+    optics::OpticsError,
+    toml_reader::Fault,
+    watch::Stopped,
+};
 
 /// Why photographs yield no material; every message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -38,9 +43,19 @@ pub enum MeasureError {
         /// What they should show.
         expected: String,
     },
-    /// The caller asked to stop.
+    /// The watch asked to stop.
     #[error("measurement cancelled")]
-    Cancelled,
+    Stopped(#[from] Stopped),
+}
+
+impl Blamed for MeasureError {
+    fn blame(&self) -> Blame {
+        match self {
+            Self::Capture(error) => error.blame(),
+            Self::Stopped(_) => Blame::Interrupt,
+            _ => Blame::Input,
+        }
+    }
 }
 
 impl From<Fault> for MeasureError {

@@ -11,6 +11,7 @@ use crate::optics::{
     CoefficientFit, FitRefusal, FrequencyGrid, MeasuredSlab, ProfileFile, RadialProfile, ResinSpectrum, Tail,
     fit_coefficients,
 };
+use crate::watch::{Thousandths, Watch};
 
 const REFLECTION: &str = "reflection";
 const TRANSMISSION: &str = "transmission";
@@ -51,23 +52,22 @@ pub struct SeriesMeasurement {
     pub profile: RadialProfile,
 }
 
-/// A step of the measurement, to be shown while it lasts: what, and its number of all.
-pub type Step<'a> = &'a dyn Fn(&str, usize, usize);
-
-/// Measures a resin. `step` hears what is being done; `stop` is asked between pictures.
+/// Measures a resin. `watch` hears a stage for every series of pictures, such as "reflection (1 of 2)", and is asked between pictures
+/// whether to go on.
 ///
 /// # Errors
 /// [`MeasureError`]: a picture that cannot be read, pictures that show no measurement, or profiles no slab can have.
-pub fn measure(capture: Capture, step: Step<'_>, stop: &dyn Fn() -> bool) -> Result<Measurement, MeasureError> {
+pub fn measure(capture: Capture, watch: &dyn Watch) -> Result<Measurement, MeasureError> {
     let names = capture.channels();
     let count = 2 * names.len();
     let mut channels = Vec::new();
     for (index, name) in names.into_iter().enumerate() {
         let series = |series: &Series, word: &str, centre: Centre, number: usize| {
             let what = if count == 2 { word.to_owned() } else { format!("{word}, channel {name}") };
-            step(&what, 2 * index + number, count);
+            let of = format!("{what} ({} of {count})", 2 * index + number + 1);
+            watch.stage(&of, Thousandths::STEPS);
             let plane = capture.planes[index];
-            let scan = scan(series, &capture.camera, plane, capture.bin_mm, centre, &what, stop)?;
+            let scan = scan(series, &capture.camera, plane, capture.bin_mm, centre, &what, watch)?;
             let albedo = albedo(series, plane, index, &scan.sensor, &what)?;
             let shape = scan.profile().map_err(|error| {
                 MeasureError::scene(format!("{what}: ring {}", error.index), error.found, error.expected)

@@ -43,5 +43,5 @@ pub use error::MeasureError;
 pub use figures::plus_minus;
 pub use finding::Finding;
 pub use frame::{ColourPlane, Plane};
-pub use material::{ChannelMeasurement, Measurement, SeriesMeasurement, Step, measure};
+pub use material::{ChannelMeasurement, Measurement, SeriesMeasurement, measure};
 pub use scan::{Preview, ScannedProfile, SeenTilt};

@@ -10,6 +10,7 @@ use super::outliers::Outliers;
 use super::rings::{Grid, Model, Rings};
 use super::{Camera, Finding, MeasureError};
 use crate::optics::{ProfileError, RadialProfile};
+use crate::watch::Watch;
 
 /// Fewest whole rings a centre must have about it.
 pub(super) const MIN_RINGS: usize = 16;
@@ -103,16 +104,16 @@ pub(super) fn scan(
     bin_mm: f64,
     centre_kind: Centre,
     what: &str,
-    stop: &dyn Fn() -> bool,
+    watch: &dyn Watch,
 ) -> Result<ScannedProfile, MeasureError> {
-    let checked = bracket::check(what, &series.frames, &series.dark, plane, camera, stop)?;
+    let checked = bracket::check(what, &series.frames, &series.dark, plane, camera, watch)?;
     let mut findings = checked.findings;
-    let mut picture = bracket::merge(&checked.used, plane, &checked.sensor, stop)?;
+    let mut picture = bracket::merge(&checked.used, plane, &checked.sensor, watch)?;
     let mut outliers = Outliers::default();
     if series.dark.is_empty() {
         findings.push(Finding::NoDarkSeries);
     } else {
-        let dark = bracket::merge(&series.dark, plane, &checked.sensor, stop)?;
+        let dark = bracket::merge(&series.dark, plane, &checked.sensor, watch)?;
         outliers.add_hot(&dark);
         picture.subtract(&dark);
     }

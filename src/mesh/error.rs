@@ -92,6 +92,8 @@ pub enum MeshError {
     },
 }
 
+impl crate::blame::Blamed for MeshError {}
+
 /// A parser's complaint before it knows which file it reads.
 #[derive(Debug)]
 pub(super) struct Fault {

@@ -1,8 +1,8 @@
 //! Triangle meshes: reading them, judging their health, closing them.
 //!
-//! **In:** a path to an OBJ, GLB/glTF, STL, PLY or 3MF file and its unit. **Out:** a [`Solid`]: triangles in millimetres,
-//! z up, with UVs and textures, coherently oriented, plus the caps that close its holes for the inside test, and a
-//! [`HealthReport`] that says what was found and what was done.
+//! **In:** a path to an OBJ, GLB/glTF, STL, PLY or 3MF file and its unit. **Out:** a [`Solid`]: triangles in
+//! millimetres, z up, with UVs and textures, coherently oriented, plus the caps that close its holes for the inside
+//! test, and a [`HealthReport`] that says what was found and what was done.
 //!
 //! ```no_run
 //! use lumislice::mesh::{LoadOptions, Placement, Size, close, load, place};
@@ -14,6 +14,7 @@
 //! # Ok::<(), lumislice::mesh::MeshError>(())
 //! ```
 
+mod bake;
 mod error;
 mod heal;
 mod place;
@@ -38,6 +39,8 @@ pub struct TriangleMesh {
     /// Texture coordinates of each triangle's corners; empty when the file has none.
     /// (0, 0) is the image's upper left corner (glTF's convention), v grows downwards.
     pub uvs: Vec<[Vec2; 3]>,
+    /// Linear RGB of each triangle's corners, which multiplies what its material says; empty when all are white.
+    pub corner_colors: Vec<[[f32; 3]; 3]>,
     /// Index into `materials` per triangle; empty means material 0 everywhere.
     pub material_of: Vec<u16>,
     /// Surface materials in file order; may be empty.
@@ -53,6 +56,23 @@ pub struct SurfaceMaterial {
     pub base_color: [f32; 4],
     /// sRGB-encoded texture that multiplies the factor.
     pub base_color_texture: Option<Arc<Texture>>,
+    /// How the texture goes on beyond [0, 1], along u and v.
+    pub wrap: [Wrap; 2],
+    /// For a texture that [`TriangleMesh::bake_base_color`] made: the texture coordinates that each of its texels had
+    /// before.
+    pub baked_from: Option<Arc<[Vec2]>>,
+}
+
+/// How a texture goes on beyond its edges.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// It begins anew.
+    #[default]
+    Repeat,
+    /// It goes on as its mirror image.
+    Mirror,
+    /// Its last texel goes on.
+    Clamp,
 }
 
 /// An 8-bit RGBA image, row 0 on top.
@@ -79,8 +99,9 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// Has depth measured from the triangles that look up alone, those whose normal is within 45° of +z: below a level top it is height, as of
-    /// a slab seen from above. The others still tell inside from outside, as caps do. Says whether any look up.
+    /// Has depth measured from the triangles that look up alone, those whose normal is within 45° of +z: below a level
+    /// top it is height, as of a slab seen from above. The others still tell inside from outside, as caps do. Says
+    /// whether any look up.
     pub fn measure_from_top(&mut self) -> bool {
         let mesh = &mut self.mesh;
         let corners = |triangle: &[u32; 3]| triangle.map(|v| mesh.positions[v as usize]);
@@ -95,6 +116,8 @@ impl Solid {
         mesh.triangles.retain(|_| kept.next() == Some(&true));
         let mut kept = up.iter();
         mesh.uvs.retain(|_| kept.next() == Some(&true));
+        let mut kept = up.iter();
+        mesh.corner_colors.retain(|_| kept.next() == Some(&true));
         let mut kept = up.iter();
         mesh.material_of.retain(|_| kept.next() == Some(&true));
         !mesh.triangles.is_empty()
@@ -124,6 +147,15 @@ pub struct HealthReport {
     pub doubled_triangles: usize,
     /// Triangles dropped because they have no area (those with three distinct corners live on among the caps).
     pub degenerate_triangles: usize,
+    /// Corners joined with others that they missed by rounding.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub joined_corners: usize,
+    /// Sheets without thickness that were dropped from beside a solid.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub dropped_sheets: usize,
+    /// Triangles of those sheets.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub dropped_sheet_triangles: usize,
     /// Pairs of triangles that cross each other; `None` where the check was too expensive.
     pub self_intersections: Option<usize>,
     /// Connected pieces.
@@ -144,4 +176,8 @@ pub struct HealthReport {
 fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
     let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     positions.iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }

@@ -34,8 +34,8 @@ impl Default for Placement {
 /// [`super::Loaded::file_to_mesh`] on the right to start from file coordinates).
 ///
 /// # Errors
-/// A scale of 0, a height that is not positive or of a mesh that is flat in z, a result beyond [`MAX_EXTENT_MM`] or below
-/// [`MIN_EXTENT_MM`], and anything that is not finite.
+/// A scale of 0, a height that is not positive or of a mesh that is flat in z, a result beyond [`MAX_EXTENT_MM`] or
+/// below [`MIN_EXTENT_MM`], and anything that is not finite.
 pub fn place(mut mesh: TriangleMesh, placement: &Placement) -> Result<(TriangleMesh, DMat4), MeshError> {
     let fault = |name, found: String, expected| Err(MeshError::Placement { name, found, expected });
     let Placement { size, rotate_deg, position_mm } = *placement;
@@ -94,6 +94,7 @@ impl TriangleMesh {
     pub(super) fn reverse(&mut self) {
         self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         self.uvs.iter_mut().for_each(|uv| uv.swap(1, 2));
+        self.corner_colors.iter_mut().for_each(|colors| colors.swap(1, 2));
     }
 }
 

@@ -4,6 +4,8 @@ use crate::words::suggest;
 use std::path::PathBuf;
 
 use super::SpectrumError;
+use crate::blame::{Blame, Blamed};
+use crate::watch::Stopped;
 
 /// Errors of the optics room; every message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -82,9 +84,18 @@ pub enum OpticsError {
         /// The resin.
         resin: String,
     },
-    /// The caller stopped a simulation.
+    /// The watch asked a simulation to stop.
     #[error("simulation cancelled")]
-    Cancelled,
+    Stopped(#[from] Stopped),
+}
+
+impl Blamed for OpticsError {
+    fn blame(&self) -> Blame {
+        match self {
+            Self::Stopped(_) => Blame::Interrupt,
+            _ => Blame::Input,
+        }
+    }
 }
 
 impl OpticsError {

@@ -81,6 +81,8 @@ pub enum KubelkaMunkError {
     },
 }
 
+impl crate::blame::Blamed for KubelkaMunkError {}
+
 /// R + T may exceed 1 by this much before it is an error: rounding of a non-absorbing slab, not a measurement's fault.
 const ENERGY_SLACK: f64 = 1e-9;
 /// Below this βR/T overflows.

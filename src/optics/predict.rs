@@ -133,16 +133,7 @@ fn by_coefficients(
                     seed: seed.wrapping_add(channel as u64),
                     rings: RingEdges::growing(),
                 };
-                let mut before = 0;
-                let result = simulation.run_with(|traced| {
-                    stage.advance(traced - before);
-                    before = traced;
-                    if stage.stop_requested() {
-                        std::ops::ControlFlow::Break(())
-                    } else {
-                        std::ops::ControlFlow::Continue(())
-                    }
-                })?;
+                let result = simulation.run_with(&stage)?;
                 let (reflection, transmission) = (result.reflection_profile, result.transmission_profile);
                 let predicted = ChannelPrediction::from_profiles(reflection, transmission, grid);
                 Ok(predicted.with_glint(result.glint.mean))

@@ -202,6 +202,6 @@ mod tests {
         let stop = Interrupt::new();
         stop.request();
         let result = predict(&set, &Stack::default(), &photons(10), &stop);
-        assert!(matches!(result, Err(OpticsError::Cancelled)));
+        assert!(matches!(result, Err(OpticsError::Stopped(_))));
     }
 }

@@ -37,6 +37,8 @@ pub struct ProfileError {
     pub expected: String,
 }
 
+impl crate::blame::Blamed for ProfileError {}
+
 impl From<ProfileError> for OpticsError {
     fn from(error: ProfileError) -> Self {
         Self::Parameter {

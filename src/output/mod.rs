@@ -20,6 +20,8 @@ use thiserror::Error;
 pub use journal::{JOURNAL, SliceCounts, Task};
 use journal::{Journal, Recorded};
 
+use crate::blame::{Blame, Blamed, Remedy};
+
 /// Program and version, as manifests and journals have it.
 pub(crate) const GENERATOR: &str = concat!("lumislice ", env!("CARGO_PKG_VERSION"));
 
@@ -39,7 +41,7 @@ pub enum Existing {
 #[derive(Debug, Error)]
 pub enum OutputError {
     /// The folder holds something and the caller did not ask to replace it.
-    #[error("{}: found a folder that is not empty, expected a new or empty one (--overwrite replaces files written earlier, slice --resume goes on with an interrupted job)", path.display())]
+    #[error("{}: found a folder that is not empty, expected a new or empty one", path.display())]
     NotEmpty {
         /// The folder.
         path: PathBuf,
@@ -59,7 +61,7 @@ pub enum OutputError {
         reason: String,
     },
     /// What was begun in the folder is not what is asked for now.
-    #[error("{}: found {found}, expected {expected}: what was begun there is another job (--overwrite replaces it)", path.display())]
+    #[error("{}: found {found}, expected {expected}: what was begun there is another job", path.display())]
     AnotherJob {
         /// The journal or the manifest.
         path: PathBuf,
@@ -99,10 +101,17 @@ impl Existing {
     }
 }
 
-impl OutputError {
-    /// Whether the disk is to blame rather than the request.
-    pub fn is_io(&self) -> bool {
-        matches!(self, Self::Io { .. })
+impl Blamed for OutputError {
+    fn blame(&self) -> Blame {
+        if matches!(self, Self::Io { .. }) { Blame::Disk } else { Blame::Input }
+    }
+
+    fn remedy(&self) -> Option<Remedy> {
+        match self {
+            Self::NotEmpty { .. } => Some(Remedy::OverwriteOrResume),
+            Self::AnotherJob { .. } => Some(Remedy::Overwrite),
+            _ => None,
+        }
     }
 }
 

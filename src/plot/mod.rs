@@ -36,6 +36,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use crate::blame::{Blame, Blamed};
 pub use axis::{Axis, Scale};
 pub use colour::{BLACK, BLUE, GREEN, GREY, INK, ORANGE, PINK, RED, Rgb, SERIES, SKY, VERMILION, viridis};
 pub(crate) use label::Label;
@@ -84,6 +85,12 @@ pub enum PlotError {
         /// What the system said.
         source: std::io::Error,
     },
+}
+
+impl Blamed for PlotError {
+    fn blame(&self) -> Blame {
+        if matches!(self, Self::Write { .. }) { Blame::Disk } else { Blame::Input }
+    }
 }
 
 impl Format {

@@ -124,6 +124,8 @@ pub enum PreviewError {
     },
 }
 
+impl crate::blame::Blamed for PreviewError {}
+
 /// Material ids of some slices, wherever they come from.
 trait Voxels: Sync {
     /// Copies row (j, k), which is `dims[0]` long.

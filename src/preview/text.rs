@@ -20,10 +20,10 @@ impl Font {
     /// Pixels per em, and whether it is bold.
     fn style(self) -> (f64, bool) {
         match self {
-            Self::Small => (18.0, false),
-            Self::Normal => (22.0, false),
-            Self::Strong => (22.0, true),
-            Self::Title => (30.0, true),
+            Self::Small => (16.5, false),
+            Self::Normal => (20.0, false),
+            Self::Strong => (20.0, true),
+            Self::Title => (26.5, true),
         }
     }
 

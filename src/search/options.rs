@@ -173,6 +173,8 @@ pub enum SearchError {
     },
 }
 
+impl crate::blame::Blamed for SearchError {}
+
 /// A [`ResinLimit`] in units of h₀: what a layer of the resin must keep to be within it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct UnitLimit {

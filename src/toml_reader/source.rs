@@ -61,6 +61,7 @@ impl<'a> Source<'a> {
     }
 
     /// What is written in bytes `span`.
+    #[cfg(feature = "measure")]
     pub(super) fn written(&self, span: std::ops::Range<usize>) -> &'a str {
         &self.text[span]
     }

@@ -49,6 +49,7 @@ impl<'a, E: From<Fault>> Value<'a, E> {
     }
 
     /// Its text in the file.
+    #[cfg(feature = "measure")]
     pub fn written(&self) -> &'a str {
         self.source.written(self.span.clone())
     }

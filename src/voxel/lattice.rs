@@ -41,6 +41,8 @@ pub enum LatticeError {
     },
 }
 
+impl crate::blame::Blamed for LatticeError {}
+
 impl Lattice {
     /// Most voxels along an axis: indices and their products with slab sizes stay within 32 and 64 bits.
     pub const MAX_DIM: u32 = 1 << 20;

@@ -35,6 +35,8 @@ pub struct UnknownPrinter {
     pub hint: String,
 }
 
+impl crate::blame::Blamed for UnknownPrinter {}
+
 /// One row of the table of presets.
 struct Preset {
     name: &'static str,

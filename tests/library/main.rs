@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)] // helpers of tests
 
 mod job;
+#[cfg(feature = "measure")]
 mod measure;
 mod mesh;
 mod preview;

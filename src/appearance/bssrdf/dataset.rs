@@ -139,7 +139,7 @@ impl Dataset {
         }
         let luminance = luminance && stored > 1;
         if luminance && stored != 3 {
-            return Err(fault("channels", format!("{stored} channels"), "three for --luminance"));
+            return Err(BssrdfError::NotThree { file: file.clone(), found: stored });
         }
         let texels = width * height;
         let sized = |array: &Array, axes: &[&[usize]]| {

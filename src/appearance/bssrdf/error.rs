@@ -2,6 +2,11 @@
 
 use std::{io, path::PathBuf};
 
+use crate::{
+    blame::{Blame, Blamed},
+    watch::Stopped,
+};
+
 /// Errors of this room; every message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum BssrdfError {
@@ -33,6 +38,14 @@ pub enum BssrdfError {
         /// What should.
         expected: String,
     },
+    /// Luminance is made of red, green and blue.
+    #[error("{}: channels: found {found} channels, expected three", file.display())]
+    NotThree {
+        /// The file.
+        file: PathBuf,
+        /// Channels that it has.
+        found: usize,
+    },
     /// An option outside its range.
     #[error("{name}: found {found}, expected {expected}")]
     Option {
@@ -43,14 +56,17 @@ pub enum BssrdfError {
         /// What is accepted.
         expected: String,
     },
-    /// Whoever listens to the progress asked to stop.
+    /// The watch asked to stop.
     #[error("interrupted")]
-    Cancelled,
+    Stopped(#[from] Stopped),
 }
 
-impl BssrdfError {
-    /// Whether the disk is to blame rather than the data.
-    pub fn is_io(&self) -> bool {
-        matches!(self, Self::Scratch { .. })
+impl Blamed for BssrdfError {
+    fn blame(&self) -> Blame {
+        match self {
+            Self::Scratch { .. } => Blame::Disk,
+            Self::Stopped(_) => Blame::Interrupt,
+            _ => Blame::Input,
+        }
     }
 }

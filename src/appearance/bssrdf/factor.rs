@@ -16,7 +16,7 @@
 //! 7 itself misses, which no measurement gives: it is estimated from the residuals of every round, and so is the floor if not known.
 
 use super::{
-    BssrdfError, Dataset, Watch,
+    BssrdfError, Dataset,
     kernel::{Residual, Variance},
     operator::{Operator, Prior},
     passes::{Misses, Model, Source, Survey},
@@ -24,6 +24,7 @@ use super::{
     responses::Channel,
     rings::Rings,
 };
+use crate::watch::Watch;
 
 /// What is fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -121,15 +122,15 @@ const MAX_NEGATIVE: f64 = 0.25;
 /// Energy of windows that no surface gives back, on the mean of all texels.
 const MAX_ENERGY: f64 = 1.05;
 
-/// Factors one channel of a dataset.
+/// Factors one channel of a dataset. `watch` hears a stage for every pass over the data: "reading", a round of the fit, "checking".
 ///
 /// # Errors
-/// Files that cannot be read, data that are no BSSRDF, an option out of range, a watch that says stop.
+/// Files that cannot be read, data that are no BSSRDF, an option out of range, [`BssrdfError::Stopped`].
 pub fn factor(
     dataset: &Dataset,
     channel: Channel,
     options: &FactorOptions,
-    watch: &Watch<'_>,
+    watch: &dyn Watch,
 ) -> Result<Factors, BssrdfError> {
     if !(options.roughness > 0.0 && options.roughness.is_finite()) {
         let (found, expected) = (options.roughness.to_string(), "a number above 0".to_owned());

@@ -87,7 +87,6 @@ pub fn gradient(
 }
 
 /// Adds what a stretch of measurements differs by to `sums`, from texel `at` on.
-#[allow(clippy::too_many_arguments)]
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 pub fn differences(data: &[f32], lit: &[f32], seen: &[f32], global: f32, at: usize, sums: &mut RowSums) {
     let end = at + data.len();
@@ -110,7 +109,6 @@ pub fn differences(data: &[f32], lit: &[f32], seen: &[f32], global: f32, at: usi
 }
 
 /// The coupling of a stretch of texels with those that one window pixel sees: ¼·weight·availability·(pᵢ + pₒ) added to `out`.
-#[allow(clippy::too_many_arguments)]
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 pub fn couple(
     lit: &[f32],

@@ -38,8 +38,5 @@ pub use responses::{Channel, Responses};
 pub use rings::{Offset, Rings, areas};
 pub use tail::{TailKind, TailRings};
 
-/// Told the stage and the share of it that is done, 0 to 1; says whether to go on. Called from one thread.
-pub type Watch<'a> = dyn Fn(&str, f64) -> bool + Sync + 'a;
-
 #[cfg(test)]
 mod tests;

@@ -66,6 +66,8 @@ pub enum NpyError {
     },
 }
 
+impl crate::blame::Blamed for NpyError {}
+
 fn fault(found: impl Into<String>, expected: &'static str) -> NpyError {
     NpyError::Format { found: found.into(), expected }
 }

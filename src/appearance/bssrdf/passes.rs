@@ -6,12 +6,13 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{
-    BssrdfError, Dataset, Watch,
+    BssrdfError, Dataset,
     kernel::{self, Residual, RowSums, Variance},
     planes::Planes,
     responses::Channel,
     rings::{Offset, Rings},
 };
+use crate::watch::{Thousandths, Watch};
 
 /// Rows of a band: enough that the rows around it, which its windows reach into, cost little memory and adding.
 const BAND_ROWS: usize = 16;
@@ -25,7 +26,7 @@ pub struct Source<'a> {
     /// Which channel.
     pub channel: Channel,
     /// Told how far a pass has come, and asked whether to go on.
-    pub watch: &'a Watch<'a>,
+    pub watch: &'a dyn Watch,
 }
 
 impl Source<'_> {
@@ -38,12 +39,11 @@ impl Source<'_> {
         mut fold: impl FnMut(Range<usize>, T),
     ) -> Result<(), BssrdfError> {
         let height = self.dataset.height;
+        let stage = Thousandths::begin(self.watch, stage, height as u64);
         let bands: Vec<Range<usize>> =
             (0..height).step_by(BAND_ROWS).map(|first| first..height.min(first + BAND_ROWS)).collect();
         for batch in bands.chunks(rayon::current_num_threads()) {
-            if !(self.watch)(stage, batch[0].start as f64 / height as f64) {
-                return Err(BssrdfError::Cancelled);
-            }
+            stage.go_on()?;
             let results: Vec<Result<T, BssrdfError>> = batch
                 .par_iter()
                 .map(|band| {
@@ -59,6 +59,7 @@ impl Source<'_> {
                 .collect();
             for (band, result) in batch.iter().zip(results) {
                 fold(band.clone(), result?);
+                stage.advance(band.len() as u64);
             }
         }
         Ok(())

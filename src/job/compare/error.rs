@@ -6,7 +6,8 @@ use thiserror::Error;
 
 use crate::{
     appearance::bssrdf::BssrdfError,
-    job::{Blame, RunError, verify::VerifyError},
+    blame::{Blame, Blamed, Remedy},
+    job::{RunError, verify::VerifyError},
     optics::OpticsError,
     output::OutputError,
     plot::PlotError,
@@ -79,15 +80,28 @@ pub enum CompareError {
     Plot(#[from] PlotError),
 }
 
-impl CompareError {
-    /// Who is to blame.
-    pub fn blame(&self) -> Blame {
+impl Blamed for CompareError {
+    fn blame(&self) -> Blame {
         match self {
-            Self::Optics(OpticsError::Cancelled) => Blame::Interrupt,
-            Self::Output(error) if error.is_io() => Blame::Disk,
             Self::Verify(error) => error.blame(),
             Self::Run(error) => error.blame(),
-            _ => Blame::Input,
+            Self::Optics(error) => error.blame(),
+            Self::Dataset(error) => error.blame(),
+            Self::Output(error) => error.blame(),
+            Self::Plot(error) => error.blame(),
+            Self::Folder { .. }
+            | Self::Slice { .. }
+            | Self::Profiles { .. }
+            | Self::NoCoefficients { .. }
+            | Self::OtherPatch { .. } => Blame::Input,
+        }
+    }
+
+    fn remedy(&self) -> Option<Remedy> {
+        match self {
+            Self::Output(error) => error.remedy(),
+            Self::Run(error) => error.remedy(),
+            _ => None,
         }
     }
 }

@@ -25,18 +25,16 @@ mod sheet;
 mod stage;
 mod texels;
 
-use std::{
-    ops::ControlFlow,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{Interrupt, Progress, plan::FactoredMap};
+use super::plan::FactoredMap;
 use crate::{
     optics::MaterialFile,
     output::{Existing, GENERATOR, OutputFolder, pretty},
     plot::Format,
+    watch::{StopOnly, Watch},
 };
 pub use error::CompareError;
 use lights::{Lamp, lamps};
@@ -90,12 +88,8 @@ pub struct Comparison {
 /// Compares all stages.
 ///
 /// # Errors
-/// [`CompareError`]: files that are missing, damaged or do not fit each other; `interrupt` asked to stop.
-pub fn compare(
-    request: &CompareRequest,
-    progress: &dyn Progress,
-    interrupt: &Interrupt,
-) -> Result<Comparison, CompareError> {
+/// [`CompareError`]: files that are missing, damaged or do not fit each other; a stop.
+pub fn compare(request: &CompareRequest, watch: &dyn Watch) -> Result<Comparison, CompareError> {
     let map = FactoredMap::read(&request.map)?;
     let (width, height) = (map.width as usize, map.height as usize);
     let size_mm = [width, height].map(|texels| texels as f64 * map.pitch_mm);
@@ -119,7 +113,7 @@ pub fn compare(
         warnings: Vec::new(),
         lamps,
     };
-    progress.stage("equation 7", 0);
+    watch.stage("equation 7", 0);
     let first_albedo: Vec<f64> = patch.spectra.iter().map(|channels| channels[0][0]).collect();
     let scale = jobs.first().map_or(1.0, |job| job.scale(&first_albedo));
     if let Some(path) = &request.dataset {
@@ -148,11 +142,11 @@ pub fn compare(
         if jobs.is_empty() {
             return Ok(comparison);
         }
-        let set = file.clone().into_set(|_, _| ControlFlow::Continue(()))?;
+        let set = file.clone().into_set(&StopOnly(watch))?;
         for job in &jobs {
             let prefix = if jobs.len() > 1 { format!("{}: ", job.manifest.name) } else { String::new() };
             let promise = Promise { patch: &patch, file, set: &set, job, scale: job.scale(&first_albedo), prefix };
-            promise.add_to(&mut comparison, request, progress, interrupt)?;
+            promise.add_to(&mut comparison, request, watch)?;
         }
     }
     Ok(comparison)
@@ -173,13 +167,12 @@ pub fn compare_into(
     request: &CompareRequest,
     folder: &Path,
     existing: Existing,
-    progress: &dyn Progress,
-    interrupt: &Interrupt,
+    watch: &dyn Watch,
 ) -> Result<Comparison, CompareError> {
-    let mut comparison = compare(request, progress, interrupt)?;
+    let mut comparison = compare(request, watch)?;
     let [width, height] = [comparison.width, comparison.height];
     comparison.stages.iter_mut().for_each(|stage| stage.read_edge(width, height));
-    progress.stage("sheet", 0);
+    watch.stage("sheet", 0);
     let output = OutputFolder::create(folder, existing)?;
     output.write("sheet.png", &comparison.pictures().encode(Format::Png)?)?;
     output.write("edge.png", &comparison.edge_figure().encode(Format::Png)?)?;

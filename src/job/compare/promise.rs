@@ -1,15 +1,12 @@
 //! What a job promises, and what its voxels do.
 
-use std::ops::ControlFlow;
-
 use serde::Serialize;
 
 use super::{CompareError, CompareRequest, Comparison, Patch, Printed, Stage, printed::volume};
 use crate::{
-    job::{Interrupt, Progress},
     look::{Pattern, Photons, Sides, TexelGrid, VoxelScene},
     optics::{ChannelId, Light, MaterialFile, MaterialSet, Model, Stack, predict},
-    watch::Unwatched,
+    watch::{StopOnly, Unwatched, Watch},
 };
 
 /// How well the stackings of a job fit the clusters they stand for. Objectives are the paper's, Σ (R̂ − R̂_t)² over coefficients and channels,
@@ -59,8 +56,7 @@ impl Promise<'_> {
         &self,
         comparison: &mut Comparison,
         request: &CompareRequest,
-        progress: &dyn Progress,
-        interrupt: &Interrupt,
+        watch: &dyn Watch,
     ) -> Result<(), CompareError> {
         let (prefix, scale) = (&self.prefix, self.scale);
         let goal = comparison.stages[0].rescaled(scale);
@@ -73,8 +69,7 @@ impl Promise<'_> {
         // In numbers only: what Kubelka–Munk gets wrong of thin layers.
         let scalar = Stage::new(format!("{prefix}predicted by Kubelka–Munk"), scale, light(&scalar), None);
         predicted.compare_with(&scalar);
-        let printed =
-            if request.photons == 0 { None } else { Some(self.printed(comparison, request, progress, interrupt)?) };
+        let printed = if request.photons == 0 { None } else { Some(self.printed(comparison, request, watch)?) };
         if let Some((seen, noise)) = printed {
             let mut printed = Stage::new(format!("{prefix}printed"), scale, seen, Some(noise));
             printed.compare_with_goal(&goal);
@@ -144,8 +139,7 @@ impl Promise<'_> {
         &self,
         comparison: &Comparison,
         request: &CompareRequest,
-        progress: &dyn Progress,
-        interrupt: &Interrupt,
+        watch: &dyn Watch,
     ) -> Result<(Vec<Vec<Vec<f32>>>, Vec<Vec<Vec<f32>>>), CompareError> {
         let (channels, lamps) = (self.file.channels().len(), &comparison.lamps);
         let texels = TexelGrid {
@@ -156,7 +150,7 @@ impl Promise<'_> {
         let from_top = |values: &[f64]| -> Vec<f32> {
             values.chunks(comparison.width).rev().flatten().map(|&value| value as f32).collect()
         };
-        progress.stage("photons", (channels * lamps.len()) as u64);
+        watch.stage("photons", (channels * lamps.len()) as u64);
         let (mut seen, mut noise) = (Vec::new(), Vec::new());
         for channel in 0..channels {
             let media = self.job.media(self.file, ChannelId(channel))?;
@@ -166,12 +160,10 @@ impl Promise<'_> {
                 let irradiance = lamp.irradiance.chunks(comparison.width).rev().flatten().copied().collect();
                 let seed = request.seed.wrapping_add((channel * lamps.len() + index) as u64);
                 let photons = Photons { light: Light::Diffuse, count: request.photons, seed };
-                let image = scene.image(&Pattern::Image { texels, irradiance }, texels, photons, |_| {
-                    if interrupt.requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-                })?;
+                let image = scene.image(&Pattern::Image { texels, irradiance }, texels, photons, &StopOnly(watch))?;
                 by_lamp.push(from_top(&image.radiosity));
                 noise_by_lamp.push(from_top(&image.standard_error));
-                progress.advance(1);
+                watch.advance(1);
             }
             seen.push(by_lamp);
             noise.push(noise_by_lamp);

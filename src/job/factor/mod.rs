@@ -10,14 +10,15 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use super::{Blame, Interrupt, Progress};
 use crate::{
     appearance::bssrdf::{
         self, BssrdfError, Channel, ClusterCount, Dataset, FactorOptions, Freedom, Metric, TailRings, areas, write_npy,
     },
+    blame::{Blame, Blamed, Remedy},
     optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile},
     output::{Existing, GENERATOR, OutputError, OutputFolder, Task, hex, pretty},
     plot::PlotError,
+    watch::{Thousandths, Watch},
 };
 
 pub(in crate::job) use record::entry;
@@ -71,15 +72,18 @@ pub enum FactorError {
     Picture(#[from] PlotError),
 }
 
-impl FactorError {
-    /// Who is to blame.
-    pub fn blame(&self) -> Blame {
+impl Blamed for FactorError {
+    fn blame(&self) -> Blame {
         match self {
-            Self::Dataset(BssrdfError::Cancelled) => Blame::Interrupt,
-            Self::Dataset(error) if error.is_io() => Blame::Disk,
-            Self::Output(error) if error.is_io() => Blame::Disk,
-            _ => Blame::Input,
+            Self::Dataset(error) => error.blame(),
+            Self::Output(error) => error.blame(),
+            Self::Optics(error) => error.blame(),
+            Self::Picture(error) => error.blame(),
         }
+    }
+
+    fn remedy(&self) -> Option<Remedy> {
+        if let Self::Output(error) = self { error.remedy() } else { None }
     }
 }
 
@@ -91,16 +95,13 @@ pub fn factor_into(
     request: &FactorRequest,
     folder: &Path,
     existing: Existing,
-    progress: &dyn Progress,
-    interrupt: &Interrupt,
+    watch: &dyn Watch,
 ) -> Result<Factored, FactorError> {
     let dataset = Dataset::open(&request.dataset, request.luminance)?;
     let texels = dataset.texels();
     let count = request.count.unwrap_or(ClusterCount::Fixed(DEFAULT_CLUSTERS.min(texels)));
     count.check(texels)?;
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
-    let stages = Stages::new(progress, interrupt);
-    let watch = |stage: &str, share: f64| stages.at(stage, share);
 
     let rings = dataset.rings();
     let tail_rings = TailRings::new(&rings.edges_mm);
@@ -110,12 +111,12 @@ pub fn factor_into(
     let mut fits = Vec::new();
     for channel in 0..channels {
         let stored = if dataset.luminance { Channel::Luminance } else { Channel::Stored(channel) };
-        let factors = bssrdf::factor(&dataset, stored, &request.options, &watch)?;
+        let factors = bssrdf::factor(&dataset, stored, &request.options, watch)?;
         let mut simpler = Vec::new();
         if request.compare {
             for freedom in [Freedom::Scaled, Freedom::Global] {
                 let options = FactorOptions { freedom, ..request.options };
-                simpler.push((freedom, bssrdf::factor(&dataset, stored, &options, &watch)?.misses));
+                simpler.push((freedom, bssrdf::factor(&dataset, stored, &options, watch)?.misses));
             }
         }
         let albedo = |texel: usize| {
@@ -130,7 +131,7 @@ pub fn factor_into(
     }
     let adopted = profiles.adopt_missing(&dataset);
 
-    stages.at("clusters", 0.0);
+    watch.stage("clusters", Thousandths::STEPS);
     let metric = Metric::new(&edges_mm, &FrequencyGrid::default(), request.dc_weight)?;
     let clusters = metric.group(&profiles.energies, channels, count, request.seed)?;
     let means = profiles.means(&clusters.labels, clusters.centroids.len());
@@ -201,33 +202,4 @@ pub fn factor_into(
 /// A channel's name as a part of a file's.
 fn file_part(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
-}
-
-/// Shares of stages turned into steps.
-struct Stages<'a> {
-    progress: &'a dyn Progress,
-    interrupt: &'a Interrupt,
-    current: std::sync::Mutex<(String, u64)>,
-}
-
-/// Steps of a stage.
-const STEPS: u64 = 1000;
-
-impl<'a> Stages<'a> {
-    fn new(progress: &'a dyn Progress, interrupt: &'a Interrupt) -> Self {
-        Self { progress, interrupt, current: std::sync::Mutex::default() }
-    }
-
-    /// Tells how far a stage is; whether to go on.
-    fn at(&self, stage: &str, share: f64) -> bool {
-        let mut current = self.current.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let step = (share.clamp(0.0, 1.0) * STEPS as f64) as u64;
-        if current.0 != stage || step < current.1 {
-            self.progress.stage(stage, STEPS);
-            *current = (stage.to_owned(), 0);
-        }
-        self.progress.advance(step - current.1);
-        current.1 = step;
-        !self.interrupt.requested()
-    }
 }

@@ -127,3 +127,5 @@ pub enum JobError {
         expected: String,
     },
 }
+
+impl crate::blame::Blamed for JobError {}

@@ -1,5 +1,7 @@
 //! What an object asks for, before any search: targets, and where on its surface each is wanted.
 
+use glam::Vec2;
+
 use super::{
     context::TargetContext,
     factored::FactoredMap,
@@ -133,7 +135,7 @@ fn texture_wanted(
     warnings: &mut Vec<String>,
 ) -> Result<Wanted, RunError> {
     let channels = context.materials.channels.len();
-    context.progress.stage("clusters", 0);
+    context.watch.stage("clusters", 0);
     let sizes: Vec<_> = appearance.pages.iter().map(|page| (page.width, page.height)).collect();
     let atlas = Atlas::new(&context.solid.mesh, &sizes, &appearance.page_of);
     let scale =
@@ -158,7 +160,7 @@ fn texture_wanted(
     };
     let clusters = cluster(&spectra, &weights, &options)
         .map_err(|error| context.refuse("clusters", error, "profiles that can be grouped"))?;
-    context.stop_if_interrupted()?;
+    context.watch.go_on()?;
     let count = clusters.centroids.len();
     // One appearance everywhere is what a constant target is, not a lack of clusters.
     if count < clusters.requested && appearances.distinct.len() > 1 {
@@ -229,6 +231,8 @@ impl TargetContext<'_> {
         // Linear colour at (u, v) and the size of the texture behind it, one per page.
         type Colour<'a> = Box<dyn Fn(f32, f32) -> [f32; 3] + 'a>;
         let mut sources: Vec<(u32, u32, Colour<'_>)> = Vec::new();
+        // Where a page's texels lay on the mesh's own coordinates, if elsewhere.
+        let mut baked_from: Vec<Option<&[Vec2]>> = Vec::new();
         let mut page_of = Vec::new();
         match albedo {
             AlbedoSource::Constant(albedo) => {
@@ -248,6 +252,7 @@ impl TargetContext<'_> {
                     return Err(self.refuse("target", found, "an albedo or an albedo-value"));
                 }
                 page_of = mesh.material_of.clone();
+                baked_from = mesh.materials.iter().map(|material| material.baked_from.as_deref()).collect();
                 for material in &mesh.materials {
                     let [r, g, b, _] = material.base_color;
                     match &material.base_color_texture {
@@ -266,16 +271,21 @@ impl TargetContext<'_> {
                 }
             }
         }
-        let pages = sources.into_iter().map(|(width, height, colour)| {
+        baked_from.resize(sources.len(), None);
+        let pages = sources.into_iter().zip(baked_from).map(|((width, height, colour), baked_from)| {
             let (width, height) = match &mean_free_path {
-                Some(picture) => (width.max(picture.width), height.max(picture.height)),
-                None => (width, height),
+                Some(picture) if baked_from.is_none() => (width.max(picture.width), height.max(picture.height)),
+                _ => (width, height),
             };
             let mut page = AppearancePage { width, height, albedo: Vec::new(), mean_free_path: Vec::new() };
             for y in 0..height {
                 for x in 0..width {
                     let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
                     to_channels(colour(u, v), channels, &mut page.albedo);
+                    let [u, v] = match baked_from.map(|from| from[x as usize + width as usize * y as usize]) {
+                        Some(from) => from.to_array().map(|at| at.rem_euclid(1.0)),
+                        None => [u, v],
+                    };
                     page.mean_free_path.push(mean_free_path.as_ref().map_or(1.0, |picture| picture.nearest(u, v)[0]));
                 }
             }

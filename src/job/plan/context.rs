@@ -1,11 +1,12 @@
 //! What every step of an object's plan needs at hand.
 
 use crate::{
-    job::{Interrupt, Job, Progress, RunError},
+    job::{Job, RunError},
     mesh::Solid,
     optics::{MaterialSet, ResinId},
     search::{MatchOptions, ResinLimit, SearchError, SearchOptions},
     voxel::MaterialId,
+    watch::Watch,
 };
 
 /// What a target is turned into layers with.
@@ -17,8 +18,7 @@ pub(super) struct TargetContext<'a> {
     /// Whether the mesh file has texture coordinates.
     pub has_uvs: bool,
     pub object: usize,
-    pub progress: &'a dyn Progress,
-    pub interrupt: &'a Interrupt,
+    pub watch: &'a dyn Watch,
 }
 
 impl TargetContext<'_> {
@@ -30,10 +30,6 @@ impl TargetContext<'_> {
 
     pub(super) fn refuse(&self, key: &str, found: impl ToString, expected: &str) -> RunError {
         self.job.refuse(key, found.to_string(), expected).into()
-    }
-
-    pub(super) fn stop_if_interrupted(&self) -> Result<(), RunError> {
-        if self.interrupt.requested() { Err(RunError::Interrupted) } else { Ok(()) }
     }
 
     pub(super) fn limits(&self) -> Vec<ResinLimit> {
@@ -70,7 +66,7 @@ impl TargetContext<'_> {
 
     pub(super) fn search_fault(&self, source: SearchError) -> RunError {
         match source {
-            SearchError::Stopped(_) => RunError::Interrupted,
+            SearchError::Stopped(stopped) => stopped.into(),
             SearchError::NoCoefficients { resin } => self.lacks_coefficients(&resin),
             source => RunError::Search { object: self.job.objects[self.object].mesh.shown(), source },
         }
@@ -79,19 +75,5 @@ impl TargetContext<'_> {
     pub(super) fn lacks_coefficients(&self, resin: &str) -> RunError {
         let found = format!("\"transport\" with resin {resin}, which is given by profiles");
         self.refuse("stacking.model", found, "resins given by coefficients, or \"km\"")
-    }
-}
-
-impl crate::watch::Watch for TargetContext<'_> {
-    fn stage(&self, name: &str, steps: u64) {
-        self.progress.stage(name, steps);
-    }
-
-    fn advance(&self, steps: u64) {
-        self.progress.advance(steps);
-    }
-
-    fn stop_requested(&self) -> bool {
-        self.interrupt.requested()
     }
 }

@@ -16,7 +16,7 @@ impl TargetContext<'_> {
         if !self.job.objects[self.object].gamut_map {
             return Ok(None);
         }
-        self.progress.stage("gamut", 0);
+        self.watch.stage("gamut", 0);
         let gamut = Gamut::explore(self.materials, &self.match_options(core));
         let gamut = gamut.map_err(|fault| self.search_fault(fault))?;
         let map = GamutMap::new(&gamut, &wanted.targets, &wanted.shares, &self.materials.grid);

@@ -55,17 +55,30 @@ pub fn read_labels(path: &Path) -> Result<(u32, u32, Vec<ClusterId>), RunError> 
     Ok((width, height, labels.into_iter().map(ClusterId).collect()))
 }
 
-fn open(path: &Path) -> Result<DynamicImage, RunError> {
-    let fault = |found: String| RunError::Texture { path: path.to_path_buf(), found, expected: "a PNG or JPEG image" };
-    let read = |error: std::io::Error| fault(one_line(error));
-    let reader = || ImageReader::open(path).and_then(|reader| reader.with_guessed_format()).map_err(read);
-    let (width, height) = reader()?.into_dimensions().map_err(|error| fault(one_line(error)))?;
+/// Texels per row, and rows, of an image that is not too large.
+pub fn picture_size(path: &Path) -> Result<(u32, u32), RunError> {
+    let size = reader(path)?.into_dimensions();
+    let (width, height) = size.map_err(|error| fault(path, one_line(error)))?;
     if u64::from(width) * u64::from(height) > MAX_TEXELS {
-        return Err(fault(format!("{width} × {height} texels, over the limit of {MAX_TEXELS}")));
+        return Err(fault(path, format!("{width} × {height} texels, over the limit of {MAX_TEXELS}")));
     }
-    let mut reader = reader()?;
+    Ok((width, height))
+}
+
+fn fault(path: &Path, found: String) -> RunError {
+    RunError::Texture { path: path.to_path_buf(), found, expected: "a PNG or JPEG image" }
+}
+
+fn reader(path: &Path) -> Result<ImageReader<std::io::BufReader<std::fs::File>>, RunError> {
+    let opened = ImageReader::open(path).and_then(|reader| reader.with_guessed_format());
+    opened.map_err(|error| fault(path, one_line(error)))
+}
+
+fn open(path: &Path) -> Result<DynamicImage, RunError> {
+    picture_size(path)?;
+    let mut reader = reader(path)?;
     reader.no_limits(); // bounded above
-    reader.decode().map_err(|error| fault(one_line(error)))
+    reader.decode().map_err(|error| fault(path, one_line(error)))
 }
 
 impl Picture {

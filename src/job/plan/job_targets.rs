@@ -6,8 +6,9 @@ use super::{
     prepare::{complete_uvs, finish_materials, load_solid, read_materials},
 };
 use crate::{
-    job::{DepthFrom, Interrupt, Job, Progress, RunError},
+    job::{DepthFrom, Job, RunError},
     search::SearchTarget,
+    watch::Watch,
 };
 
 /// A spectrum that a job asks for: a profile, or a cluster of a texture.
@@ -25,25 +26,17 @@ pub struct JobTarget {
 ///
 /// # Errors
 /// Any input that cannot be used; see [`RunError`].
-pub fn targets(job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Result<Vec<JobTarget>, RunError> {
+pub fn targets(job: Job, watch: &dyn Watch) -> Result<Vec<JobTarget>, RunError> {
     let mut warnings = Vec::new();
-    let materials = finish_materials(read_materials(&job)?, &job, interrupt)?;
+    let materials = finish_materials(read_materials(&job)?, &job, watch)?;
     let mut targets = Vec::new();
     for (index, object) in job.objects.iter().enumerate() {
         let (mut solid, ..) = load_solid(&job, index, object, &mut warnings)?;
         if object.depth_from == DepthFrom::Top {
             solid.measure_from_top();
         }
-        let has_uvs = complete_uvs(&mut solid);
-        let context = TargetContext {
-            job: &job,
-            materials: &materials,
-            solid: &solid,
-            has_uvs,
-            object: index,
-            progress,
-            interrupt,
-        };
+        let has_uvs = complete_uvs(&mut solid, &object.target)?;
+        let context = TargetContext { job: &job, materials: &materials, solid: &solid, has_uvs, object: index, watch };
         let found = wanted(&context, &object.target, &mut warnings)?;
         for (cluster, (target, share)) in found.targets.into_iter().zip(found.shares).enumerate() {
             let name = match job.objects.len() {

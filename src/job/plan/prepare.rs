@@ -11,17 +11,21 @@ use glam::{DMat4, DVec3};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::{StackingReport, checks, context::TargetContext, factored::FactoredMap, stackings::object_layers};
+use super::{
+    StackingReport, checks, context::TargetContext, factored::FactoredMap, images::picture_size,
+    stackings::object_layers,
+};
 use crate::{
     job::{
-        AlbedoSource, DepthFrom, Distance, InputPath, Interrupt, Job, MaterialSource, ObjectJob, OutputFormat,
-        Progress, RunError, Scaling, StackingModel, TargetSpec,
+        AlbedoSource, DepthFrom, Distance, InputPath, Job, MaterialSource, ObjectJob, OutputFormat, RunError, Scaling,
+        StackingModel, TargetSpec,
     },
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
     optics::{MaterialFile, MaterialSet, OpticsError, ResinId},
     output::hex,
     slice::{DistanceKind, ObjectField, Palette, Slicer},
     voxel::{Lattice, MaterialId},
+    watch::{StopOnly, Watch},
 };
 
 /// A job with everything read, matched and placed; slicing can begin.
@@ -73,7 +77,7 @@ impl Prepared {
     ///
     /// # Errors
     /// Any input that cannot be used; see [`RunError`].
-    pub fn new(mut job: Job, progress: &dyn Progress, interrupt: &Interrupt) -> Result<Self, RunError> {
+    pub fn new(mut job: Job, watch: &dyn Watch) -> Result<Self, RunError> {
         let mut warnings = Vec::new();
         let mut inputs = read_inputs(&job)?;
         let draft = read_materials(&job)?;
@@ -82,7 +86,7 @@ impl Prepared {
                 add_input(&mut inputs, named.beside(path), path)?;
             }
         }
-        progress.stage("meshes", job.objects.len() as u64);
+        watch.stage("meshes", job.objects.len() as u64);
         let mut solids = Vec::new();
         for (index, object) in job.objects.iter().enumerate() {
             let (solid, transform, companions) = load_solid(&job, index, object, &mut warnings)?;
@@ -90,14 +94,14 @@ impl Prepared {
                 add_input(&mut inputs, object.mesh.beside(&path), &path)?;
             }
             solids.push((solid, transform));
-            progress.advance(1);
-            stop_if(interrupt)?;
+            watch.advance(1);
+            watch.go_on()?;
         }
         let extent = solids.iter().fold(DVec3::ZERO, |extent, solid| extent.max(bounds(&solid.0)[1]));
         let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
 
-        progress.stage("materials", 0);
-        let materials = finish_materials(draft, &job, interrupt)?;
+        watch.stage("materials", 0);
+        let materials = finish_materials(draft, &job, watch)?;
         // What was done to the data of a built-in set is the same in every job, and stands in the manifest.
         if let MaterialSource::File(_) = job.materials {
             warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));
@@ -129,18 +133,11 @@ impl Prepared {
                     .refuse(&format!("object[{index}].depth-from"), found, "a level or nearly level top")
                     .into());
             }
-            let has_uvs = complete_uvs(&mut solid);
-            let context = TargetContext {
-                job: &job,
-                materials: &materials,
-                solid: &solid,
-                has_uvs,
-                object: index,
-                progress,
-                interrupt,
-            };
+            let has_uvs = complete_uvs(&mut solid, &object.target)?;
+            let context =
+                TargetContext { job: &job, materials: &materials, solid: &solid, has_uvs, object: index, watch };
             let (layers, stackings) = object_layers(&context, &object.target, &mut warnings)?;
-            stop_if(interrupt)?;
+            watch.go_on()?;
             let field = ObjectField::new(&solid, lattice, layers)
                 .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
             fields.push(field.with_distance(distance));
@@ -203,10 +200,6 @@ impl Prepared {
             _ => Ok(()),
         }
     }
-}
-
-fn stop_if(interrupt: &Interrupt) -> Result<(), RunError> {
-    if interrupt.requested() { Err(RunError::Interrupted) } else { Ok(()) }
 }
 
 /// Digests of files by their paths as shown.
@@ -276,25 +269,16 @@ pub(super) fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
 }
 
 /// Simulates the resins that come without profiles, and fits coefficients to those that come with nothing else if the job's model asks for them.
-pub(super) fn finish_materials(
-    draft: MaterialDraft,
-    job: &Job,
-    interrupt: &Interrupt,
-) -> Result<MaterialSet, RunError> {
+pub(super) fn finish_materials(draft: MaterialDraft, job: &Job, watch: &dyn Watch) -> Result<MaterialSet, RunError> {
     let mut file = match draft {
         MaterialDraft::Ready(set) => return Ok(set),
         MaterialDraft::File(file) => file,
     };
-    let go_on = |_: &str, _| match interrupt.requested() {
-        true => std::ops::ControlFlow::Break(()),
-        false => std::ops::ControlFlow::Continue(()),
-    };
-    let fit = job.stacking.model != StackingModel::KubelkaMunk;
-    let fitted = if fit { file.fit(None, go_on).map(drop) } else { Ok(()) };
-    match fitted.and_then(|()| file.into_set(go_on)) {
-        Err(_) if interrupt.requested() => Err(RunError::Interrupted),
-        set => Ok(set?),
+    let watch = StopOnly(watch);
+    if job.stacking.model != StackingModel::KubelkaMunk {
+        file.fit(None, &watch)?;
     }
+    Ok(file.into_set(&watch)?)
 }
 
 pub(super) fn load_solid(
@@ -335,11 +319,16 @@ pub(super) fn load_solid(
     Ok((solid, to_lattice * loaded.file_to_mesh, loaded.companions))
 }
 
-/// Gives a mesh without texture coordinates some, for nothing varies within a page then and any will do; whether it had its own.
-pub(super) fn complete_uvs(solid: &mut Solid) -> bool {
+/// Gives a mesh without texture coordinates some, for nothing varies within a page then and any will do; whether it had
+/// its own. Where the target is made of the mesh's colour, what is not a repeating texture becomes one.
+pub(super) fn complete_uvs(solid: &mut Solid, target: &TargetSpec) -> Result<bool, RunError> {
     let had = !solid.mesh.uvs.is_empty();
     solid.mesh.uvs.resize(solid.mesh.triangles.len(), Default::default());
-    had
+    if let TargetSpec::Texture { albedo: AlbedoSource::MeshBaseColor, mean_free_path, .. } = target {
+        let detail = mean_free_path.as_ref().map(|path| picture_size(path.as_ref())).transpose()?;
+        solid.mesh.bake_base_color(detail);
+    }
+    Ok(had)
 }
 
 fn bounds(solid: &Solid) -> [DVec3; 2] {

@@ -109,9 +109,9 @@ impl Job {
 
 impl TargetContext<'_> {
     fn search(&self, core: ResinId, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
-        self.progress.stage("stackings", targets.len() as u64);
+        self.watch.stage("stackings", targets.len() as u64);
         let found = Matcher::new(self.materials, &self.match_options(core));
-        found.and_then(|matcher| matcher.match_targets(targets, self)).map_err(|source| self.search_fault(source))
+        found.and_then(|matcher| matcher.match_targets(targets, self.watch)).map_err(|source| self.search_fault(source))
     }
 
     fn entry(&self, stacking: &Stack, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {
@@ -178,7 +178,7 @@ impl TargetContext<'_> {
         entries: Vec<StackingEntry>,
         core: ResinId,
     ) -> Result<(LayerField, StackingReport), RunError> {
-        self.progress.stage("layers", 0);
+        self.watch.stage("layers", 0);
         let stackings: Vec<_> = matches.iter().map(|found| found.stacking().clone()).collect();
         let aligned = align(&stackings);
         let ids: Vec<_> = aligned.sequence.iter().map(|&resin| self.id(resin)).collect();

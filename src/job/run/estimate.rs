@@ -4,8 +4,9 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::{
-    job::{Interrupt, MaterialRecord, Prepared, Progress, RunError},
+    job::{MaterialRecord, Prepared, RunError},
     voxel::{BlockShape, Lattice, Slab},
+    watch::Watch,
 };
 
 /// What a job would take.
@@ -39,9 +40,9 @@ impl Prepared {
     /// Estimates volumes by slicing a coarse lattice, and memory from the size of a slab.
     ///
     /// # Errors
-    /// [`RunError::Interrupted`].
-    pub fn estimate(&self, progress: &dyn Progress, interrupt: &Interrupt) -> Result<Estimate, RunError> {
-        progress.stage("estimate", 0);
+    /// [`RunError::Stopped`].
+    pub fn estimate(&self, watch: &dyn Watch) -> Result<Estimate, RunError> {
+        watch.stage("estimate", 0);
         let lattice = &self.lattice;
         let extent = DVec3::from(lattice.dims.map(f64::from)) * lattice.pitch;
         // Never finer than the job itself.
@@ -56,7 +57,7 @@ impl Prepared {
                     row.iter().for_each(|&id| counts[usize::from(id)] += 1);
                 }
             }
-            if interrupt.requested() { Err(RunError::Interrupted) } else { Ok(()) }
+            watch.go_on()
         };
         self.slicer().resampled(coarse).for_each_slab(0..coarse.dims[2], &mut count)?;
         let per_voxel = coarse.voxel_volume() / lattice.voxel_volume();

@@ -19,7 +19,7 @@ pub use report::{REPORT, draw_again, report_data};
 
 use crate::{
     job::{
-        Interrupt, OutputFormat, Prepared, Progress, RunError, STACKINGS, StackingReport,
+        OutputFormat, Prepared, RunError, STACKINGS, StackingReport,
         manifest::{Manifest, MeshRecord, Outcome, json},
         verify::read_manifest,
     },
@@ -30,6 +30,7 @@ use crate::{
         meshes::{MaterialMesher, MaterialPart, MeshingError, write_3mf, write_stl},
     },
     voxel::{MaterialId, Slab},
+    watch::Watch,
 };
 
 /// How to run a job.
@@ -56,15 +57,9 @@ pub struct Finished {
 /// are reckoned again. A finished folder of the same job is left as it is.
 ///
 /// # Errors
-/// [`RunError::Output`] when the folder may not or cannot be written, [`RunError::Interrupted`] when asked to stop; in both
+/// [`RunError::Output`] when the folder may not or cannot be written, [`RunError::Stopped`] when asked to stop; in both
 /// cases files under final names are whole, and there is no manifest.
-pub fn run(
-    prepared: &Prepared,
-    folder: &Path,
-    options: &RunOptions,
-    progress: &dyn Progress,
-    interrupt: &Interrupt,
-) -> Result<Finished, RunError> {
+pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn Watch) -> Result<Finished, RunError> {
     let started = Instant::now();
     prepared.refuse_misfits()?;
     let dims = prepared.lattice.dims;
@@ -81,15 +76,15 @@ pub fn run(
         output.write(STACKINGS, &stackings)?;
     }
 
-    progress.stage("slices", u64::from(slices.end - slices.start));
+    watch.stage("slices", u64::from(slices.end - slices.start));
     let kept: BTreeMap<u32, SliceCounts> =
         recorded.into_iter().filter(|&(k, _)| slices.contains(&k) && prepared.keep_slice(&output, k)).collect();
-    progress.advance(kept.len() as u64);
+    watch.advance(kept.len() as u64);
     let mut counts = [0; 256];
     for (&id, &voxels) in kept.values().flatten() {
         counts[usize::from(id)] += voxels;
     }
-    let sinks = Sinks { prepared, output: &output, kept: &kept, progress, interrupt };
+    let sinks = Sinks { prepared, output: &output, kept: &kept, watch };
     let mut pictures = prepared.job.wants(OutputFormat::Preview).then(|| prepared.preview_builder());
     let drawn = pictures.is_some();
     let missing = |mut held: Range<u32>| held.any(|k| slices.contains(&k) && !kept.contains_key(&k));
@@ -104,7 +99,7 @@ pub fn run(
         },
     )?;
     let sliced = started.elapsed();
-    let meshes = prepared.write_meshes(&output, progress, interrupt)?;
+    let meshes = prepared.write_meshes(&output, watch)?;
     if prepared.job.wants(OutputFormat::Heights) {
         heights::write(&output, prepared.objects.iter().map(|object| &object.stackings.maps))?;
     }
@@ -120,7 +115,7 @@ pub fn run(
     let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
     let mut manifest = Manifest::new(prepared, outcome);
     if let Some(builder) = pictures {
-        progress.stage("pictures", 0);
+        watch.stage("pictures", 0);
         write_pictures(&output, &manifest, &builder.finish()?)?;
     }
     manifest.files = output.files();
@@ -149,8 +144,7 @@ struct Sinks<'a> {
     output: &'a OutputFolder,
     /// Slices that need no writing.
     kept: &'a BTreeMap<u32, SliceCounts>,
-    progress: &'a dyn Progress,
-    interrupt: &'a Interrupt,
+    watch: &'a dyn Watch,
 }
 
 /// Buffers of one worker.
@@ -177,9 +171,7 @@ impl Sinks<'_> {
     }
 
     fn take_slice(&self, slab: &Slab, k: u32, buffers: &mut Buffers) -> Result<[u64; 256], RunError> {
-        if self.interrupt.requested() {
-            return Err(RunError::Interrupted);
-        }
+        self.watch.go_on()?;
         let encoding = |error: std::io::Error| OutputError::Io {
             action: "encoding",
             path: self.output.root().join(format!("slice {k}")),
@@ -203,7 +195,7 @@ impl Sinks<'_> {
         }
         let occurring = (0..=u8::MAX).map(|id| (id, counts[usize::from(id)])).filter(|&(_, voxels)| voxels > 0);
         self.output.finish_slice(k, occurring.collect())?;
-        self.progress.advance(1);
+        self.watch.advance(1);
         Ok(counts)
     }
 }
@@ -256,23 +248,15 @@ impl Prepared {
     }
 
     /// Writes the material meshes the job asks for. They are of the whole job, whatever slices are written.
-    fn write_meshes(
-        &self,
-        output: &OutputFolder,
-        progress: &dyn Progress,
-        interrupt: &Interrupt,
-    ) -> Result<Vec<MeshRecord>, RunError> {
+    fn write_meshes(&self, output: &OutputFolder, watch: &dyn Watch) -> Result<Vec<MeshRecord>, RunError> {
         let (stl, assembly) = (self.job.wants(OutputFormat::Stl), self.job.wants(OutputFormat::ThreeMf));
         if !stl && !assembly {
             return Ok(Vec::new());
         }
         let mesher = self.mesher();
         let resins: Vec<_> = self.printed().map(|(id, resin)| (id, self.materials[resin].name.clone())).collect();
-        progress.stage("meshes", 0);
-        let meshes = match mesher.mesh(self.slicer().objects(), &resins, |_, _| !interrupt.requested()) {
-            Err(_) if interrupt.requested() => return Err(RunError::Interrupted),
-            meshes => meshes?,
-        };
+        watch.stage("meshes", 0);
+        let meshes = mesher.mesh(self.slicer().objects(), &resins, watch)?;
         let encoding = |error: std::io::Error| OutputError::Io {
             action: "encoding",
             path: output.root().join("meshes"),

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use super::report::{draw_again, write_pictures};
 use crate::{
+    blame::{Blame, Blamed, Remedy},
     job::{
-        Blame, LatticeRecord, Manifest, RunError,
+        LatticeRecord, Manifest, RunError,
         verify::{Finding, VerifyError, read_manifest},
     },
     output::{MANIFEST, OutputFolder, pretty},
@@ -34,14 +35,17 @@ pub enum RedrawError {
     Run(#[from] RunError),
 }
 
-impl RedrawError {
-    /// Who is to blame.
-    pub fn blame(&self) -> Blame {
+impl Blamed for RedrawError {
+    fn blame(&self) -> Blame {
         match self {
             Self::Folder(error) => error.blame(),
             Self::Run(error) => error.blame(),
-            _ => Blame::Input,
+            Self::Manifest(_) | Self::Part { .. } => Blame::Input,
         }
+    }
+
+    fn remedy(&self) -> Option<Remedy> {
+        if let Self::Run(error) = self { error.remedy() } else { None }
     }
 }
 

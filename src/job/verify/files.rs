@@ -23,7 +23,7 @@ pub(super) type Sound<'a> = BTreeSet<&'a str>;
 
 pub(super) fn check<'a>(check: &Check<'a>, result: &mut Verification) -> Result<Sound<'a>, VerifyError> {
     let files = &check.manifest.files;
-    check.progress.stage("digests", files.len() as u64);
+    check.watch.stage("digests", files.len() as u64);
     let mut listed = BTreeSet::new();
     let mut sound = Sound::new();
     let mut unique: Vec<&FileEntry> = Vec::with_capacity(files.len());
@@ -40,15 +40,15 @@ pub(super) fn check<'a>(check: &Check<'a>, result: &mut Verification) -> Result<
         .par_iter()
         .with_max_len(1)
         .map(|file| {
-            check.stop_if_interrupted()?;
+            check.watch.go_on()?;
             let outcome = match check.open(&file.path) {
                 Err(problem) => (false, Some(problem)),
                 Ok(opened) => (true, compare(file, opened)),
             };
-            check.progress.advance(1);
+            check.watch.advance(1);
             Ok((outcome.0, outcome.1.map(|problem| Finding::new(&file.path, problem))))
         })
-        .collect::<Result<_, _>>()?;
+        .collect::<Result<_, VerifyError>>()?;
     for (file, (usable, finding)) in unique.into_iter().zip(outcomes) {
         result.findings.extend(finding);
         if usable {

@@ -47,15 +47,15 @@ pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, result: &mut Verificat
     if lattice.dims.iter().any(|dim| *dim > Lattice::MAX_DIM) || check.manifest.materials.len() > MAX_MATERIALS {
         return Ok(());
     }
-    check.progress.stage("layers", layers.len() as u64);
+    check.watch.stage("layers", layers.len() as u64);
     let layers: Vec<_> = layers.into_values().collect();
     let counts: Vec<LayerCount> = layers
         .par_iter()
         .with_max_len(1)
         .map(|files| {
-            check.stop_if_interrupted()?;
+            check.watch.go_on()?;
             let count = count_layer(check, sound, files);
-            check.progress.advance(1);
+            check.watch.advance(1);
             Ok(count)
         })
         .collect::<Result<_, VerifyError>>()?;

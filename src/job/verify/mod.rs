@@ -30,9 +30,13 @@ use std::{
 use serde::Serialize;
 use thiserror::Error;
 
-use super::{Blame, Interrupt, MANIFEST_VERSION, Manifest, Progress};
-use crate::output::MANIFEST;
-use crate::words::escaped;
+use super::{MANIFEST_VERSION, Manifest};
+use crate::{
+    blame::{Blame, Blamed},
+    output::MANIFEST,
+    watch::{Stopped, Watch},
+    words::escaped,
+};
 
 /// Longest manifest that is read, bytes: a full tray of 14 µm layers with six masks each lists 100 000 files in 20 MB.
 pub const MAX_MANIFEST_BYTES: u64 = 256 << 20;
@@ -116,16 +120,15 @@ pub enum VerifyError {
         /// Why.
         source: io::Error,
     },
-    /// Somebody asked to stop.
+    /// The watch asked to stop.
     #[error("interrupted before everything was checked")]
-    Interrupted,
+    Stopped(#[from] Stopped),
 }
 
-impl VerifyError {
-    /// Who is to blame.
-    pub fn blame(&self) -> Blame {
+impl Blamed for VerifyError {
+    fn blame(&self) -> Blame {
         match self {
-            Self::Interrupted => Blame::Interrupt,
+            Self::Stopped(_) => Blame::Interrupt,
             _ => Blame::Input,
         }
     }
@@ -134,8 +137,8 @@ impl VerifyError {
 /// Checks every file of the finished job in `folder`. Damage is not an error but in the findings.
 ///
 /// # Errors
-/// [`VerifyError`]: there is no manifest this program can judge the folder by, or somebody asked to stop.
-pub fn verify(folder: &Path, progress: &dyn Progress, interrupt: &Interrupt) -> Result<Verification, VerifyError> {
+/// [`VerifyError`]: there is no manifest this program can judge the folder by, or [`VerifyError::Stopped`].
+pub fn verify(folder: &Path, watch: &dyn Watch) -> Result<Verification, VerifyError> {
     let fault = |source| VerifyError::Io { path: folder.to_path_buf(), source };
     let no_folder = |found| VerifyError::NoFolder { path: folder.to_path_buf(), found };
     match fs::metadata(folder) {
@@ -148,7 +151,7 @@ pub fn verify(folder: &Path, progress: &dyn Progress, interrupt: &Interrupt) -> 
         Ok(manifest) => manifest,
         Err(finding) => return Ok(Verification { findings: vec![finding], ..Default::default() }),
     };
-    let check = Check { root: folder.canonicalize().map_err(fault)?, manifest: &manifest, progress, interrupt };
+    let check = Check { root: folder.canonicalize().map_err(fault)?, manifest: &manifest, watch };
     let mut result = Verification {
         findings: records::check(&manifest),
         files: manifest.files.len() as u64,
@@ -167,15 +170,10 @@ struct Check<'a> {
     /// The folder, without symbolic links.
     root: PathBuf,
     manifest: &'a Manifest,
-    progress: &'a dyn Progress,
-    interrupt: &'a Interrupt,
+    watch: &'a dyn Watch,
 }
 
 impl Check<'_> {
-    fn stop_if_interrupted(&self) -> Result<(), VerifyError> {
-        if self.interrupt.requested() { Err(VerifyError::Interrupted) } else { Ok(()) }
-    }
-
     /// Whether the job asked for a format, so that its files must be there.
     fn wants(&self, format: &str) -> bool {
         let formats = self.manifest.job.pointer("/output/formats").and_then(serde_json::Value::as_array);

@@ -33,12 +33,12 @@ pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, result: &mut Verificat
             result.findings.push(Finding::new(&file.path, problem));
         }
     }
-    check.progress.stage("meshes", records.len() as u64);
+    check.watch.stage("meshes", records.len() as u64);
     let outcomes: Vec<Option<Finding>> = records
         .par_iter()
         .with_max_len(1)
         .map(|record| {
-            check.stop_if_interrupted()?;
+            check.watch.go_on()?;
             let path = name(record);
             let listed = check.manifest.files.iter().any(|file| file.path == path);
             let problem = if sound.contains(path.as_str()) {
@@ -48,7 +48,7 @@ pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, result: &mut Verificat
             } else {
                 None
             };
-            check.progress.advance(1);
+            check.watch.advance(1);
             Ok(problem.map(|problem| Finding::new(&path, problem)))
         })
         .collect::<Result<_, VerifyError>>()?;

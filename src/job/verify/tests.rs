@@ -8,8 +8,8 @@ use tempfile::TempDir;
 
 use super::{Verification, VerifyError, layers::gaps, verify};
 use crate::{
-    job::{Interrupt, Silent},
     output::hex,
+    watch::{Interrupt, Unwatched},
 };
 
 const WHITE: [u8; 4] = [240, 240, 235, 255];
@@ -107,7 +107,7 @@ impl Folder {
 
     fn verify(&self) -> Verification {
         self.write("manifest.json", self.manifest.to_string().as_bytes());
-        verify(self.root.path(), &Silent, &Interrupt::new()).unwrap()
+        verify(self.root.path(), &Unwatched).unwrap()
     }
 
     /// Everything that is found, one line each.
@@ -294,7 +294,7 @@ fn hostile_manifests_are_survived() {
 
 #[test]
 fn only_a_finished_folder_of_this_version_is_judged() {
-    let check = |path: &Path| verify(path, &Silent, &Interrupt::new());
+    let check = |path: &Path| verify(path, &Unwatched);
     let empty = tempfile::tempdir().unwrap();
     assert!(matches!(check(empty.path()), Err(VerifyError::NoManifest { .. })));
     assert!(matches!(check(&empty.path().join("none")), Err(VerifyError::NoFolder { .. })));
@@ -309,7 +309,7 @@ fn only_a_finished_folder_of_this_version_is_judged() {
     let stop = Interrupt::new();
     stop.request();
     folder.write("manifest.json", folder.manifest.to_string().as_bytes());
-    assert!(matches!(verify(folder.root.path(), &Silent, &stop), Err(VerifyError::Interrupted)));
+    assert!(matches!(verify(folder.root.path(), &stop), Err(VerifyError::Stopped(_))));
 }
 
 #[cfg(unix)]

@@ -10,6 +10,7 @@ use super::{Sensor, for_each};
 use crate::measure::MeasureError;
 use crate::measure::capture::Exposure;
 use crate::measure::frame::ColourPlane;
+use crate::watch::Watch;
 
 /// Radiance per pixel.
 pub(in crate::measure) struct Radiance {
@@ -26,12 +27,12 @@ pub(in crate::measure) fn merge(
     exposures: &[Exposure],
     plane: ColourPlane,
     sensor: &Sensor,
-    stop: &dyn Fn() -> bool,
+    watch: &dyn Watch,
 ) -> Result<Radiance, MeasureError> {
     let mut sorted: Vec<&Exposure> = exposures.iter().collect();
     sorted.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
     let (mut sums, mut weights, mut size) = (Vec::new(), Vec::new(), (0, 0));
-    for_each(&sorted, plane, stop, |i, picture| {
+    for_each(&sorted, plane, watch, |i, picture| {
         if i == 0 {
             size = (picture.width, picture.height);
             sums = vec![0.0_f32; picture.values.len()];

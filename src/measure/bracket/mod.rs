@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::capture::Exposure;
 use super::frame::{self, ColourPlane, Plane};
 use super::{Finding, MeasureError};
+use crate::watch::Watch;
 
 pub(super) use merge::{Radiance, merge};
 pub(super) use noise::Sensor;
@@ -28,13 +29,11 @@ const MAX_NO_NUMBERS: f64 = 0.05;
 fn for_each(
     exposures: &[&Exposure],
     plane: ColourPlane,
-    stop: &dyn Fn() -> bool,
+    watch: &dyn Watch,
     mut each: impl FnMut(usize, Plane) -> Result<(), MeasureError>,
 ) -> Result<(), MeasureError> {
     for (chunk, group) in exposures.chunks(IN_FLIGHT).enumerate() {
-        if stop() {
-            return Err(MeasureError::Cancelled);
-        }
+        watch.go_on()?;
         let decoded: Vec<_> = group.par_iter().map(|exposure| frame::planes(&exposure.file, &[plane])).collect();
         for (i, planes) in decoded.into_iter().enumerate() {
             if let Some(plane) = planes?.pop() {
@@ -78,9 +77,9 @@ pub(super) fn check(
     dark: &[Exposure],
     plane: ColourPlane,
     camera: &super::Camera,
-    stop: &dyn Fn() -> bool,
+    watch: &dyn Watch,
 ) -> Result<Bracket, MeasureError> {
-    let survey = Survey::take(frames, dark, plane, stop)?;
+    let survey = Survey::take(frames, dark, plane, watch)?;
     let mut findings = Vec::new();
     let sensor = Sensor::of(&survey, camera, what, &mut findings)?;
     survey.require_light(what, &sensor)?;

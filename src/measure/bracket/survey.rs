@@ -4,6 +4,7 @@ use super::{Sensor, for_each};
 use crate::measure::MeasureError;
 use crate::measure::capture::Exposure;
 use crate::measure::frame::{ColourPlane, Plane};
+use crate::watch::Watch;
 
 /// Side of the window, pixels: 22 mm at the paper's 44 µm, 2 MB an exposure as they are kept.
 const WINDOW: usize = 512;
@@ -37,12 +38,12 @@ impl Survey {
         frames: &[Exposure],
         dark: &[Exposure],
         plane: ColourPlane,
-        stop: &dyn Fn() -> bool,
+        watch: &dyn Watch,
     ) -> Result<Self, MeasureError> {
         let mut sorted: Vec<&Exposure> = frames.iter().collect();
         sorted.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
         let (mut windows, mut brightest, mut corner) = (Vec::new(), [0; 2], [0; 2]);
-        for_each(&sorted, plane, stop, |i, picture| {
+        for_each(&sorted, plane, watch, |i, picture| {
             if i == 0 {
                 brightest = brightest_spot(&picture);
                 let start = |at: usize, length: usize| at.saturating_sub(WINDOW / 2).min(length.saturating_sub(WINDOW));
@@ -55,7 +56,7 @@ impl Survey {
         })?;
         let shortest = dark.iter().min_by(|a, b| a.seconds.total_cmp(&b.seconds));
         let mut dark_window = None;
-        for_each(&shortest.into_iter().collect::<Vec<_>>(), plane, stop, |_, picture| {
+        for_each(&shortest.into_iter().collect::<Vec<_>>(), plane, watch, |_, picture| {
             dark_window = Some(picture.crop(corner[0], corner[1], WINDOW, WINDOW));
             Ok(())
         })?;

@@ -1,11 +1,12 @@
 //! Triangles that say nothing, or say it twice.
 //!
-//! A triangle with a repeated corner goes. Of triangles with the same three corners, those of equal orientation keep the
-//! first; of unequal numbers either way the majority keeps one. Equal numbers either way are a *pair*, which is one of two
-//! things: a wall between two closed parts, where both must go (the wall is inside the solid, no depth is measured from it), or
-//! a surface written from both sides, where one must stay. The neighbours tell: around a wall the surface is closed
-//! without it, so the edges on the rim of a patch of pairs have an even number of other triangles; where one is
-//! missing, an odd number. The majority of the rim decides; a patch without rim (a wholly double-sided mesh) stays.
+//! A triangle with a repeated corner goes. Of triangles with the same three corners, those of equal orientation keep
+//! the first; of unequal numbers either way the majority keeps one. Equal numbers either way are a *pair*, which is one
+//! of two things: a wall between two closed parts, where both must go (the wall is inside the solid, no depth is
+//! measured from it), or a surface written from both sides, where one must stay. The neighbours tell: around a wall the
+//! surface is closed without it, so the edges on the rim of a patch of pairs have an even number of other triangles;
+//! where one is missing, an odd number. The majority of the rim decides; a patch without rim (a wholly double-sided
+//! mesh) stays.
 
 use super::edges::{Edges, triangle_of};
 use super::{HealthReport, TriangleMesh};
@@ -17,13 +18,14 @@ pub(super) fn clean(mesh: &mut TriangleMesh, health: &mut HealthReport) {
     if proper.contains(&false) {
         mesh.keep(|t| proper[t]);
     }
-    health.degenerate_triangles = before - mesh.triangles.len();
+    health.degenerate_triangles += before - mesh.triangles.len();
     let (mut keep, pairs) = find_doubles(mesh);
     if !pairs.is_empty() {
         settle_pairs(mesh, &pairs, &mut keep);
     }
-    health.doubled_triangles = keep.iter().filter(|&&keep| !keep).count();
-    if health.doubled_triangles > 0 {
+    let doubled = keep.iter().filter(|&&keep| !keep).count();
+    health.doubled_triangles += doubled;
+    if doubled > 0 {
         mesh.keep(|t| keep[t]);
     }
 }

@@ -1,10 +1,11 @@
 //! From a mesh as it was drawn to a solid: clean, orient, cap, judge.
 //!
-//! 1. [`clean`]: triangles without area and doubled ones go.
-//! 2. [`orient`]: neighbours are made to agree.
-//! 3. [`boundary`] and [`fill`]: what is open is capped, so that mesh and caps together have no boundary. The generalised winding
-//!    number (Jacobson, Kavan, Sorkine-Hornung, *Robust inside-outside segmentation*, SIGGRAPH 2013, eq. 5) of such a
-//!    surface is an integer everywhere off it.
+//! 1. [`clean`]: triangles without area and doubled ones go; [`join`]: corners that miss each other by rounding are
+//!    one.
+//! 2. [`orient`]: neighbours are made to agree; [`sheets`]: what has no thickness beside a solid goes.
+//! 3. [`boundary`] and [`fill`]: what is open is capped, so that mesh and caps together have no boundary. The
+//!    generalised winding number (Jacobson, Kavan, Sorkine-Hornung, *Robust inside-outside segmentation*, SIGGRAPH
+//!    2013, eq. 5) of such a surface is an integer everywhere off it.
 //! 4. [`nesting`]: shells turn outwards, cavities stay cavities.
 //! 5. The shape is refused if it is a sheet or holds no volume.
 
@@ -13,9 +14,11 @@ mod clean;
 mod crossing;
 mod edges;
 mod fill;
+mod join;
 mod nesting;
 mod orient;
 mod report;
+mod sheets;
 
 use glam::DVec3;
 
@@ -29,17 +32,19 @@ use super::{HealthReport, MeshError, Solid, TriangleMesh};
 /// those would print a block where the user drew a wall.
 pub const MAX_CAP_FRACTION: f64 = 0.10;
 
-/// Least volume over area^(3/2). A sphere has 0.094, a plate 100 mm square and 0.1 mm thick 3.5e-4; what lies below this is
-/// thinner than a thousandth of the finest voxel.
+/// Least volume over area^(3/2). A sphere has 0.094, a plate 100 mm square and 0.1 mm thick 3.5e-4; what lies below
+/// this is thinner than a thousandth of the finest voxel.
 const MIN_COMPACTNESS: f64 = 1e-6;
 
-/// Height over longest edge below which a triangle has no usable normal: coordinates of 1e3 mm carry 2e-13 mm of rounding.
+/// Height over longest edge below which a triangle has no usable normal: coordinates of 1e3 mm carry 2e-13 mm of
+/// rounding.
 const NEEDLE_ASPECT: f64 = 1e-12;
 
 /// Makes a mesh fit for slicing and reports its health.
 ///
-/// The triangles of the result keep their order and attributes; a flipped one has its second and third corner exchanged.
-/// Needles (distinct corners, no area) take part in everything but end among the caps: depth is never measured from them.
+/// The triangles of the result keep their order and attributes; a flipped one has its second and third corner
+/// exchanged. Needles (distinct corners, no area) take part in everything but end among the caps: depth is never
+/// measured from them.
 ///
 /// # Errors
 /// No surface is left ([`MeshError::NoSurface`]), closing it takes more than [`MAX_CAP_FRACTION`] of its area
@@ -50,17 +55,31 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     if mesh.triangles.is_empty() {
         return Err(MeshError::NoSurface { triangles: health.triangles });
     }
-    let edges = Edges::new(mesh.positions.len(), &mesh.triangles);
-    let edges = orient::orient(&mut mesh, edges, &mut health);
+    let mut edges = Edges::new(mesh.positions.len(), &mesh.triangles);
+    if join::join(&mut mesh, &edges, &mut health) {
+        clean::clean(&mut mesh, &mut health);
+        if mesh.triangles.is_empty() {
+            return Err(MeshError::NoSurface { triangles: health.triangles });
+        }
+        edges = Edges::new(mesh.positions.len(), &mesh.triangles);
+    }
+    edges = orient::orient(&mut mesh, edges, &mut health);
     let mut shells = nesting::Shells::new(&mesh, &edges);
-    let holes = boundary::loops(&mesh, &edges, &shells.of_triangle);
+    let mut holes = boundary::loops(&mesh, &edges, &shells.of_triangle);
+    let mut caps = fill::fill(&mesh.positions, &holes);
+    shells.measure(&mesh, &caps);
+    if sheets::drop(&mut mesh, &edges, &shells, &mut health) {
+        edges = Edges::new(mesh.positions.len(), &mesh.triangles);
+        shells = nesting::Shells::new(&mesh, &edges);
+        holes = boundary::loops(&mesh, &edges, &shells.of_triangle);
+        caps = fill::fill(&mesh.positions, &holes);
+        shells.measure(&mesh, &caps);
+    }
     health.shells = shells.len();
     health.open_edges = edges.iter().filter(|edge| edge.half_edges.len() == 1).count();
     health.non_manifold_edges = edges.iter().filter(|edge| edge.half_edges.len() > 2).count();
     health.holes = holes.len();
     drop(edges);
-    let caps = fill::fill(&mesh.positions, &holes);
-    shells.measure(&mesh, &caps);
     health.area_mm2 = shells.all.iter().map(|shell| shell.area).sum();
     health.cap_area_mm2 = shells.all.iter().map(|shell| shell.cap_area).sum();
     health.open_shells = shells.all.iter().filter(|shell| shell.cap_area > MAX_CAP_FRACTION * shell.area).count();
@@ -80,7 +99,7 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     health.caps = caps.len();
     set_needles_aside(&mut mesh, &mut caps, &mut health);
     health.self_intersections = crossing::count(&mesh);
-    if mesh.triangles.len() < health.triangles {
+    if mesh.triangles.len() < health.triangles || health.joined_corners > 0 {
         super::read::weld(&mut mesh.positions, &mut mesh.triangles);
     }
     Ok(Solid { mesh, caps, health })
@@ -111,6 +130,9 @@ impl TriangleMesh {
         if let Some(uv) = self.uvs.get_mut(t) {
             uv.swap(1, 2);
         }
+        if let Some(colors) = self.corner_colors.get_mut(t) {
+            colors.swap(1, 2);
+        }
     }
 
     /// Drops triangles by index, with their attributes.
@@ -124,6 +146,7 @@ impl TriangleMesh {
         }
         retain(&mut self.triangles, &keep);
         retain(&mut self.uvs, &keep);
+        retain(&mut self.corner_colors, &keep);
         retain(&mut self.material_of, &keep);
     }
 }

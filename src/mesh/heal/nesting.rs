@@ -1,15 +1,16 @@
 //! Shells: connected pieces, which way each faces, and which are cavities.
 //!
-//! A shell is what edges connect. If the shells together hold a negative volume, all turn. A shell that then still holds a
-//! negative volume is a cavity if others surround it (their winding number at one of its vertices is positive) and stays; else it
-//! faces inwards by mistake and turns. Larger shells are judged before the smaller ones they may hold.
+//! A shell is what edges connect. If the shells together hold a negative volume, all turn. A shell that then still
+//! holds a negative volume is a cavity if others surround it (their winding number at one of its vertices is positive)
+//! and stays; else it faces inwards by mistake and turns. Larger shells are judged before the smaller ones they may
+//! hold.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::edges::{Edges, triangle_of};
 use super::fill::Cap;
-use super::{HealthReport, TriangleMesh, area};
+use super::{HealthReport, MIN_COMPACTNESS, TriangleMesh, area};
 use crate::{disjoint_sets::DisjointSets, mesh::bounds};
 
 /// Solid angles that the cavity test may compute: about a second on two cores.
@@ -150,6 +151,11 @@ impl Shells {
 }
 
 impl Shell {
+    /// Whether it holds next to nothing.
+    pub(super) fn is_flat(&self) -> bool {
+        self.volume.abs() <= MIN_COMPACTNESS * self.area.powf(1.5)
+    }
+
     fn contains(&self, p: DVec3) -> bool {
         p.cmpgt(self.low).all() && p.cmplt(self.high).all()
     }
@@ -162,8 +168,8 @@ fn winding(surface: &[[DVec3; 3]], p: DVec3) -> i64 {
     (chunks.iter().sum::<f64>() / (4.0 * std::f64::consts::PI)).round() as i64
 }
 
-/// Signed solid angle of a triangle seen from a point, positive from its inner side (van Oosterom and Strackee, *The solid angle of a plane
-/// triangle*, IEEE Trans. Biomed. Eng. 1983, eq. 8).
+/// Signed solid angle of a triangle seen from a point, positive from its inner side (van Oosterom and Strackee, *The
+/// solid angle of a plane triangle*, IEEE Trans. Biomed. Eng. 1983, eq. 8).
 pub(super) fn solid_angle(corners: [DVec3; 3], p: DVec3) -> f64 {
     let [a, b, c] = corners.map(|corner| corner - p);
     let [la, lb, lc] = [a.length(), b.length(), c.length()];

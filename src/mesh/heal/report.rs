@@ -13,6 +13,21 @@ impl HealthReport {
             }
         };
         say(
+            self.joined_corners,
+            format!(
+                "{} joined with others that they missed by a few millionths of the mesh's length.",
+                was_were(self.joined_corners, "corner")
+            ),
+        );
+        say(
+            self.dropped_sheets,
+            format!(
+                "Left out beside the solid: {} without thickness, of {}.",
+                counted(self.dropped_sheets, "sheet"),
+                counted(self.dropped_sheet_triangles, "triangle")
+            ),
+        );
+        say(
             self.holes,
             format!(
                 "The mesh has {} with {}; closed for the inside test by {} of {:.2} mm² ({:.2}% of the surface). \

@@ -1,7 +1,7 @@
 //! glTF accessors: typed views of buffer bytes (glTF 2.0, section 3.6.2).
 //!
-//! Every range is checked before it is read; an accessor without bytes of its own, whose values are 0 by definition, may
-//! not claim more elements than its sparse part could plausibly need.
+//! Every range is checked before it is read; an accessor without bytes of its own, whose values are 0 by definition,
+//! may not claim more elements than its sparse part could plausibly need.
 
 use gltf::accessor::sparse::IndexType;
 use gltf::accessor::{DataType, Dimensions};
@@ -14,12 +14,32 @@ const MAX_ZEROS: usize = 1 << 16;
 
 /// Reads an accessor of vectors with `N` components; normalised integers become fractions.
 pub(super) fn vectors<const N: usize>(accessor: &Accessor, buffers: &[Vec<u8>]) -> Parsed<Vec<[f64; N]>> {
+    normalised_vectors(accessor, accessor.normalized(), buffers)
+}
+
+/// Reads an accessor of colours, with or without alpha. Integers are fractions, whether the file says so or forgot to.
+pub(super) fn colors(accessor: &Accessor, buffers: &[Vec<u8>]) -> Parsed<Vec<[f32; 3]>> {
+    let kept = |c: f64| if c.is_finite() { c.max(0.0) as f32 } else { 0.0 };
+    match accessor.dimensions() {
+        Dimensions::Vec4 => {
+            let colors = normalised_vectors::<4>(accessor, true, buffers)?;
+            Ok(colors.into_iter().map(|[r, g, b, _]| [r, g, b].map(kept)).collect())
+        }
+        _ => Ok(normalised_vectors::<3>(accessor, true, buffers)?.into_iter().map(|rgb| rgb.map(kept)).collect()),
+    }
+}
+
+fn normalised_vectors<const N: usize>(
+    accessor: &Accessor,
+    normalized: bool,
+    buffers: &[Vec<u8>],
+) -> Parsed<Vec<[f64; N]>> {
     let place = || format!("accessor {}", accessor.index());
     if accessor.dimensions().multiplicity() != N || matches!(accessor.dimensions(), Dimensions::Mat2) {
         let found = format!("{:?}", accessor.dimensions());
         return Err(Fault::new(place(), found, format!("vectors of {N} components")));
     }
-    let layout = Layout { kind: accessor.data_type(), components: N, normalized: accessor.normalized() };
+    let layout = Layout { kind: accessor.data_type(), components: N, normalized };
     let count = accessor.count();
     let mut values = match accessor.view() {
         Some(view) => layout.read(&view, accessor.offset(), count, buffers, place)?,

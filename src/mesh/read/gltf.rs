@@ -1,45 +1,49 @@
 //! glTF 2.0, as .glb or .gltf with its buffers.
 //!
-//! The default scene's nodes are walked and their transforms applied; strips and fans become triangles, points and lines
-//! are skipped. Skins and morph targets stay in their rest shape. A material keeps base colour factor and texture;
-//! KHR_texture_transform is applied to the coordinates. Draco and meshopt compression are refused by name.
+//! The default scene's nodes are walked and their transforms applied; strips and fans become triangles, points and
+//! lines are skipped. A shape is what a viewer shows before any animation starts: default morph weights, skins in their
+//! joints' pose ([`gltf_shape`]), instances ([`gltf_instances`]) and visibility. Materials are read by
+//! [`gltf_material`], which extensions matter is known to [`support`].
 
-use std::sync::Arc;
+use std::collections::BTreeSet;
 
 use glam::{DMat4, DVec3, Vec2};
 use gltf::json::validation::Checked;
 use gltf::mesh::{Mode, Primitive};
 use gltf::{Document, Node, Semantic};
 
-use super::accessor;
 use super::gltf_container::{resolve, split};
+use super::gltf_material::{BaseColor, Materials};
+use super::gltf_shape::{self, Pose};
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
-use super::{Source, texture};
+use super::support::{self, Fate};
+use super::text::decoded;
+use super::{MAX_TRIANGLES, Source, accessor, gltf_instances};
 use crate::mesh::error::{Fault, Parsed, quote};
-use crate::mesh::{SurfaceMaterial, Texture};
 use crate::words::{counted, one_line};
-
-/// Required extensions that do not change a shape we could not read: the accessors here read quantised
-/// positions, and a texture in another codec is warned about where it is missed.
-const HARMLESS: [&str; 4] = ["KHR_mesh_quantization", "EXT_texture_webp", "KHR_texture_basisu", "EXT_texture_avif"];
 
 /// Deepest nesting of nodes: well beyond any model, well within the thread's stack.
 const MAX_DEPTH: usize = 512;
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let (json, blob) = split(source.bytes)?;
-    let mut root = gltf::json::deserialize::from_slice::<gltf::json::Root>(json)
+    let mut root = gltf::json::deserialize::from_slice::<gltf::json::Root>(&decoded(json))
         .map_err(|error| Fault::new("the JSON part", one_line(error), "a glTF 2.0 document"))?;
-    root.extensions_required.retain(|name| !HARMLESS.contains(&name.as_str()) && !name.starts_with("KHR_materials_"));
+    let mut raw = RawMesh::new(1000.0);
+    raw.y_up = true;
+    check_extensions(&mut root, &mut raw)?;
     check_position_accessors(&root)?;
-    let document = Document::from_json(root).map_err(|error| {
-        Fault::new("the JSON part", one_line(error), "a valid glTF 2.0 document without other extensions")
-    })?;
+    let document = Document::from_json(root)
+        .map_err(|error| Fault::new("the JSON part", one_line(error), "a valid glTF 2.0 document"))?;
     let buffers = document
         .buffers()
         .map(|buffer| {
             let place = || format!("buffer {}", buffer.index());
             let bytes = match buffer.source() {
+                // A buffer without bytes of its own is what an extension would unpack to.
+                gltf::buffer::Source::Bin if buffer.index() > 0 => {
+                    return Err(Fault::new(place(), "no URI", "bytes that no extension has to unpack"));
+                }
                 gltf::buffer::Source::Bin => {
                     blob.map(<[u8]>::to_vec).ok_or_else(|| Fault::new(place(), "no BIN chunk", "the buffer's bytes"))?
                 }
@@ -57,17 +61,59 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
             Ok(bytes)
         })
         .collect::<Parsed<Vec<_>>>()?;
-    let mut walk = Walk::new(source, &document, buffers)?;
+    let mut materials = Materials::new(source, &document, &buffers);
+    let primitives = document.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
+    let used: BTreeSet<Option<usize>> = primitives.map(|primitive| primitive.material().index()).collect();
+    for material in document.materials() {
+        // What nothing is made of has no colour to lose.
+        let looks = match used.contains(&material.index()) {
+            true => materials.read(&material, &mut raw),
+            false => plain(material.name().unwrap_or(""), BaseColor::of(&material).factor),
+        };
+        raw.add_material(|| "materials".to_owned(), looks)?;
+    }
+    let mut walk = Walk {
+        document: &document,
+        globals: gltf_shape::globals(&document),
+        buffers: &buffers,
+        raw,
+        default_material: None,
+        visited: vec![false; document.nodes().len()],
+        skipped: [0; 3],
+    };
     let scene = document.default_scene().or_else(|| document.scenes().next());
     match scene {
         Some(scene) => scene.nodes().try_for_each(|node| walk.node(&node, DMat4::IDENTITY, 0))?,
         None => {
             for mesh in document.meshes() {
-                mesh.primitives().try_for_each(|primitive| walk.primitive(&primitive, DMat4::IDENTITY))?;
+                walk.mesh(&mesh, None, mesh.weights(), DMat4::IDENTITY)?;
             }
         }
     }
     Ok(walk.finish())
+}
+
+/// Refuses what is required and not read, by its exact name, and names what is in use, changes shape or colour and is
+/// not read.
+fn check_extensions(root: &mut gltf::json::Root, raw: &mut RawMesh) -> Parsed<()> {
+    let fate = |name: &str| support::fate("glTF", name).unwrap_or(Fate::Warned);
+    let refused = root.extensions_required.iter().find(|name| matches!(fate(name), Fate::Warned | Fate::Refused));
+    if let Some(name) = refused {
+        let found = format!("required extension {}", quote(name.as_bytes()));
+        return Err(Fault::new(
+            "extensionsRequired",
+            found,
+            "only extensions that formats.md lists as read or ignored",
+        ));
+    }
+    // All that is left is ours to answer for.
+    root.extensions_required.clear();
+    for name in root.extensions_used.iter().filter(|name| fate(name) == Fate::Warned) {
+        let name = quote(name.as_bytes());
+        raw.warnings
+            .push(format!("extension {name} is in use and not read: what it says of shape or colour is missing"));
+    }
+    Ok(())
 }
 
 /// gltf-json 1.4.1 validates everything but looks positions up before it has checked their index, and panics.
@@ -85,65 +131,23 @@ fn check_position_accessors(root: &gltf::json::Root) -> Parsed<()> {
 }
 
 struct Walk<'a> {
-    buffers: Vec<Vec<u8>>,
+    document: &'a Document,
+    /// Every node's transform to the scene.
+    globals: Vec<DMat4>,
+    buffers: &'a [Vec<u8>],
     raw: RawMesh,
-    /// Index into `raw.materials` of the file's materials, and of its default one.
+    /// Index into `raw.materials` of the material of primitives without.
     default_material: Option<u16>,
     visited: Vec<bool>,
     skipped: [usize; 3],
-    source: &'a Source<'a>,
 }
 
 /// Slots of `Walk::skipped`.
 const POINTS_OR_LINES: usize = 0;
-const SKINS: usize = 1;
-const MORPHS: usize = 2;
+const HIDDEN: usize = 1;
+const UNPAINTED: usize = 2;
 
-impl<'a> Walk<'a> {
-    fn new(source: &'a Source<'a>, document: &Document, buffers: Vec<Vec<u8>>) -> Parsed<Self> {
-        let mut raw = RawMesh::new(1000.0);
-        raw.y_up = true;
-        let visited = vec![false; document.nodes().len()];
-        let mut walk = Self { buffers, raw, default_material: None, visited, skipped: [0; 3], source };
-        let mut textures: Vec<Option<Arc<Texture>>> = Vec::new();
-        for (i, image) in document.as_json().images.iter().enumerate() {
-            let texture = walk.image(document, image);
-            if let Err(reason) = &texture {
-                walk.raw.warnings.push(format!("image {i} cannot be read ({reason}): its materials stay plain"));
-            }
-            textures.push(texture.ok());
-        }
-        for material in document.materials() {
-            let pbr = material.pbr_metallic_roughness();
-            let name = material.name().unwrap_or("");
-            let image = pbr.base_color_texture().map(|info| info.texture().source().map(|image| image.index()));
-            if image == Some(None) {
-                walk.raw.lose_color(format!("the texture of material `{name}` is in a codec other than PNG and JPEG"));
-            }
-            if let Some(i) = image.flatten().filter(|&i| matches!(textures.get(i), Some(None))) {
-                let lost = || format!("image {i}, the base colour of material `{name}`, cannot be read");
-                walk.raw.lost_color.get_or_insert_with(lost);
-            }
-            let base_color_texture = image.flatten().and_then(|i| textures.get(i).cloned().flatten());
-            let material =
-                SurfaceMaterial { name: name.to_owned(), base_color: pbr.base_color_factor(), base_color_texture };
-            walk.raw.add_material(|| "materials".to_owned(), material)?;
-        }
-        Ok(walk)
-    }
-
-    /// By the JSON: gltf 1.4.1 panics on an image in a buffer view that states no type, which we need not know.
-    fn image(&self, document: &Document, image: &gltf::json::Image) -> Result<Arc<Texture>, String> {
-        if let Some(uri) = &image.uri {
-            return texture::decode(&resolve(self.source, uri)?);
-        }
-        let view = image.buffer_view.and_then(|view| document.views().nth(view.value()));
-        let view = view.ok_or("it has neither URI nor buffer view")?;
-        let bytes = self.buffers.get(view.buffer().index()).map_or(&[][..], Vec::as_slice);
-        let end = view.offset().checked_add(view.length());
-        texture::decode(end.and_then(|end| bytes.get(view.offset()..end)).ok_or("its bytes lie outside the buffer")?)
-    }
-
+impl Walk<'_> {
     fn node(&mut self, node: &Node, parent: DMat4, depth: usize) -> Parsed<()> {
         let place = || format!("node {}", node.index());
         if std::mem::replace(&mut self.visited[node.index()], true) {
@@ -152,16 +156,45 @@ impl<'a> Walk<'a> {
         if depth > MAX_DEPTH {
             return Err(Fault::new(place(), "deeper nesting", format!("at most {MAX_DEPTH} levels")));
         }
-        let columns = node.transform().matrix().map(|column| column.map(f64::from));
-        let transform = parent * DMat4::from_cols_array_2d(&columns);
-        self.skipped[SKINS] += usize::from(node.skin().is_some());
+        let visible = node.extension_value("KHR_node_visibility").and_then(|value| value.get("visible"));
+        if visible.and_then(|visible| visible.as_bool()) == Some(false) {
+            self.skipped[HIDDEN] += 1;
+            return Ok(());
+        }
+        let transform = parent * gltf_shape::local(node);
         if let Some(mesh) = node.mesh() {
-            mesh.primitives().try_for_each(|primitive| self.primitive(&primitive, transform))?;
+            let pose = node.skin().map(|skin| Pose::new(&skin, &self.globals, self.buffers)).transpose()?;
+            let weights = node.weights().or(mesh.weights());
+            match gltf_instances::read(node, self.document, self.buffers)? {
+                Some(instances) => {
+                    for instance in instances {
+                        self.mesh(&mesh, pose.as_ref(), weights, transform * instance)?;
+                    }
+                }
+                None => self.mesh(&mesh, pose.as_ref(), weights, transform)?,
+            }
         }
         node.children().try_for_each(|child| self.node(&child, transform, depth + 1))
     }
 
-    fn primitive(&mut self, primitive: &Primitive, transform: DMat4) -> Parsed<()> {
+    fn mesh(
+        &mut self,
+        mesh: &gltf::Mesh,
+        pose: Option<&Pose>,
+        weights: Option<&[f32]>,
+        transform: DMat4,
+    ) -> Parsed<()> {
+        let weights = weights.unwrap_or(&[]);
+        mesh.primitives().try_for_each(|primitive| self.primitive(&primitive, pose, weights, transform))
+    }
+
+    fn primitive(
+        &mut self,
+        primitive: &Primitive,
+        pose: Option<&Pose>,
+        weights: &[f32],
+        transform: DMat4,
+    ) -> Parsed<()> {
         let place = || format!("primitive {}", primitive.index());
         if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
             self.skipped[POINTS_OR_LINES] += 1;
@@ -170,53 +203,58 @@ impl<'a> Walk<'a> {
         let Some(positions) = primitive.get(&Semantic::Positions) else {
             return Err(Fault::new(place(), "no POSITION", "that attribute"));
         };
-        self.skipped[MORPHS] += usize::from(primitive.morph_targets().next().is_some());
         let base = self.raw.positions.len();
-        for (i, p) in accessor::vectors::<3>(&positions, &self.buffers)?.into_iter().enumerate() {
+        let mut points = accessor::vectors::<3>(&positions, self.buffers)?;
+        let count = points.len();
+        if base + count > 3 * MAX_TRIANGLES {
+            return Err(Fault::new(place(), "more vertices", format!("at most {}", 3 * MAX_TRIANGLES)));
+        }
+        gltf_shape::morph(primitive, weights, self.buffers, &mut points)?;
+        // A skin's joints alone place its vertices.
+        let skinned = pose.map(|pose| pose.of(primitive, count, self.buffers)).transpose()?.flatten();
+        for (i, p) in points.into_iter().enumerate() {
             let place = || format!("accessor {}, vertex {i}", positions.index());
             let p = finite(DVec3::from_array(p), place)?;
+            let transform = skinned.as_ref().map_or(transform, |skinned| skinned[i]);
             self.raw.positions.push(finite(transform.transform_point3(p), place)?);
         }
-        let count = self.raw.positions.len() - base;
-        if self.raw.positions.len() > u32::MAX as usize {
-            return Err(Fault::new(place(), "more vertices", format!("at most {}", u32::MAX)));
-        }
         let uvs = self.texture_coordinates(primitive, count)?;
+        let colors = self.vertex_colors(primitive, count)?;
         let corners: Vec<u32> = match primitive.indices() {
-            Some(indices) => accessor::indices(&indices, &self.buffers)?,
+            Some(indices) => accessor::indices(&indices, self.buffers)?,
             None => (0..count as u32).collect(),
         };
         if let Some(i) = corners.iter().find(|&&i| i as usize >= count) {
             return Err(Fault::new(place(), format!("vertex index {i}"), format!("an index below {count}")));
         }
         let material = self.material(primitive)?;
-        let mirrored = transform.determinant() < 0.0;
+        if primitive.material().index().is_none() && colors.is_none() {
+            self.skipped[UNPAINTED] += 1;
+        }
+        let mirrors = transform.determinant() < 0.0;
         for t in 0..triangle_count(primitive.mode(), corners.len()) {
             let [a, b, c] = triangle(primitive.mode(), t).map(|i| corners[i]);
+            let mirrored = skinned.as_ref().map_or(mirrors, |skinned| skinned[a as usize].determinant() < 0.0);
             let [a, b, c] = if mirrored { [a, c, b] } else { [a, b, c] };
             let uv = uvs.as_ref().map(|uvs| [a, b, c].map(|i| uvs[i as usize]));
             self.raw.push(place, [a, b, c].map(|i| base as u32 + i), uv)?;
             self.raw.material_of.push(material);
+            if let Some(colors) = &colors {
+                self.raw.color_last([a, b, c].map(|i| colors[i as usize]));
+            }
         }
         Ok(())
     }
 
     /// The coordinate set that the base colour texture asks for, its transform applied.
     fn texture_coordinates(&self, primitive: &Primitive, vertices: usize) -> Parsed<Option<Vec<Vec2>>> {
-        let info = primitive.material().pbr_metallic_roughness().base_color_texture();
+        let info = BaseColor::of(&primitive.material()).texture;
         let transform = info.as_ref().and_then(|info| info.texture_transform());
         let set = info.as_ref().map_or(0, |info| info.tex_coord());
         let set = transform.as_ref().and_then(|transform| transform.tex_coord()).unwrap_or(set);
         let Some(accessor) = primitive.get(&Semantic::TexCoords(set)) else { return Ok(None) };
-        let values = accessor::vectors::<2>(&accessor, &self.buffers)?;
-        if values.len() < vertices {
-            let found = format!("{} texture coordinates", values.len());
-            return Err(Fault::new(
-                format!("accessor {}", accessor.index()),
-                found,
-                format!("one each for {vertices} vertices"),
-            ));
-        }
+        let values = accessor::vectors::<2>(&accessor, self.buffers)?;
+        one_each(&accessor, values.len(), vertices, "texture coordinates")?;
         let (offset, rotation, scale) =
             transform.map_or((Vec2::ZERO, 0.0, Vec2::ONE), |t| (t.offset().into(), t.rotation(), t.scale().into()));
         let (sin, cos) = rotation.sin_cos();
@@ -229,6 +267,14 @@ impl<'a> Walk<'a> {
                 })
                 .collect(),
         ))
+    }
+
+    /// Linear RGB of COLOR_0.
+    fn vertex_colors(&self, primitive: &Primitive, vertices: usize) -> Parsed<Option<Vec<[f32; 3]>>> {
+        let Some(accessor) = primitive.get(&Semantic::Colors(0)) else { return Ok(None) };
+        let colors = accessor::colors(&accessor, self.buffers)?;
+        one_each(&accessor, colors.len(), vertices, "colours")?;
+        Ok(Some(colors))
     }
 
     fn material(&mut self, primitive: &Primitive) -> Parsed<u16> {
@@ -244,15 +290,26 @@ impl<'a> Walk<'a> {
 
     fn finish(mut self) -> RawMesh {
         let what = [
-            ("primitive", "of points or lines skipped"),
-            ("skinned node", "left in rest pose"),
-            ("primitive", "with morph targets left in rest shape"),
+            "of points or lines skipped",
+            "with all that hangs on it hidden and left out",
+            "without a material: white",
         ];
-        for (count, (noun, what)) in self.skipped.into_iter().zip(what).filter(|(count, _)| *count > 0) {
+        let nouns = ["primitive", "node", "primitive"];
+        for ((count, noun), what) in self.skipped.into_iter().zip(nouns).zip(what).filter(|((count, _), _)| *count > 0)
+        {
             self.raw.warnings.push(format!("{} {what}", counted(count, noun)));
         }
         self.raw
     }
+}
+
+/// Every vertex needs its value.
+pub(super) fn one_each(accessor: &gltf::Accessor, values: usize, vertices: usize, what: &str) -> Parsed<()> {
+    if values >= vertices {
+        return Ok(());
+    }
+    let place = format!("accessor {}", accessor.index());
+    Err(Fault::new(place, format!("{values} {what}"), format!("one each for {vertices} vertices")))
 }
 
 fn triangle_count(mode: Mode, corners: usize) -> usize {

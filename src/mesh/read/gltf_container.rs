@@ -47,7 +47,8 @@ pub(super) fn resolve(source: &Source, uri: &str) -> Result<Vec<u8>, String> {
     source.read(&source.companion(&String::from_utf8_lossy(&percent_decode(uri))))
 }
 
-fn percent_decode(text: &str) -> Vec<u8> {
+/// Undoes a URI's escapes.
+pub(super) fn percent_decode(text: &str) -> Vec<u8> {
     let bytes = text.as_bytes();
     let hex = |b: u8| (b as char).to_digit(16);
     let mut out = Vec::with_capacity(bytes.len());

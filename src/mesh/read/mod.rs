@@ -1,25 +1,47 @@
 //! Reading mesh files: one parser a format, one set of checks for all.
 //!
-//! OBJ, MTL, STL, PLY and 3MF are parsed here rather than by crates because those we tried fail where it hurts: tobj 4.0
-//! panics on `Kd 0.5` and reports no line; stl_io 0.11 takes binary files that begin with "solid" for text and drops every
-//! solid after the first; ply-rs-bw 4.0 fills memory on an element without properties and rejects `1.`; threemf2 0.4
-//! reads a malformed coordinate or index as 0 without a word. glTF's JSON goes through the gltf crate, its
-//! binary accessors through [`accessor`], which checks every range before it reads.
+//! OBJ, MTL, STL, PLY and 3MF are parsed here rather than by crates. Those we tried, on the inputs that our tests are
+//! made of, fail where it hurts:
+//!
+//! - tobj 4.0.5 panics on `Kd 0.5`, refuses `v 0 0 0 # corner`, loses the first line after a byte order mark, hands `-s
+//!   0.5 1 1 wood.png` on as the texture's name, knows keywords in one case alone, folds concave polygons over
+//!   themselves, and says no line.
+//! - stl_io 0.11.0 drops every solid after the first, reads no triangle of a file whose header counts 0, and refuses
+//!   `end solid`.
+//! - ply-rs-bw 4.0.1 refuses `1.`, a byte order mark, lone returns and elements that go on in the next line, and fills
+//!   memory on an element without properties.
+//! - threemf2 0.4 reads a malformed coordinate or index as 0 without a word.
+//!
+//! glTF's JSON goes through the gltf crate, its binary accessors through [`accessor`], which checks every range before
+//! it reads.
+//!
+//! What is read, ignored and refused of each format stands in [`support`], and in docs/formats.md, which a test holds
+//! against it.
 //!
 //! Memory is bounded by the file: a parser compares every count with the bytes that are left before it reserves room.
 
 mod accessor;
 mod gltf;
 mod gltf_container;
+mod gltf_instances;
+mod gltf_material;
+mod gltf_shape;
 mod mtl;
 mod obj;
 mod ply;
 mod ply_header;
+mod ply_surface;
+mod polygon;
 mod raw;
 mod stl;
+mod support;
+mod surface;
+mod text;
 mod texture;
 mod threemf;
 mod threemf_model;
+mod threemf_package;
+mod threemf_parts;
 mod weld;
 
 pub(super) use weld::weld;
@@ -103,8 +125,8 @@ pub struct Loaded {
     pub file_to_mesh: DMat4,
     /// What was missing, skipped or odd, a sentence each.
     pub warnings: Vec<String>,
-    /// The first of the warnings that is about a base colour that could not be had: what the surface shows then is not what its maker
-    /// meant. `None` if there is no such warning.
+    /// The first of the warnings that is about a base colour that could not be had: what the surface shows then is not
+    /// what its maker meant. `None` if there is no such warning.
     pub lost_color: Option<String>,
     /// Other files that were read: material libraries, buffers, textures; those that could not be are warnings.
     pub companions: Vec<PathBuf>,
@@ -156,6 +178,10 @@ impl Source<'_> {
     fn companion(&self, name: &str) -> PathBuf {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let verbatim = folder.join(name);
+        let bare = name.strip_prefix('"').and_then(|name| name.strip_suffix('"'));
+        if let Some(bare) = bare.filter(|_| !verbatim.exists()) {
+            return self.companion(bare);
+        }
         if name.contains('\\') && !verbatim.exists() { folder.join(name.replace('\\', "/")) } else { verbatim }
     }
 }
@@ -178,7 +204,7 @@ impl Format {
             "stl" => Self::Stl,
             "ply" => Self::Ply,
             "3mf" => Self::ThreeMf,
-            _ => match source.bytes {
+            _ => match source.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source.bytes) {
                 [b'g', b'l', b'T', b'F', ..] => Self::Gltf,
                 [b'p', b'l', b'y', b'\n' | b'\r', ..] => Self::Ply,
                 [b'P', b'K', 3, 4, ..] => Self::ThreeMf,
@@ -217,6 +243,7 @@ fn finish(mut raw: RawMesh, path: &Path, options: &LoadOptions) -> Result<Loaded
     if raw.triangles.is_empty() {
         return Err(Fault::new("the whole file", "no triangles", "a surface of triangles or polygons").in_file(path));
     }
+    surface::settle(&mut raw);
     weld(&mut raw.positions, &mut raw.triangles);
     let mm = options.unit.map_or(raw.mm_per_unit, Unit::mm);
     let turn = if raw.y_up {
@@ -234,6 +261,7 @@ fn finish(mut raw: RawMesh, path: &Path, options: &LoadOptions) -> Result<Loaded
             positions: raw.positions,
             triangles: raw.triangles,
             uvs: raw.uvs,
+            corner_colors: raw.corner_colors,
             material_of: raw.material_of,
             materials: raw.materials,
         },

@@ -1,13 +1,24 @@
-//! Wavefront MTL: names, diffuse colours and their textures.
+//! Wavefront MTL: names, diffuse colours and their textures. Keywords count in any case.
+//!
+//! Of `map_Kd`'s options `-s` and `-o` place the texture (uv′ = s·uv + o, v upwards, as three.js has it), `-clamp on`
+//! goes on with the texture's edge beyond it. `-mm` and `-t`, which change what the texture shows, are not read and
+//! said to be lost; the others do not matter.
 
 use std::path::Path;
 
-use super::{Source, raw::RawMesh, texture};
-use crate::mesh::SurfaceMaterial;
-use crate::mesh::error::quote;
+use glam::DVec2;
 
-/// Words that `map_Kd` options are followed by.
-const MAP_OPTIONS: [(&str, usize); 11] = [
+use super::support::{self, Fate};
+use super::text::{Statements, decoded, without_comment};
+use super::{Source, raw::RawMesh, texture};
+use crate::mesh::error::quote;
+use crate::mesh::{SurfaceMaterial, Wrap};
+
+/// Statements whose argument is a name or a file.
+const NAMED: [&str; 2] = ["newmtl", "map_kd"];
+
+/// Options of `map_Kd` and the words that follow each.
+const MAP_OPTIONS: [(&str, usize); 12] = [
     ("-blendu", 1),
     ("-blendv", 1),
     ("-boost", 1),
@@ -19,10 +30,21 @@ const MAP_OPTIONS: [(&str, usize); 11] = [
     ("-o", 3),
     ("-s", 3),
     ("-t", 3),
+    ("-texres", 1),
 ];
 
+/// A material as a library defines it.
+pub(super) struct Definition {
+    pub(super) material: SurfaceMaterial,
+    /// Whether it states a diffuse colour or a texture of it.
+    pub(super) has_color: bool,
+    /// How the texture lies: uv′ = scale · uv + offset, v upwards.
+    pub(super) scale: DVec2,
+    pub(super) offset: DVec2,
+}
+
 /// Appends the library's materials. Whatever is wrong with it becomes a warning; what can be read is kept.
-pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<SurfaceMaterial>, raw: &mut RawMesh) {
+pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, raw: &mut RawMesh) {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let library = Source { path, bytes: &[], ..*obj };
     let bytes = match library.read(path) {
@@ -33,35 +55,62 @@ pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<SurfaceMateria
         }
     };
     let start = materials.len();
-    for (number, line) in (1..).zip(bytes.split(|&b| b == b'\n')) {
-        let line = String::from_utf8_lossy(line);
+    for (number, line) in Statements::new(&decoded(&bytes), &NAMED) {
+        let line = String::from_utf8_lossy(&line);
         let (keyword, rest) = line.trim().split_once(char::is_whitespace).unwrap_or((line.trim(), ""));
         let rest = rest.trim();
         let known = materials.len() > start;
-        match (keyword, materials.last_mut()) {
-            ("newmtl", _) => materials.push(super::raw::plain(rest, [1.0; 4])),
-            ("Kd", Some(material)) if known => match color(rest) {
-                Some([r, g, b]) => material.base_color = [r, g, b, material.base_color[3]],
-                None => raw.lose_color(format!(
-                    "{name}, line {number}: found colour {}, expected three numbers: the material stays white",
-                    quote(rest.as_bytes())
-                )),
-            },
-            ("d", Some(material)) if known => {
+        match (keyword.to_ascii_lowercase().as_str(), materials.last_mut()) {
+            ("newmtl", _) => materials.push(Definition {
+                material: super::raw::plain(rest, [1.0; 4]),
+                has_color: false,
+                scale: DVec2::ONE,
+                offset: DVec2::ZERO,
+            }),
+            ("kd", Some(Definition { material, has_color, .. })) if known => {
+                *has_color = true;
+                match color(rest) {
+                    Some([r, g, b]) => material.base_color = [r, g, b, material.base_color[3]],
+                    None => raw.lose_color(format!(
+                        "{name}, line {number}: found colour {}, expected three numbers: the material stays white",
+                        quote(rest.as_bytes())
+                    )),
+                }
+            }
+            ("d", Some(Definition { material, .. })) if known => {
                 if let Some(alpha) = rest.parse::<f32>().ok().filter(|a| a.is_finite()) {
                     material.base_color[3] = alpha;
                 }
             }
-            ("map_Kd", Some(material)) if known => {
-                let file = map_file(rest);
-                match library.read(&library.companion(&file)).and_then(|bytes| texture::decode(&bytes)) {
-                    Ok(texture) => material.base_color_texture = Some(texture),
+            ("map_kd", Some(definition)) if known => {
+                definition.has_color = true;
+                let mut map = Map::parse(rest);
+                if !library.companion(&map.file).exists() {
+                    map.file.truncate(without_comment(&map.file).len());
+                }
+                let file = quote(map.file.as_bytes());
+                if map.unread {
+                    raw.lose_color(format!(
+                        "{name}, line {number}: the options -mm and -t of texture {file} are not read"
+                    ));
+                }
+                match library.read(&library.companion(&map.file)).and_then(|bytes| texture::decode(&bytes)) {
+                    Ok(texture) => {
+                        definition.material.base_color_texture = Some(texture);
+                        definition.material.wrap = [if map.clamp { Wrap::Clamp } else { Wrap::Repeat }; 2];
+                        (definition.scale, definition.offset) = (map.scale, map.offset);
+                    }
                     Err(reason) => raw.lose_color(format!(
-                        "{name}, line {number}: texture {} of material `{}` cannot be read ({reason}): it stays plain",
-                        quote(file.as_bytes()),
-                        material.name
+                        "{name}, line {number}: texture {file} of material `{}` cannot be read ({reason}): it stays plain",
+                        definition.material.name
                     )),
                 }
+            }
+            (keyword, Some(Definition { material, .. }))
+                if known && support::fate("MTL", keyword) == Some(Fate::Warned) =>
+            {
+                let material = &material.name;
+                raw.warnings.push(format!("{name}, line {number}: {keyword} of material `{material}` is not read"));
             }
             _ => {}
         }
@@ -78,23 +127,55 @@ fn color(text: &str) -> Option<[f32; 3]> {
     }
 }
 
-/// The file name that follows the options; it may hold spaces.
-fn map_file(text: &str) -> String {
-    let mut words = text.split_whitespace().peekable();
-    let mut skipped = false;
-    while let Some(&(_, arguments)) = words.peek().and_then(|word| MAP_OPTIONS.iter().find(|(name, _)| name == word)) {
-        words.next();
-        skipped = true;
-        // Trailing arguments of -o, -s and -t may be left out.
-        for i in 0..arguments {
-            let is_number = words.peek().is_some_and(|w| w.parse::<f32>().is_ok());
-            if i > 0 && !is_number {
-                break;
-            }
+/// The argument of `map_Kd`.
+#[derive(Debug, PartialEq)]
+struct Map {
+    /// May hold spaces.
+    file: String,
+    clamp: bool,
+    scale: DVec2,
+    offset: DVec2,
+    /// An option changes the colours and is not read.
+    unread: bool,
+}
+
+impl Map {
+    fn parse(text: &str) -> Self {
+        let mut map = Self { file: String::new(), clamp: false, scale: DVec2::ONE, offset: DVec2::ZERO, unread: false };
+        let mut words = text.split_whitespace().peekable();
+        let mut has_options = false;
+        let option_of = |word: &&str| MAP_OPTIONS.iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
+        while let Some(&(name, arguments)) = words.peek().and_then(option_of) {
             words.next();
+            has_options = true;
+            let mut numbers = Vec::new();
+            let mut word = "";
+            // Trailing arguments of -o, -s and -t may be left out.
+            for i in 0..arguments {
+                let number = words.peek().and_then(|w| w.parse::<f64>().ok()).filter(|n| n.is_finite());
+                if i > 0 && number.is_none() {
+                    break;
+                }
+                numbers.extend(number);
+                word = words.next().unwrap_or("");
+            }
+            let pair = |default: f64| DVec2::new(at(&numbers, 0, default), at(&numbers, 1, default));
+            match name {
+                "-clamp" => map.clamp = word.eq_ignore_ascii_case("on"),
+                "-s" => map.scale = pair(1.0),
+                "-o" => map.offset = pair(0.0),
+                "-t" => map.unread |= numbers.iter().any(|&n| n != 0.0),
+                "-mm" => map.unread |= (at(&numbers, 0, 0.0), at(&numbers, 1, 1.0)) != (0.0, 1.0),
+                _ => {}
+            }
         }
+        map.file = if has_options { words.collect::<Vec<_>>().join(" ") } else { text.to_owned() };
+        map
     }
-    if skipped { words.collect::<Vec<_>>().join(" ") } else { text.to_owned() }
+}
+
+fn at(numbers: &[f64], index: usize, default: f64) -> f64 {
+    numbers.get(index).copied().unwrap_or(default)
 }
 
 #[cfg(test)]
@@ -102,14 +183,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn map_options_are_skipped() {
+    fn map_options_end_where_the_file_begins() {
         for (text, file) in [
             ("a b.png", "a b.png"),
             ("-s 2 2 2 -clamp on wood.png", "wood.png"),
             ("-o 0.5 wood grain.png", "wood grain.png"),
+            ("-CLAMP off -texres 512 wood.png", "wood.png"),
             ("", ""),
         ] {
-            assert_eq!(map_file(text), file);
+            assert_eq!(Map::parse(text).file, file);
         }
+    }
+
+    #[test]
+    fn map_options_place_the_texture() {
+        let map = Map::parse("-O 0.25 -s 2 3 1 -Clamp On x.png");
+        assert_eq!((map.scale, map.offset, map.clamp), (DVec2::new(2.0, 3.0), DVec2::new(0.25, 0.0), true));
+        assert!(!Map::parse("-mm 0 1 -t 0 0 0 x.png").unread);
+        assert!(Map::parse("-mm 0.2 1 x.png").unread && Map::parse("-t 0.1 x.png").unread);
     }
 }

@@ -1,70 +1,39 @@
-//! Wavefront OBJ: `v`, `vt`, `f`, `usemtl`, `mtllib`; everything else does not concern a surface.
+//! Wavefront OBJ: `v`, `vt`, `f`, `usemtl`, `mtllib`, vertex colours; what else there is does not concern a surface, or
+//! is warned of.
 //!
-//! Polygons become fans around their first corner, which is right for convex ones. Homogeneous weights and vertex colours
-//! after x y z are ignored. v is turned to grow downwards.
+//! v is turned to grow downwards. Homogeneous weights are ignored.
+//!
+//! Vertex colours (`v x y z r g b`, and ZBrush's `#MRGB` comments) are taken for sRGB, as Blender, Godot and Obj2Tiles
+//! take them. Where a material has no texture they stand in place of its Kd, which programs that write them leave at
+//! their default; where it has one the texture counts alone: scanners write the same colours twice, coarsely by vertex
+//! and finely as a texture.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-use glam::{DVec3, Vec2};
+use glam::{DVec2, DVec3, Vec2};
 
-use super::raw::{RawMesh, finite, plain, uv_or_zero};
-use super::{Source, mtl};
-use crate::mesh::SurfaceMaterial;
+use super::Source;
+use super::mtl::{self, Definition};
+use super::raw::{NO_UV as NO_COORDINATE, RawMesh, WHITE, finite, plain, uv_or_zero};
+use super::support::{self, Fate};
+use super::text::{POLYPAINT, Statements, decoded, without_comment};
+use crate::colour::srgb_to_linear;
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::counted;
 
 /// Marks a corner without texture coordinate.
 const NO_UV: u32 = u32::MAX;
 
+/// Statements whose argument is a name, which may hold a `#`.
+const NAMED: [&str; 5] = ["usemtl", "mtllib", "usemap", "maplib", "call"];
+
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let mut reader = Reader::new(source);
-    for (number, line) in Lines::new(source.bytes) {
+    for (number, line) in Statements::new(&decoded(source.bytes), &NAMED) {
         reader.line(number, &line)?;
     }
     reader.finish()
-}
-
-/// Lines with their numbers, a backslash at the end joining the next.
-struct Lines<'a> {
-    rest: &'a [u8],
-    number: usize,
-}
-
-impl<'a> Lines<'a> {
-    fn new(bytes: &'a [u8]) -> Self {
-        Self { rest: bytes, number: 0 }
-    }
-
-    fn physical(&mut self) -> Option<&'a [u8]> {
-        if self.rest.is_empty() {
-            return None;
-        }
-        self.number += 1;
-        let end = self.rest.iter().position(|&b| b == b'\n').unwrap_or(self.rest.len());
-        let line = &self.rest[..end];
-        self.rest = &self.rest[(end + 1).min(self.rest.len())..];
-        Some(line.trim_ascii_end())
-    }
-}
-
-impl<'a> Iterator for Lines<'a> {
-    type Item = (usize, std::borrow::Cow<'a, [u8]>);
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let mut line = std::borrow::Cow::Borrowed(self.physical()?);
-        let number = self.number;
-        while line.last() == Some(&b'\\') {
-            let joined = line.to_mut();
-            joined.pop();
-            joined.push(b' ');
-            match self.physical() {
-                Some(next) => joined.extend_from_slice(next),
-                None => break,
-            }
-        }
-        Some((number, line))
-    }
 }
 
 /// A corner as the file names it: indices from 0.
@@ -81,7 +50,13 @@ struct Reader<'a> {
     corner_uvs: Vec<[u32; 3]>,
     /// Line of every triangle, for complaints about indices that only the end of the file proves wrong.
     lines: Vec<usize>,
-    library: Vec<SurfaceMaterial>,
+    library: Vec<Definition>,
+    /// Encoded RGB of every position so far, NaN for those without; shorter where none follows.
+    colors: Vec<[f32; 3]>,
+    /// Positions that ZBrush's comments have coloured.
+    painted: usize,
+    /// What was met and is not read.
+    unread: Vec<(String, Fate)>,
     /// Index into `raw.materials` by name.
     used: HashMap<String, u16>,
     current: Option<u16>,
@@ -98,6 +73,9 @@ impl<'a> Reader<'a> {
             corner_uvs: Vec::new(),
             lines: Vec::new(),
             library: Vec::new(),
+            colors: Vec::new(),
+            painted: 0,
+            unread: Vec::new(),
             used: HashMap::new(),
             current: None,
             polygon: Vec::new(),
@@ -107,24 +85,55 @@ impl<'a> Reader<'a> {
 
     fn line(&mut self, number: usize, line: &[u8]) -> Parsed<()> {
         let mut words = line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty());
-        match words.next() {
-            Some(b"v") => {
+        let Some(keyword) = words.next() else { return Ok(()) };
+        match keyword.to_ascii_lowercase().as_slice() {
+            b"v" => {
                 let p = numbers::<3>(&mut words)
                     .ok_or_else(|| Fault::new(format!("line {number}"), quote(line), "`v x y z` with three numbers"))?;
                 self.raw.positions.push(finite(DVec3::from_array(p), || format!("line {number}"))?);
+                // A fourth number alone is a weight.
+                if let Some(rgb) = numbers::<3>(&mut words) {
+                    self.colors.resize(self.raw.positions.len() - 1, [f32::NAN; 3]);
+                    self.colors.push(rgb.map(|c| c as f32));
+                }
             }
-            Some(b"vt") => {
+            b"vt" => {
                 let [u] = numbers::<1>(&mut words)
                     .ok_or_else(|| Fault::new(format!("line {number}"), quote(line), "`vt u v` with two numbers"))?;
                 let [v] = numbers::<1>(&mut words).unwrap_or([0.0]);
                 self.texture_coordinates.push(uv_or_zero(Vec2::new(u as f32, (1.0 - v) as f32)));
             }
-            Some(b"f" | b"fo") => self.face(number, line, words)?,
-            Some(b"usemtl") => self.use_material(number, &argument(line))?,
-            Some(b"mtllib") => self.libraries(&argument(line)),
-            _ => {}
+            b"f" | b"fo" => self.face(number, line, words)?,
+            b"usemtl" => self.use_material(number, &argument(line))?,
+            b"mtllib" => self.libraries(&argument(line)),
+            b"usemap" if argument(line).eq_ignore_ascii_case("off") => {}
+            keyword if keyword.eq_ignore_ascii_case(POLYPAINT) => self.paint(words.next().unwrap_or_default()),
+            keyword => {
+                let name = std::str::from_utf8(keyword).unwrap_or("");
+                let fate = support::fate("OBJ", name).filter(|fate| matches!(fate, Fate::Warned | Fate::Lost));
+                if let Some(fate) = fate
+                    && !self.unread.iter().any(|(known, _)| known == name)
+                {
+                    self.unread.push((name.to_owned(), fate));
+                }
+            }
         }
         Ok(())
+    }
+
+    /// The next colours of ZBrush's paint: eight digits each, mask, red, green, blue, in the order of the positions.
+    fn paint(&mut self, digits: &[u8]) {
+        for color in digits.chunks_exact(8) {
+            let text = std::str::from_utf8(color).ok();
+            let Some(value) = text.and_then(|text| u32::from_str_radix(text, 16).ok()) else { return };
+            let [_, r, g, b] = value.to_be_bytes().map(|byte| f32::from(byte) / 255.0);
+            if self.painted >= self.raw.positions.len() {
+                return;
+            }
+            self.colors.resize(self.colors.len().max(self.painted + 1), [f32::NAN; 3]);
+            self.colors[self.painted] = [r, g, b];
+            self.painted += 1;
+        }
     }
 
     fn face<'w>(&mut self, number: usize, line: &[u8], words: impl Iterator<Item = &'w [u8]>) -> Parsed<()> {
@@ -146,6 +155,7 @@ impl<'a> Reader<'a> {
         if self.polygon.len() < 3 {
             self.thin_faces += 1;
         }
+        self.raw.end_polygon(self.raw.triangles.len(), self.polygon.len());
         for i in 2..self.polygon.len() {
             let [a, b, c] = [self.polygon[0], self.polygon[i - 1], self.polygon[i]];
             self.raw.push(|| format!("line {number}"), [a, b, c].map(|corner| corner.position), None)?;
@@ -178,6 +188,8 @@ impl<'a> Reader<'a> {
 
     /// One name with spaces, or several without.
     fn libraries(&mut self, names: &str) {
+        let bare = without_comment(names);
+        let names = if self.source.companion(names).exists() { names } else { bare };
         let whole = self.source.companion(names);
         let paths = match names.split_whitespace().count() {
             2.. if !whole.exists() => names.split_whitespace().map(|name| self.source.companion(name)).collect(),
@@ -191,17 +203,13 @@ impl<'a> Reader<'a> {
 
     fn finish(mut self) -> Parsed<RawMesh> {
         self.resolve_corners()?;
-        let mut missing = Vec::new();
-        for material in self.raw.materials.iter_mut().filter(|m| !m.name.is_empty()) {
-            // The last definition of a name counts, as for a renderer that reads from the top.
-            match self.library.iter().rev().find(|defined| defined.name == material.name) {
-                Some(defined) => *material = defined.clone(),
-                None => missing.push(material.name.as_str()),
+        self.define_materials();
+        self.apply_colors()?;
+        for (what, fate) in std::mem::take(&mut self.unread) {
+            match fate {
+                Fate::Lost => self.raw.lose_color(format!("textures set by `{what}` are not read")),
+                _ => self.raw.warnings.push(format!("`{what}` is not read: its surface is missing")),
             }
-        }
-        if !missing.is_empty() {
-            let missing = format!("materials nowhere defined stay white: `{}`", missing.join("`, `"));
-            self.raw.lose_color(missing);
         }
         if self.thin_faces > 0 {
             self.raw
@@ -209,6 +217,104 @@ impl<'a> Reader<'a> {
                 .push(format!("{} with fewer than three corners skipped", counted(self.thin_faces, "face")));
         }
         Ok(self.raw)
+    }
+
+    /// Replaces the materials' names by what the libraries say of them.
+    fn define_materials(&mut self) {
+        let (mut missing, mut colorless) = (Vec::new(), Vec::new());
+        let mut placements = Vec::new();
+        let named: HashMap<&str, &Definition> =
+            self.library.iter().map(|defined| (without_comment(&defined.material.name), defined)).collect();
+        for material in &mut self.raw.materials {
+            placements.push(None);
+            if material.name.is_empty() {
+                continue;
+            }
+            // The last definition of a name counts, as for a renderer that reads from the top.
+            let exact = self.library.iter().rev().find(|defined| defined.material.name == material.name);
+            match exact.or_else(|| named.get(without_comment(&material.name)).copied()) {
+                Some(defined) => {
+                    if !defined.has_color {
+                        colorless.push(material.name.clone());
+                    }
+                    *material = defined.material.clone();
+                    placements.pop();
+                    placements.push(Some((defined.scale, defined.offset)).filter(|p| *p != (DVec2::ONE, DVec2::ZERO)));
+                }
+                None => missing.push(material.name.clone()),
+            }
+        }
+        if placements.iter().any(Option::is_some) {
+            for (uvs, &material) in self.raw.uvs.iter_mut().zip(&self.raw.material_of) {
+                let Some((scale, offset)) = placements[usize::from(material)] else { continue };
+                // MTL counts v upwards.
+                let place = |uv: Vec2| {
+                    let up = DVec2::new(uv.x.into(), 1.0 - f64::from(uv.y)) * scale + offset;
+                    if uv.is_nan() { uv } else { uv_or_zero(Vec2::new(up.x as f32, (1.0 - up.y) as f32)) }
+                };
+                *uvs = uvs.map(place);
+            }
+        }
+        // Vertex colours stand in for what a material leaves open.
+        if self.colors.is_empty() && !colorless.is_empty() {
+            let colorless = format!("materials without Kd or map_Kd stay white: `{}`", colorless.join("`, `"));
+            self.raw.lose_color(colorless);
+        }
+        let nameless =
+            self.raw.material_of.iter().filter(|&&m| self.raw.materials[usize::from(m)].name.is_empty()).count();
+        if nameless > 0 && self.colors.is_empty() {
+            self.raw.warnings.push(format!("{} without a material: white", counted(nameless, "triangle")));
+        }
+        if !missing.is_empty() {
+            let missing = format!("materials nowhere defined stay white: `{}`", missing.join("`, `"));
+            self.raw.lose_color(missing);
+        }
+    }
+
+    /// Gives the vertices' colours to the corners.
+    fn apply_colors(&mut self) -> Parsed<()> {
+        let greatest = self.colors.iter().flatten().copied().fold(0.0, f32::max);
+        // Some writers give bytes.
+        let full = if greatest > 1.0 { 255.0 } else { 1.0 };
+        if self.colors.iter().flatten().all(|&c| c == full || c.is_nan()) {
+            return Ok(());
+        }
+        let linear_of = |position: u32| match self.colors.get(position as usize) {
+            Some(rgb) if rgb.iter().all(|c| c.is_finite()) => Some(rgb.map(|c| srgb_to_linear(c.max(0.0) / full))),
+            _ => None,
+        };
+        if self.raw.materials.is_empty() {
+            self.raw.add_material(|| "the vertices".to_owned(), plain("vertex colours", [1.0; 4]))?;
+        }
+        let (mut textured, mut bare) = (0, 0);
+        let mut colors = Vec::with_capacity(self.raw.triangles.len());
+        let mut replaced = vec![false; self.raw.materials.len()];
+        for (t, triangle) in self.raw.triangles.iter().enumerate() {
+            let material = self.raw.material(t);
+            if self.raw.materials[material].base_color_texture.is_some() {
+                textured += 1;
+                colors.push([WHITE; 3]);
+                continue;
+            }
+            let found = triangle.map(linear_of);
+            bare += usize::from(found.contains(&None));
+            replaced[material] = true;
+            colors.push(found.map(|color| color.unwrap_or(WHITE)));
+        }
+        for (material, _) in self.raw.materials.iter_mut().zip(replaced).filter(|(_, replaced)| *replaced) {
+            material.base_color = [1.0, 1.0, 1.0, material.base_color[3]];
+        }
+        self.raw.corner_colors = colors;
+        if textured > 0 {
+            let triangles = counted(textured, "triangle");
+            self.raw.warnings.push(format!("the vertex colours of {triangles} with a texture are not used"));
+        }
+        if bare > 0 {
+            let triangles = counted(bare, "triangle");
+            self.raw
+                .lose_color(format!("corners of {triangles} have no vertex colour as others have: they stay white"));
+        }
+        Ok(())
     }
 
     fn resolve_corners(&mut self) -> Parsed<()> {
@@ -228,7 +334,7 @@ impl<'a> Reader<'a> {
         if bare == self.corner_uvs.len() {
             return Ok(());
         }
-        let look_up = |i: u32| if i == NO_UV { Vec2::ZERO } else { self.texture_coordinates[i as usize] };
+        let look_up = |i: u32| if i == NO_UV { NO_COORDINATE } else { self.texture_coordinates[i as usize] };
         self.raw.uvs = self.corner_uvs.iter().map(|uv| uv.map(look_up)).collect();
         if bare > 0 {
             self.raw

@@ -1,116 +1,226 @@
 //! PLY: text and binary of both byte orders.
 //!
-//! Read are vertices with x, y, z and u, v (also s, t or `texture_u`, `texture_v`), faces of any number of corners as fans
-//! with `vertex_indices` and MeshLab's per-corner `texcoord`. Elements and properties of other names are stepped over.
+//! Read are vertices with x, y, z, u, v (also s, t or `texture_u`, `texture_v`) and colours, faces of any number of
+//! corners with `vertex_indices`, MeshLab's per-corner `texcoord` and `texnumber`, or a colour of their own, and
+//! triangle strips. Elements and properties of other names are stepped over.
 
 use glam::{DVec3, Vec2};
 
 use super::ply_header::{self, Element, Encoding, Kind, Scalar};
-use super::raw::{RawMesh, finite, plain, uv_or_zero};
-use super::{Source, texture};
+use super::ply_surface::{ColorProperties, Textures, dress, linear_colors};
+use super::raw::{RawMesh, WHITE, finite, uv_or_zero};
+use super::{Source, text};
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::counted;
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
-    let header = ply_header::parse(source.bytes)?;
-    let mut body = Body { bytes: source.bytes, at: header.bytes, line: header.lines + 1, encoding: header.encoding };
+    // Only a text begins with a mark of UTF-16.
+    let bytes = match source.bytes {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => text::decoded(source.bytes),
+        bytes => bytes.into(),
+    };
+    let header = ply_header::parse(&bytes)?;
+    let mut body = Body { bytes: &bytes, at: header.bytes, line: header.lines + 1, encoding: header.encoding };
     let mut raw = RawMesh::new(1.0);
-    let mut uvs = Vec::new();
+    let mut vertices = Vertices::default();
+    let mut textures = Textures::new(header.texture_files.len());
     for element in &header.elements {
         body.check_room(element)?;
         match element.name.as_str() {
-            "vertex" => vertices(element, &mut body, &mut raw.positions, &mut uvs)?,
-            "face" => faces(element, &mut body, &mut raw, &uvs)?,
+            "vertex" => vertices.read(element, &mut body, &mut raw.positions)?,
+            "face" => faces(element, &mut body, &mut raw, &vertices, &mut textures)?,
+            "tristrips" => strips(element, &mut body, &mut raw, &vertices, &mut textures)?,
             _ => skip(element, &mut body)?,
         }
     }
     check_indices(&raw)?;
-    if let Some(name) = header.texture_file {
-        let mut material = plain("texture", [1.0; 4]);
-        match source.read(&source.companion(&name)).and_then(|bytes| texture::decode(&bytes)) {
-            Ok(texture) => material.base_color_texture = Some(texture),
-            Err(reason) => {
-                raw.lose_color(format!("texture `{name}` cannot be read ({reason}): the surface stays plain"))
-            }
+    for element in &header.elements {
+        let colors = ColorProperties::of(&element.properties).is_some();
+        if element.name.starts_with("multi_texture") || element.name == "material" && colors {
+            raw.lose_color(format!("colours by the element `{}` are not read", element.name));
         }
-        raw.add_material(|| "the header".to_owned(), material)?;
     }
+    dress(&mut raw, source, &header.texture_files, &textures)?;
     Ok(raw)
 }
 
-fn vertices(element: &Element, body: &mut Body, positions: &mut Vec<DVec3>, uvs: &mut Vec<Vec2>) -> Parsed<()> {
-    let find = |names: &[&str]| element.properties.iter().position(|p| names.contains(&p.name.as_str()));
-    let [Some(x), Some(y), Some(z)] = [find(&["x"]), find(&["y"]), find(&["z"])] else {
-        let names: Vec<&str> = element.properties.iter().map(|p| p.name.as_str()).collect();
-        return Err(Fault::new("element vertex", format!("properties `{}`", names.join(" ")), "x, y and z"));
-    };
-    let uv = find(&["u", "s", "texture_u"]).zip(find(&["v", "t", "texture_v"]));
-    positions.reserve(element.count);
-    let mut values = vec![0.0; element.properties.len()];
-    for i in 0..element.count {
-        for (property, value) in element.properties.iter().zip(&mut values) {
-            match property.kind {
-                Kind::One(scalar) => *value = body.number(scalar, element, i)?,
-                Kind::List { length, item } => body.list(length, item, element, i, |_| {})?,
-            }
-        }
-        let p = DVec3::new(values[x], values[y], values[z]);
-        positions.push(finite(p, || body.place(element, i))?);
-        if let Some((u, v)) = uv {
-            uvs.push(uv_or_zero(Vec2::new(values[u] as f32, (1.0 - values[v]) as f32)));
-        }
-    }
-    Ok(())
+/// What a vertex has besides its position.
+#[derive(Default)]
+struct Vertices {
+    uvs: Vec<Vec2>,
+    /// Linear RGB.
+    colors: Vec<[f32; 3]>,
 }
 
-fn faces(element: &Element, body: &mut Body, raw: &mut RawMesh, vertex_uvs: &[Vec2]) -> Parsed<()> {
-    let mut corners: Vec<u32> = Vec::new();
-    let mut texcoords: Vec<f32> = Vec::new();
-    let mut thin = 0;
-    for i in 0..element.count {
-        corners.clear();
-        texcoords.clear();
+impl Vertices {
+    fn read(&mut self, element: &Element, body: &mut Body, positions: &mut Vec<DVec3>) -> Parsed<()> {
+        let find = |names: &[&str]| element.properties.iter().position(|p| names.contains(&p.name.as_str()));
+        let [Some(x), Some(y), Some(z)] = [find(&["x"]), find(&["y"]), find(&["z"])] else {
+            let names: Vec<&str> = element.properties.iter().map(|p| p.name.as_str()).collect();
+            return Err(Fault::new("element vertex", format!("properties `{}`", names.join(" ")), "x, y and z"));
+        };
+        let uv = find(&["u", "s", "texture_u"]).zip(find(&["v", "t", "texture_v"]));
+        let color = ColorProperties::of(&element.properties);
+        positions.reserve(element.count);
+        let mut values = vec![0.0; element.properties.len()];
+        for i in 0..element.count {
+            for (property, value) in element.properties.iter().zip(&mut values) {
+                match property.kind {
+                    Kind::One(scalar) => *value = body.number(scalar, element, i)?,
+                    Kind::List { length, item } => body.list(length, item, element, i, |_| {})?,
+                }
+            }
+            let p = DVec3::new(values[x], values[y], values[z]);
+            positions.push(finite(p, || body.place(element, i))?);
+            if let Some((u, v)) = uv {
+                self.uvs.push(uv_or_zero(Vec2::new(values[u] as f32, (1.0 - values[v]) as f32)));
+            }
+            self.colors.extend(color.as_ref().map(|color| color.read(&values)));
+        }
+        linear_colors(&mut self.colors);
+        Ok(())
+    }
+
+    fn color(&self, corner: u32) -> [f32; 3] {
+        self.colors.get(corner as usize).copied().unwrap_or(WHITE)
+    }
+}
+
+/// What is read of one face or strip.
+#[derive(Default)]
+struct Row {
+    corners: Vec<u32>,
+    texcoords: Vec<f32>,
+    /// By property, where it is one number.
+    values: Vec<f64>,
+    texture: Option<f64>,
+}
+
+impl Row {
+    /// Reads the next; `restart` is the index that ends a strip.
+    fn read(&mut self, element: &Element, body: &mut Body, i: usize, restart: Option<f64>) -> Parsed<()> {
+        self.corners.clear();
+        self.texcoords.clear();
+        self.values.clear();
+        self.texture = None;
         let mut stray = None;
         for property in &element.properties {
+            let mut one = 0.0;
             match (property.name.as_str(), property.kind) {
                 ("vertex_indices" | "vertex_index", Kind::List { length, item }) => {
                     body.list(length, item, element, i, |value| {
                         // Text may hold −1 or 1.5 here.
-                        if value < 0.0 || value > f64::from(u32::MAX) || value.fract() != 0.0 {
+                        let is_index = value >= 0.0 && value <= f64::from(u32::MAX) && value.fract() == 0.0;
+                        if !is_index && restart != Some(value) {
                             stray = Some(value);
                         }
-                        corners.push(value as u32);
+                        self.corners.push(if is_index { value as u32 } else { RESTART });
                     })?;
                 }
                 ("texcoord", Kind::List { length, item }) => {
-                    body.list(length, item, element, i, |value| texcoords.push(value as f32))?;
+                    body.list(length, item, element, i, |value| self.texcoords.push(value as f32))?;
                 }
                 (_, Kind::List { length, item }) => body.list(length, item, element, i, |_| {})?,
-                (_, Kind::One(scalar)) => {
-                    body.number(scalar, element, i)?;
-                }
+                (_, Kind::One(scalar)) => one = body.number(scalar, element, i)?,
+            }
+            self.values.push(one);
+            if ["texnumber", "texture_number"].contains(&property.name.as_str()) {
+                self.texture = Some(one);
             }
         }
-        if let Some(value) = stray {
-            return Err(Fault::new(body.place(element, i), format!("vertex index {value}"), "an index from 0"));
+        match stray {
+            Some(value) => Err(Fault::new(body.place(element, i), format!("vertex index {value}"), "an index from 0")),
+            None => Ok(()),
         }
-        thin += usize::from(corners.len() < 3);
-        let uv_of = |corner: usize| -> Option<Vec2> {
-            if let Some(uv) = texcoords.get(2 * corner..2 * corner + 2) {
-                return Some(uv_or_zero(Vec2::new(uv[0], 1.0 - uv[1])));
-            }
-            vertex_uvs.get(corners[corner] as usize).copied()
+    }
+
+    fn uv(&self, corner: usize, vertices: &Vertices) -> Option<Vec2> {
+        if let Some(uv) = self.texcoords.get(2 * corner..2 * corner + 2) {
+            return Some(uv_or_zero(Vec2::new(uv[0], 1.0 - uv[1])));
+        }
+        vertices.uvs.get(self.corners[corner] as usize).copied()
+    }
+
+    fn triangle(
+        &self,
+        raw: &mut RawMesh,
+        place: impl Fn() -> String,
+        corners: [usize; 3],
+        vertices: &Vertices,
+    ) -> Parsed<()> {
+        let uv = match corners.map(|corner| self.uv(corner, vertices)) {
+            [Some(a), Some(b), Some(c)] => Some([a, b, c]),
+            _ => None,
         };
-        for c in 2..corners.len() {
-            let uv = match [uv_of(0), uv_of(c - 1), uv_of(c)] {
-                [Some(a), Some(b), Some(c)] => Some([a, b, c]),
-                _ => None,
-            };
-            raw.push(|| format!("face {i}"), [corners[0], corners[c - 1], corners[c]], uv)?;
+        let corners = corners.map(|corner| self.corners[corner]);
+        raw.push(place, corners, uv)?;
+        if !vertices.colors.is_empty() {
+            raw.color_last(corners.map(|corner| vertices.color(corner)));
         }
+        Ok(())
+    }
+}
+
+/// Stands for −1 in a strip; no mesh has as many vertices.
+const RESTART: u32 = u32::MAX;
+
+fn faces(
+    element: &Element,
+    body: &mut Body,
+    raw: &mut RawMesh,
+    vertices: &Vertices,
+    textures: &mut Textures,
+) -> Parsed<()> {
+    let color = ColorProperties::of(&element.properties);
+    let mut face_colors = Vec::new();
+    let before = raw.triangles.len();
+    let mut row = Row::default();
+    let mut thin = 0;
+    for i in 0..element.count {
+        row.read(element, body, i, None)?;
+        thin += usize::from(row.corners.len() < 3);
+        let first = raw.triangles.len();
+        raw.end_polygon(first, row.corners.len());
+        for c in 2..row.corners.len() {
+            row.triangle(raw, || format!("face {i}"), [0, c - 1, c], vertices)?;
+            face_colors.extend(color.as_ref().map(|color| color.read(&row.values)));
+        }
+        let number = textures.number(row.texture, || body.place(element, i))?;
+        textures.fill(raw.triangles.len(), number);
+    }
+    if vertices.colors.is_empty() && color.is_some() {
+        linear_colors(&mut face_colors);
+        raw.corner_colors.resize(before, [WHITE; 3]);
+        raw.corner_colors.extend(face_colors.iter().map(|&color| [color; 3]));
     }
     if thin > 0 {
         raw.warnings.push(format!("{} with fewer than three corners skipped", counted(thin, "face")));
+    }
+    Ok(())
+}
+
+/// Triangle strips, one behind the other, each ended by −1: every second triangle is turned round.
+fn strips(
+    element: &Element,
+    body: &mut Body,
+    raw: &mut RawMesh,
+    vertices: &Vertices,
+    textures: &mut Textures,
+) -> Parsed<()> {
+    let mut row = Row::default();
+    for i in 0..element.count {
+        row.read(element, body, i, Some(-1.0))?;
+        let mut start = 0;
+        for end in 0..row.corners.len() {
+            if row.corners[end] == RESTART {
+                start = end + 1;
+            } else if end >= start + 2 {
+                let [a, b] = if (end - start) % 2 == 0 { [end - 2, end - 1] } else { [end - 1, end - 2] };
+                row.triangle(raw, || format!("strip {i}"), [a, b, end], vertices)?;
+            }
+        }
+        let number = textures.number(row.texture, || body.place(element, i))?;
+        textures.fill(raw.triangles.len(), number);
     }
     Ok(())
 }
@@ -200,13 +310,22 @@ impl Body<'_> {
         })
     }
 
-    fn text_number(&mut self, element: &Element, i: usize) -> Parsed<f64> {
-        while let Some(b) = self.bytes.get(self.at).filter(|b| b.is_ascii_whitespace()) {
-            self.line += usize::from(*b == b'\n');
+    /// Skips blanks, and comments up to their line's end.
+    fn skip_to_word(&mut self) {
+        let mut in_comment = false;
+        while let Some(&b) = self.bytes.get(self.at).filter(|b| in_comment || b.is_ascii_whitespace() || **b == b'#') {
+            let ends_line = b == b'\n' || b == b'\r' && self.bytes.get(self.at + 1) != Some(&b'\n');
+            self.line += usize::from(ends_line);
+            in_comment = !ends_line && (in_comment || b == b'#');
             self.at += 1;
         }
+    }
+
+    fn text_number(&mut self, element: &Element, i: usize) -> Parsed<f64> {
+        self.skip_to_word();
         let rest = &self.bytes[self.at..];
-        let word = &rest[..rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len())];
+        let ends = |b: &u8| b.is_ascii_whitespace() || *b == b'#';
+        let word = &rest[..rest.iter().position(ends).unwrap_or(rest.len())];
         let found = if word.is_empty() { "the end of the file".to_owned() } else { quote(word) };
         let value = std::str::from_utf8(word).ok().and_then(|w| w.parse().ok());
         let value = value.ok_or_else(|| Fault::new(self.place(element, i), found, "a number"))?;

@@ -1,5 +1,6 @@
 //! The header of a PLY file: which elements follow, how many, with which properties.
 
+use super::text::line_end;
 use crate::mesh::error::{Fault, Parsed, quote};
 
 /// How the body is written.
@@ -89,8 +90,8 @@ impl Element {
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
-    /// Named by MeshLab's `comment TextureFile`.
-    pub(super) texture_file: Option<String>,
+    /// Named by MeshLab's `comment TextureFile`, in the order that `texnumber` counts in.
+    pub(super) texture_files: Vec<String>,
     /// Bytes and lines that the header takes.
     pub(super) bytes: usize,
     pub(super) lines: usize,
@@ -99,21 +100,25 @@ pub(super) struct Header {
 pub(super) fn parse(bytes: &[u8]) -> Parsed<Header> {
     let mut encoding = None;
     let mut elements: Vec<Element> = Vec::new();
-    let mut texture_file = None;
+    let mut texture_files = Vec::new();
+    // A body may begin with a line feed's byte: the first line tells whether one belongs to line ends.
+    let mut return_alone = false;
     let mut at = 0;
     let mut number = 0;
     loop {
         number += 1;
-        let Some(end) = bytes[at..].iter().position(|&b| b == b'\n').map(|i| at + i) else {
+        let Some((end, next)) = line_end(&bytes[at..]).map(|(end, next)| (at + end, at + next)) else {
             let found = format!("the end of the file after {}", quote(&bytes[at..]));
             return Err(Fault::new(format!("line {number}"), found, "end_header"));
         };
         let line = bytes[at..end].trim_ascii();
-        at = end + 1;
+        return_alone |= number == 1 && next == end + 1 && bytes[end] == b'\r';
+        at = if return_alone { end + 1 } else { next };
         let text = std::str::from_utf8(line).unwrap_or("");
         let words: Vec<&str> = text.split_ascii_whitespace().collect();
         let fail = |expected: &str| Err(Fault::new(format!("line {number}"), quote(line), expected));
         if number == 1 {
+            let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
             if line != b"ply" {
                 return fail("ply");
             }
@@ -149,8 +154,8 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed<Header> {
                     (_, None) => return fail("an element before its properties"),
                 }
             }
-            ["comment", "TextureFile", ..] => {
-                texture_file = text.split_once("TextureFile").map(|(_, name)| name.trim().to_owned());
+            ["comment" | "obj_info", word, _, ..] if word.eq_ignore_ascii_case("TextureFile") => {
+                texture_files.extend(text.split_once(word).map(|(_, name)| name.trim().to_owned()));
             }
             ["comment" | "obj_info", ..] | [] if line.is_empty() || !words.is_empty() => {}
             // A comment in another encoding than UTF-8.
@@ -165,5 +170,5 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed<Header> {
             "format ascii, binary_little_endian or binary_big_endian",
         ));
     };
-    Ok(Header { encoding, elements, texture_file, bytes: at, lines: number })
+    Ok(Header { encoding, elements, texture_files, bytes: at, lines: number })
 }

@@ -3,18 +3,28 @@
 use glam::{DVec3, Vec2};
 
 use super::MAX_TRIANGLES;
-use crate::mesh::SurfaceMaterial;
 use crate::mesh::error::{Fault, Parsed};
+use crate::mesh::{SurfaceMaterial, Wrap};
+
+/// Texture coordinates that the file does not give; settled once the materials are known.
+pub(super) const NO_UV: Vec2 = Vec2::NAN;
+
+/// A colour that multiplies without effect.
+pub(super) const WHITE: [f32; 3] = [1.0; 3];
 
 /// A mesh as it stands in the file.
 pub(super) struct RawMesh {
     pub(super) positions: Vec<DVec3>,
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Parallel to `triangles` or empty; v grows downwards.
+    /// Parallel to `triangles` or empty; v grows downwards; [`NO_UV`] at corners without.
     pub(super) uvs: Vec<[Vec2; 3]>,
+    /// Linear RGB of each triangle's corners; as long as `triangles`, or shorter where the rest is white.
+    pub(super) corner_colors: Vec<[[f32; 3]; 3]>,
     /// Parallel to `triangles` or empty.
     pub(super) material_of: Vec<u16>,
     pub(super) materials: Vec<SurfaceMaterial>,
+    /// First triangle and corners of every polygon with more than three, which stands as a fan.
+    pub(super) fans: Vec<[u32; 2]>,
     pub(super) warnings: Vec<String>,
     /// The first warning about a base colour that could not be had.
     pub(super) lost_color: Option<String>,
@@ -28,8 +38,10 @@ impl RawMesh {
             positions: Vec::new(),
             triangles: Vec::new(),
             uvs: Vec::new(),
+            corner_colors: Vec::new(),
             material_of: Vec::new(),
             materials: Vec::new(),
+            fans: Vec::new(),
             warnings: Vec::new(),
             lost_color: None,
             mm_per_unit,
@@ -43,13 +55,31 @@ impl RawMesh {
             return Err(Fault::new(place(), "another triangle", format!("at most {MAX_TRIANGLES} triangles")));
         }
         if let Some(uv) = uv {
-            self.uvs.resize(self.triangles.len(), [Vec2::ZERO; 3]);
+            self.uvs.resize(self.triangles.len(), [NO_UV; 3]);
             self.uvs.push(uv);
         } else if !self.uvs.is_empty() {
-            self.uvs.push([Vec2::ZERO; 3]);
+            self.uvs.push([NO_UV; 3]);
         }
         self.triangles.push(corners);
         Ok(())
+    }
+
+    /// Gives the triangle added last its corners' colours; others are white.
+    pub(super) fn color_last(&mut self, colors: [[f32; 3]; 3]) {
+        self.corner_colors.resize(self.triangles.len() - 1, [WHITE; 3]);
+        self.corner_colors.push(colors);
+    }
+
+    /// Notes that the triangles from `first` on are the fan of one polygon of `corners` corners.
+    pub(super) fn end_polygon(&mut self, first: usize, corners: usize) {
+        if corners > 3 {
+            self.fans.push([first as u32, corners as u32]);
+        }
+    }
+
+    /// Material of a triangle.
+    pub(super) fn material(&self, triangle: usize) -> usize {
+        self.material_of.get(triangle).copied().unwrap_or(0).into()
     }
 
     /// Warns of a base colour that cannot be had.
@@ -70,7 +100,13 @@ impl RawMesh {
 
 /// A material of plain colour.
 pub(super) fn plain(name: impl Into<String>, base_color: [f32; 4]) -> SurfaceMaterial {
-    SurfaceMaterial { name: name.into(), base_color, base_color_texture: None }
+    SurfaceMaterial {
+        name: name.into(),
+        base_color,
+        base_color_texture: None,
+        wrap: [Wrap::Repeat; 2],
+        baked_from: None,
+    }
 }
 
 /// Refuses NaN and infinities.

@@ -1,26 +1,31 @@
 //! STL, binary and text.
 //!
-//! The two are told apart by size, not by the word "solid": binary files begin with it too, and a binary file's length
-//! follows from its count (84 + 50·n). Normals are ignored: they follow from the order of corners. A text file may hold several solids.
+//! The two are told apart by size and content, not by the word "solid" alone: binary files begin with it too, and a
+//! binary file's length follows from its count (84 + 50·n). Of a text file the words count, not its lines. It may hold
+//! several solids. Normals are ignored: they follow from the order of corners.
 
 use glam::DVec3;
 
 use super::Source;
 use super::raw::{RawMesh, finite};
+use super::text::{Lines, decoded};
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::counted;
 
 const HEADER: usize = 84;
 const RECORD: usize = 50;
+/// Where a text must have come to a facet, or to its end: names and comments before it are shorter.
+const TEXT_PROBE: usize = 1 << 16;
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let bytes = source.bytes;
     let count = bytes.get(80..HEADER).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
-    let exact = count.is_some_and(|n| bytes.len() == HEADER + RECORD * n);
-    let looks_like_text =
-        bytes.trim_ascii_start().get(..5).is_some_and(|w| w.eq_ignore_ascii_case(b"solid")) && !bytes.contains(&0);
-    if looks_like_text && !exact {
-        return text(bytes);
+    let exact = count.is_some_and(|n| bytes.len() == HEADER + RECORD * n && n > 0);
+    if !exact {
+        let decoded = decoded(bytes);
+        if is_text(&decoded) {
+            return text(&decoded);
+        }
     }
     let Some(count) = count else {
         let found = format!("{} bytes that begin with {}", bytes.len(), quote(bytes));
@@ -29,13 +34,37 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     binary(bytes, count)
 }
 
-fn binary(bytes: &[u8], count: usize) -> Parsed<RawMesh> {
+/// Whether the file's first words are a text's: `solid` or a facet, and then one that only a text has. A binary header
+/// may say the same, but no binary file goes on in characters alone.
+fn is_text(bytes: &[u8]) -> bool {
+    let head = &bytes[..bytes.len().min(TEXT_PROBE)];
+    let mut words = Words::new(head);
+    let Some((_, first)) = words.next() else { return false };
+    if !["solid", "facet"].iter().any(|word| first.eq_ignore_ascii_case(word.as_bytes())) {
+        return false;
+    }
+    let has_text_word = words.any(|(_, word)| {
+        ["facet", "normal", "vertex", "endsolid", "end"].iter().any(|other| word.eq_ignore_ascii_case(other.as_bytes()))
+    });
+    // Records of floats are full of control characters; a text may be padded with zeros at its end.
+    let body = head.get(..head.iter().rposition(|&b| b != 0).map_or(0, |last| last + 1)).unwrap_or(head);
+    let odd = body.iter().filter(|&&b| b < 32 && !b.is_ascii_whitespace() && b != 0x1a).count();
+    (has_text_word || !bytes.contains(&0)) && odd * 50 <= body.len()
+}
+
+fn binary(bytes: &[u8], claimed: usize) -> Parsed<RawMesh> {
     let body = &bytes[HEADER..];
-    if body.len() < RECORD * count {
+    let mut raw = RawMesh::new(1.0);
+    let mut count = claimed;
+    if claimed == 0 && !body.is_empty() && body.len().is_multiple_of(RECORD) {
+        // Writers that stream cannot go back to fill in the count.
+        count = body.len() / RECORD;
+        raw.warnings.push(format!("the header counts 0 triangles; all {count} that the file has room for are read"));
+    }
+    if body.len() / RECORD < count {
         let found = format!("{} bytes after a header that claims {count} triangles", body.len());
         return Err(Fault::new("byte 80", found, format!("{} bytes", RECORD * count)));
     }
-    let mut raw = RawMesh::new(1.0);
     if body.len() > RECORD * count {
         raw.warnings.push(format!("{} after the last triangle ignored", counted(body.len() - RECORD * count, "byte")));
     }
@@ -51,29 +80,94 @@ fn binary(bytes: &[u8], count: usize) -> Parsed<RawMesh> {
     Ok(raw)
 }
 
+/// Words with the numbers of their lines; `#` begins a comment, `solid` and `endsolid` take a name up to the end of
+/// their line.
+#[derive(Clone)]
+struct Words<'a> {
+    lines: Lines<'a>,
+    number: usize,
+    rest: &'a [u8],
+}
+
+impl<'a> Words<'a> {
+    fn new(text: &'a [u8]) -> Self {
+        Self { lines: Lines::new(text), number: 1, rest: &[] }
+    }
+
+    /// Skips a solid's name. A line that goes on with a facet holds no more of it.
+    fn skip_name(&mut self) {
+        let mut ahead = self.clone();
+        ahead.lines = Lines::new(&[]);
+        let mut before = ahead.clone();
+        while let Some((_, word)) = ahead.next() {
+            let follows = ahead.clone().next().map(|(_, word)| word.to_ascii_lowercase());
+            let starts = word.eq_ignore_ascii_case(b"facet") && follows.as_deref() == Some(b"normal");
+            if starts || word.eq_ignore_ascii_case(b"endsolid") {
+                self.rest = before.rest;
+                return;
+            }
+            before = ahead.clone();
+        }
+        self.rest = &[];
+    }
+}
+
+impl<'a> Iterator for Words<'a> {
+    type Item = (usize, &'a [u8]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let is_blank = |b: &u8| b.is_ascii_whitespace() || *b == 0 || *b == 0x1a;
+        loop {
+            let start = self.rest.iter().position(|b| !is_blank(b)).unwrap_or(self.rest.len());
+            let rest = &self.rest[start..];
+            if rest.is_empty() || rest[0] == b'#' {
+                (self.number, self.rest) = self.lines.next()?;
+                continue;
+            }
+            let end = rest.iter().position(|b| is_blank(b) || *b == b'#').unwrap_or(rest.len());
+            self.rest = &rest[end..];
+            return Some((self.number, &rest[..end]));
+        }
+    }
+}
+
 fn text(bytes: &[u8]) -> Parsed<RawMesh> {
     let mut raw = RawMesh::new(1.0);
     // Line of the facet being read.
     let mut facet: Option<usize> = None;
     let mut corners = 0;
     let mut solid_open = false;
-    let mut number = 0;
-    for line in bytes.split(|&b| b == b'\n') {
-        number += 1;
+    let mut words = Words::new(bytes);
+    while let Some((number, word)) = words.next() {
         let place = || format!("line {number}");
-        let mut words = line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty());
-        let Some(keyword) = words.next() else { continue };
-        match (keyword.to_ascii_lowercase().as_slice(), facet) {
-            (b"solid", None) => solid_open = true,
-            (b"endsolid", None) => solid_open = false,
-            (b"facet", None) => (facet, corners) = (Some(number), 0),
-            (b"outer" | b"endloop", Some(_)) => {}
+        let mut keyword = word.to_ascii_lowercase();
+        if keyword == b"end" {
+            // `end solid` and its like, in two words.
+            keyword.extend(words.next().map(|(_, word)| word.to_ascii_lowercase()).unwrap_or_default());
+        }
+        match (keyword.as_slice(), facet) {
+            (b"solid", None) => {
+                solid_open = true;
+                words.skip_name();
+            }
+            (b"endsolid", None) => {
+                solid_open = false;
+                words.skip_name();
+            }
+            (b"facet", None) => {
+                (facet, corners) = (Some(number), 0);
+                skip_normal(&mut words);
+            }
+            (b"outer" | b"loop" | b"endloop", Some(_)) => {}
             (b"vertex", Some(_)) if corners < 3 => {
                 let mut p = [0.0; 3];
+                let mut said = word.to_vec();
                 for value in &mut p {
-                    let number = words.next().and_then(|w| std::str::from_utf8(w).ok()?.parse().ok());
+                    let word = words.next().map(|(_, word)| word);
+                    said.extend([b" ", word.unwrap_or_default()].concat());
+                    let parsed = word.and_then(|w| std::str::from_utf8(w).ok()?.parse().ok());
                     *value =
-                        number.ok_or_else(|| Fault::new(place(), quote(line), "`vertex x y z` with three numbers"))?;
+                        parsed.ok_or_else(|| Fault::new(place(), quote(&said), "`vertex x y z` with three numbers"))?;
                 }
                 raw.positions.push(finite(DVec3::from_array(p), place)?);
                 corners += 1;
@@ -85,15 +179,35 @@ fn text(bytes: &[u8]) -> Parsed<RawMesh> {
             (_, Some(start)) => {
                 let expected = format!("corner {} of the facet begun in line {start}", (corners + 1).min(3));
                 let expected = if corners == 3 { "endloop and endfacet".to_owned() } else { expected };
-                return Err(Fault::new(place(), quote(line), expected));
+                return Err(Fault::new(place(), quote(word), expected));
             }
-            (_, None) => return Err(Fault::new(place(), quote(line), "solid, facet or endsolid")),
+            (_, None) => return Err(Fault::new(place(), quote(word), "solid, facet or endsolid")),
         }
     }
-    if facet.is_some() || solid_open {
-        return Err(Fault::new(format!("line {number}"), "the end of the file", "endfacet and endsolid"));
+    if facet.is_some() {
+        return Err(Fault::new(format!("line {}", words.number), "the end of the file", "endfacet and endsolid"));
+    }
+    if solid_open && !raw.triangles.is_empty() {
+        raw.warnings.push("there is no endsolid: the file may be cut off".to_owned());
     }
     Ok(raw)
+}
+
+/// Skips `normal` and what stands for its numbers, which some writers make of words, up to the loop.
+fn skip_normal(words: &mut Words) {
+    let mut ahead = words.clone();
+    if !ahead.next().is_some_and(|(_, word)| word.eq_ignore_ascii_case(b"normal")) {
+        return;
+    }
+    *words = ahead.clone();
+    for _ in 0..3 {
+        match ahead.next() {
+            Some((_, word)) if !word.eq_ignore_ascii_case(b"outer") && !word.eq_ignore_ascii_case(b"vertex") => {
+                *words = ahead.clone();
+            }
+            _ => return,
+        }
+    }
 }
 
 fn push_last_three(raw: &mut RawMesh, place: impl Fn() -> String) -> Parsed<()> {

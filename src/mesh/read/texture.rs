@@ -24,3 +24,42 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Arc<Texture>, String> {
     let texels = image.pixels().map(|p| p.0).collect();
     Ok(Arc::new(Texture { width, height, texels }))
 }
+
+/// The texture with each texel that is `cut` out replaced by the nearest one left, in steps over edges; the texture
+/// repeats.
+pub(super) fn filled(texture: &Texture, cut: &[bool]) -> Texture {
+    let (width, height) = (texture.width as usize, texture.height as usize);
+    let mut texels = texture.texels.clone();
+    let mut known: Vec<bool> = cut.iter().map(|cut| !cut).collect();
+    let mut front: Vec<usize> = (0..known.len()).filter(|&i| known[i]).collect();
+    let mut next = Vec::new();
+    while !front.is_empty() {
+        for &texel in &front {
+            let (x, y) = (texel % width, texel / width);
+            let row = |y: usize| y % height * width;
+            let beside = [row(y) + (x + width - 1) % width, row(y) + (x + 1) % width];
+            for neighbour in beside.into_iter().chain([row(y + height - 1) + x, row(y + 1) + x]) {
+                if !std::mem::replace(&mut known[neighbour], true) {
+                    texels[neighbour] = texels[texel];
+                    next.push(neighbour);
+                }
+            }
+        }
+        front.clear();
+        std::mem::swap(&mut front, &mut next);
+    }
+    Texture { width: texture.width, height: texture.height, texels }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn holes_take_the_nearest_texel() {
+        let texels = [1, 0, 0, 0, 2, 0].map(|v| [v; 4]).to_vec();
+        let cut: Vec<bool> = texels.iter().map(|texel| texel[0] == 0).collect();
+        let filled = filled(&Texture { width: 6, height: 1, texels }, &cut);
+        assert_eq!(filled.texels.iter().map(|texel| texel[0]).collect::<Vec<_>>(), [1, 1, 1, 2, 2, 1]);
+    }
+}

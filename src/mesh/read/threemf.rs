@@ -1,37 +1,44 @@
-//! 3MF packages: the zip, its relationships, and the build assembled from its model parts.
+//! 3MF: the build assembled from a package's model parts.
+//!
+//! Only what is to be printed takes part: no support, no sheets, no helpers of slicers. What takes shape away, or
+//! stands in for a shape that is not read, is refused by name.
 
 use std::collections::BTreeMap;
-use std::io::{Cursor, Read};
 
 use glam::{DMat4, Vec2};
-use quick_xml::XmlVersion;
-use quick_xml::events::Event;
-use zip::ZipArchive;
 
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
-use super::threemf_model::{self, Instance, Model, Object, Properties, Triangle};
+use super::threemf_model::{Instance, Model, Object, Properties, TextureResource, Triangle};
+use super::threemf_package::{Package, absolute};
+use super::threemf_parts::{Parts, Role};
 use super::{MAX_TRIANGLES, Source, texture};
 use crate::mesh::SurfaceMaterial;
 use crate::mesh::error::{Fault, Parsed, quote};
-use crate::words::one_line;
+use crate::words::counted;
 
-/// Most bytes a part may unpack to: about 15 million triangles of XML, and a stop for zip bombs.
-const MAX_PART_BYTES: u64 = 1 << 30;
 /// Deepest nesting of components.
 const MAX_DEPTH: usize = 64;
 /// Most objects placed, so that components that double at every level end.
 const MAX_INSTANCES: usize = 100_000;
+/// Most colours of a group that become materials of their own, each of which is a page of the target; larger groups are
+/// colours of corners.
+const MAX_PLAIN_COLORS: usize = 256;
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let mut package = Package::open(source.bytes)?;
     let root = package.root_part()?;
     let models = package.models(&root)?;
+    let parts = package.parts()?;
     let mut build = Build {
         raw: RawMesh::new(models[&root].mm_per_unit),
+        root: &root,
         package,
         models: &models,
+        parts,
         materials: BTreeMap::new(),
         plain: None,
+        left_out: BTreeMap::new(),
+        lost: BTreeMap::new(),
         instances: 0,
     };
     build.raw.warnings = models.values().flat_map(|model| model.warnings.clone()).collect();
@@ -42,106 +49,37 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         return Err(Fault::new(root, "a build without items", "at least one item to print"));
     }
     for item in &models[&root].items {
-        build.place(&root, item, DMat4::IDENTITY, 0)?;
-    }
-    Ok(build.raw)
-}
-
-struct Package<'a> {
-    zip: ZipArchive<Cursor<&'a [u8]>>,
-}
-
-impl<'a> Package<'a> {
-    fn open(bytes: &'a [u8]) -> Parsed<Self> {
-        match ZipArchive::new(Cursor::new(bytes)) {
-            Ok(zip) => Ok(Self { zip }),
-            Err(error) => Err(Fault::new("the package", one_line(error), "a zip archive")),
+        if item.printable {
+            build.place(&root, &item.instance, DMat4::IDENTITY, 0)?;
+        } else {
+            build.leave_out("items with printable=\"0\"");
         }
     }
-
-    /// A part's bytes; part names start with a slash, zip entries do not.
-    fn part(&mut self, name: &str) -> Parsed<Vec<u8>> {
-        let entry = name.trim_start_matches('/');
-        let place = || format!("part {}", quote(name.as_bytes()));
-        let file = self.zip.by_name(entry).map_err(|error| Fault::new(place(), one_line(error), "that part"))?;
-        let mut bytes = Vec::new();
-        file.take(MAX_PART_BYTES + 1)
-            .read_to_end(&mut bytes)
-            .map_err(|error| Fault::new(place(), one_line(error), "intact compressed data"))?;
-        if bytes.len() as u64 > MAX_PART_BYTES {
-            return Err(Fault::new(place(), "more than 1 GiB unpacked", "a smaller part"));
-        }
-        Ok(bytes)
-    }
-
-    fn xml(&mut self, name: &str) -> Parsed<String> {
-        String::from_utf8(self.part(name)?).map_err(|error| {
-            Fault::new(name, format!("byte {} in no known encoding", error.utf8_error().valid_up_to()), "UTF-8")
-        })
-    }
-
-    /// The model that the package's relationships name as its start, or the customary one.
-    fn root_part(&mut self) -> Parsed<String> {
-        const CUSTOMARY: &str = "/3D/3dmodel.model";
-        let Ok(rels) = self.xml("_rels/.rels") else { return Ok(CUSTOMARY.to_owned()) };
-        let mut reader = quick_xml::Reader::from_str(&rels);
-        loop {
-            match reader.read_event() {
-                Ok(Event::Start(tag) | Event::Empty(tag)) if tag.local_name().as_ref() == "Relationship" => {
-                    let attribute = |name: &str| {
-                        let attribute = tag.try_get_attribute(name).ok()??;
-                        Some(attribute.normalized_value(XmlVersion::default()).ok()?.into_owned())
-                    };
-                    if attribute("Type").is_some_and(|kind| kind.ends_with("/3dmodel"))
-                        && let Some(target) = attribute("Target")
-                    {
-                        return Ok(absolute(&target));
-                    }
-                }
-                Ok(Event::Eof) => return Ok(CUSTOMARY.to_owned()),
-                Ok(_) => {}
-                Err(error) => return Err(Fault::new("_rels/.rels", one_line(error), "well-formed XML")),
-            }
-        }
-    }
-
-    /// The root model and every part that it refers to, by name.
-    fn models(&mut self, root: &str) -> Parsed<BTreeMap<String, Model>> {
-        let mut models = BTreeMap::new();
-        let mut wanted = vec![root.to_owned()];
-        while let Some(name) = wanted.pop() {
-            if models.contains_key(&name) {
-                continue;
-            }
-            let model = threemf_model::parse(&name, &self.xml(&name)?)?;
-            let instances = model.items.iter().chain(model.objects.values().flat_map(|object| &object.components));
-            wanted.extend(instances.filter_map(|instance| instance.part.as_deref()).map(absolute));
-            models.insert(name, model);
-        }
-        Ok(models)
-    }
-}
-
-fn absolute(part: &str) -> String {
-    format!("/{}", part.trim_start_matches('/'))
+    Ok(build.finish())
 }
 
 struct Build<'a> {
     raw: RawMesh,
+    root: &'a str,
     package: Package<'a>,
     models: &'a BTreeMap<String, Model>,
+    parts: Parts,
     /// Index into `raw.materials` of a part's property group and, for plain colours, its entry.
     materials: BTreeMap<(String, u32, u32), u16>,
     /// The material of triangles without property.
     plain: Option<u16>,
+    /// What is no part of the print, and how much of it there is.
+    left_out: BTreeMap<String, usize>,
+    /// Why triangles have no colour, and how many.
+    lost: BTreeMap<String, usize>,
     instances: usize,
 }
 
-/// What an instance's triangles of one property group look like.
-enum Look<'a> {
-    Plain,
-    Materials(&'a [SurfaceMaterial]),
-    Texture { texture: Option<&'a String>, coordinates: &'a [Vec2] },
+/// What a triangle looks like: its material, and what varies over it.
+struct Look {
+    material: u16,
+    uv: Option<[Vec2; 3]>,
+    colors: Option<[[f32; 3]; 3]>,
 }
 
 impl<'a> Build<'a> {
@@ -162,9 +100,38 @@ impl<'a> Build<'a> {
         let Some(object) = object else {
             return Err(Fault::new(place(), "no such object", "an object defined in that part"));
         };
+        if let Some(shape) = object.unread_shape {
+            return Err(Fault::new(place(), format!("a shape by {shape}"), "a shape by its mesh"));
+        }
         let transform = parent * instance.transform;
-        self.add(&part, instance.object, object, transform)?;
-        object.components.iter().try_for_each(|component| self.place(&part, component, transform, depth + 1))
+        // An object's type does not count where it is made of components.
+        match &object.left_out {
+            Some(what) if object.components.is_empty() => self.leave_out(what),
+            _ => self.add(&part, instance.object, object, transform)?,
+        }
+        for component in &object.components {
+            let role = match part == self.root {
+                true => self.parts.component(instance.object, component.object).clone(),
+                false => Role::Printed,
+            };
+            match role {
+                Role::Printed => self.place(&part, component, transform, depth + 1)?,
+                Role::Helper(what) => self.leave_out(what),
+                Role::Unread(what) => {
+                    let found = format!("component {} of kind {}", component.object, quote(what.as_bytes()));
+                    return Err(Fault::new(place(), found, EXPECTED_PARTS));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn leave_out(&mut self, what: &str) {
+        *self.left_out.entry(what.to_owned()).or_default() += 1;
+    }
+
+    fn lose(&mut self, what: String) {
+        *self.lost.entry(what).or_default() += 1;
     }
 
     fn add(&mut self, part: &str, id: u32, object: &Object, transform: DMat4) -> Parsed<()> {
@@ -176,50 +143,94 @@ impl<'a> Build<'a> {
         for &p in &object.positions {
             self.raw.positions.push(finite(transform.transform_point3(p), place)?);
         }
+        let ranges = if part == self.root { self.parts.ranges(id).to_vec() } else { Vec::new() };
+        for (first, last, role) in &ranges {
+            match role {
+                Role::Printed => {}
+                Role::Helper(what) => self.leave_out(what),
+                Role::Unread(what) => {
+                    let found = format!("a volume of kind {}, triangles {first} to {last}", quote(what.as_bytes()));
+                    return Err(Fault::new(place(), found, EXPECTED_PARTS));
+                }
+            }
+        }
+        if let Some(attribute) = object.painted {
+            self.lose(format!("colours painted in a slicer ({attribute})"));
+        }
         let mirrored = transform.determinant() < 0.0;
-        for triangle in &object.triangles {
-            let (material, uv) = self.look(part, triangle)?;
+        for (t, triangle) in (0..).zip(&object.triangles) {
+            if ranges.iter().any(|(first, last, role)| (*first..=*last).contains(&t) && *role != Role::Printed) {
+                continue;
+            }
+            let look = self.look(part, triangle)?;
             let order = if mirrored { [0, 2, 1] } else { [0, 1, 2] };
             let corners = order.map(|i| base as u32 + triangle.corners[i]);
-            self.raw.push(place, corners, uv.map(|uv| order.map(|i| uv[i])))?;
-            self.raw.material_of.push(material);
+            self.raw.push(place, corners, look.uv.map(|uv| order.map(|i| uv[i])))?;
+            self.raw.material_of.push(look.material);
+            if let Some(colors) = look.colors {
+                self.raw.color_last(order.map(|i| colors[i]));
+            }
         }
         Ok(())
     }
 
-    /// Material and texture coordinates of a triangle. One whose corners differ in colour takes the first's.
-    fn look(&mut self, part: &str, triangle: &Triangle) -> Parsed<(u16, Option<[Vec2; 3]>)> {
-        let (group, p) = triangle.property.unwrap_or((0, [0; 3]));
-        let model = &self.models[part];
-        let look = match triangle.property.and_then(|_| model.properties.get(&group)) {
-            None => Look::Plain,
-            Some(Properties::Materials(materials)) => Look::Materials(materials),
-            Some(Properties::Texture { texture, coordinates }) => {
-                Look::Texture { texture: model.textures.get(texture), coordinates }
-            }
+    fn look(&mut self, part: &str, triangle: &Triangle) -> Parsed<Look> {
+        let models = self.models;
+        let Some((group, p)) = triangle.property else {
+            return Ok(Look { material: self.plain()?, uv: None, colors: None });
         };
+        let model = &models[part];
         let outside = |count: usize| {
             let found = format!("entries {p:?} of property group {group}");
             Fault::new(part, found, format!("entries below {count}"))
         };
-        match look {
-            Look::Plain => Ok((self.plain()?, None)),
-            Look::Materials(materials) => {
-                let material = materials.get(p[0] as usize).ok_or_else(|| outside(materials.len()))?;
-                Ok((self.material((part.to_owned(), group, p[0]), || material.clone())?, None))
+        let key = |entry: u32| (part.to_owned(), group, entry);
+        match model.properties.get(&group) {
+            None => {
+                self.lose(format!("property group {group} of {part}, which is nowhere defined"));
+                Ok(Look { material: self.plain()?, uv: None, colors: None })
             }
-            Look::Texture { texture, coordinates } => {
+            Some(Properties::Unread(what)) => {
+                self.lose(format!("{what} (property group {group} of {part})"));
+                Ok(Look { material: self.plain()?, uv: None, colors: None })
+            }
+            Some(Properties::Materials(materials)) => {
+                // Base materials do not mix: the first corner's is the triangle's.
+                let material = materials.get(p[0] as usize).ok_or_else(|| outside(materials.len()))?;
+                Ok(Look { material: self.material(key(p[0]), || material.clone())?, uv: None, colors: None })
+            }
+            Some(Properties::Colors(colors)) => {
+                let color = |i: u32| colors.get(i as usize).ok_or_else(|| outside(colors.len()));
+                let corners = [color(p[0])?, color(p[1])?, color(p[2])?];
+                if p == [p[0]; 3] && colors.len() <= MAX_PLAIN_COLORS {
+                    return Ok(Look {
+                        material: self.material(key(p[0]), || corners[0].clone())?,
+                        uv: None,
+                        colors: None,
+                    });
+                }
+                let material = self.material(key(u32::MAX), || plain(format!("colour group {group}"), [1.0; 4]))?;
+                let colors = corners.map(|color| [color.base_color[0], color.base_color[1], color.base_color[2]]);
+                Ok(Look { material, uv: None, colors: Some(colors) })
+            }
+            Some(Properties::Texture { texture, coordinates }) => {
                 let mut uv = [Vec2::ZERO; 3];
                 for (uv, &i) in uv.iter_mut().zip(&p) {
                     let c = coordinates.get(i as usize).ok_or_else(|| outside(coordinates.len()))?;
                     *uv = uv_or_zero(Vec2::new(c.x, 1.0 - c.y));
                 }
-                let key = (part.to_owned(), group, 0);
-                if let Some(&index) = self.materials.get(&key) {
-                    return Ok((index, Some(uv)));
+                let texture = model.textures.get(texture);
+                let leaves = |axis: usize| uv.iter().any(|uv| !(-EDGE..=1.0 + EDGE).contains(&uv[axis]));
+                if let Some(texture) = texture
+                    && (0..2).any(|axis| texture.ends[axis] && leaves(axis))
+                {
+                    self.lose(format!("texture `{}`, which ends where they go on (tile style none)", texture.path));
                 }
-                let textured = self.textured(texture.map_or("", String::as_str));
-                Ok((self.material(key, || textured)?, Some(uv)))
+                if let Some(&material) = self.materials.get(&key(0)) {
+                    return Ok(Look { material, uv: Some(uv), colors: None });
+                }
+                let textured = self.textured(part, texture);
+                Ok(Look { material: self.material(key(0), || textured)?, uv: Some(uv), colors: None })
             }
         }
     }
@@ -244,8 +255,9 @@ impl<'a> Build<'a> {
         Ok(index)
     }
 
-    fn textured(&mut self, path: &str) -> SurfaceMaterial {
-        let bytes = self.package.part(path).map_err(|_| "there is no such part".to_owned());
+    fn textured(&mut self, part: &str, texture: Option<&TextureResource>) -> SurfaceMaterial {
+        let path = texture.map_or("", |texture| &texture.path);
+        let bytes = self.package.part_from(part, path).map_err(|_| "there is no such part".to_owned());
         let base_color_texture = match bytes.and_then(|bytes| texture::decode(&bytes)) {
             Ok(texture) => Some(texture),
             Err(reason) => {
@@ -253,6 +265,35 @@ impl<'a> Build<'a> {
                 None
             }
         };
-        SurfaceMaterial { name: path.to_owned(), base_color: [1.0; 4], base_color_texture }
+        let wrap = texture.map_or_else(Default::default, |texture| texture.wrap);
+        SurfaceMaterial { base_color_texture, wrap, ..plain(path, [1.0; 4]) }
+    }
+
+    fn finish(mut self) -> RawMesh {
+        for (what, count) in &self.left_out {
+            self.raw.warnings.push(format!("{what} are no part of the print: {count} left out"));
+        }
+        for (what, count) in std::mem::take(&mut self.lost) {
+            let counted = if what.contains("painted") { counted(count, "object") } else { counted(count, "triangle") };
+            self.raw.lose_color(format!("the colour of {counted} is not read: {what}"));
+        }
+        if let Some(plain) = self.plain {
+            let bare = self.raw.material_of.iter().filter(|&&material| material == plain).count();
+            if bare == self.raw.triangles.len() {
+                // No colour at all is no white.
+                self.raw.materials.clear();
+                self.raw.material_of.clear();
+            } else if self.raw.lost_color.is_none() {
+                self.raw.warnings.push(format!("{} without a colour: white", counted(bare, "triangle")));
+            }
+        }
+        self.raw
     }
 }
+
+/// What a slicer's parts may be.
+const EXPECTED_PARTS: &str =
+    "parts to be printed, modifiers and support: take volumes away in the slicer or a modeller";
+
+/// How far beyond a texture's edge coordinates may lie by rounding.
+const EDGE: f32 = 1e-5;

@@ -1,7 +1,7 @@
 //! The XML of one 3MF model part (3MF core specification 1.3; materials and properties extension 1.2).
 //!
-//! Elements are told by their local names: the extensions read here reuse none of the core's. Attributes that must be there and are
-//! not, or are no numbers, are errors with their line.
+//! Elements are told by their local names: the extensions read here reuse none of the core's. Attributes that must be
+//! there and are not, or are no numbers, are errors with their line.
 
 use std::collections::BTreeMap;
 
@@ -11,28 +11,20 @@ use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 
 use super::raw::{finite, plain};
+use super::support::{self, Fate};
 use crate::colour::byte_to_linear;
-use crate::mesh::SurfaceMaterial;
 use crate::mesh::error::{Fault, Parsed, quote};
+use crate::mesh::{SurfaceMaterial, Wrap};
 use crate::words::one_line;
-
-/// Extensions that may be required of us: we read them, or they add nothing to the shape.
-const SUPPORTED: [&str; 4] = [
-    "http://schemas.microsoft.com/3dmanufacturing/core/2015/02",
-    "http://schemas.microsoft.com/3dmanufacturing/material/2015/02",
-    "http://schemas.microsoft.com/3dmanufacturing/production/2015/06",
-    "http://schemas.microsoft.com/3dmanufacturing/trianglesets/2021/07",
-];
 
 /// One `.model` part.
 #[derive(Default)]
 pub(super) struct Model {
     pub(super) mm_per_unit: f64,
     pub(super) objects: BTreeMap<u32, Object>,
-    pub(super) items: Vec<Instance>,
+    pub(super) items: Vec<Item>,
     pub(super) properties: BTreeMap<u32, Properties>,
-    /// Part names of the texture images.
-    pub(super) textures: BTreeMap<u32, String>,
+    pub(super) textures: BTreeMap<u32, TextureResource>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -41,8 +33,15 @@ pub(super) struct Object {
     pub(super) positions: Vec<DVec3>,
     pub(super) triangles: Vec<Triangle>,
     pub(super) components: Vec<Instance>,
-    /// Property group and index of triangles without their own.
-    pub(super) property: Option<(u32, u32)>,
+    /// Why the object is no part of what is printed, as a plural: `objects of type support`.
+    pub(super) left_out: Option<String>,
+    /// What its shape is made of besides the mesh, which therefore cannot stand for it.
+    pub(super) unread_shape: Option<&'static str>,
+    /// The attribute that holds colours painted in a slicer.
+    pub(super) painted: Option<&'static str>,
+    /// Property group of triangles without their own, and its entry.
+    group: Option<u32>,
+    property: Option<(u32, u32)>,
 }
 
 pub(super) struct Triangle {
@@ -60,19 +59,38 @@ pub(super) struct Instance {
     pub(super) transform: DMat4,
 }
 
+/// What is to be printed, or not.
+pub(super) struct Item {
+    pub(super) instance: Instance,
+    pub(super) printable: bool,
+}
+
 /// A group of surface properties that triangles refer to.
 pub(super) enum Properties {
     Materials(Vec<SurfaceMaterial>),
+    /// Colours that are interpolated over a triangle.
+    Colors(Vec<SurfaceMaterial>),
     /// Coordinates with v upwards into a texture.
     Texture {
         texture: u32,
         coordinates: Vec<Vec2>,
     },
+    /// The element of a group that is not read.
+    Unread(&'static str),
+}
+
+/// A texture's image, and how it goes on beyond its edges.
+pub(super) struct TextureResource {
+    pub(super) path: String,
+    pub(super) wrap: [Wrap; 2],
+    /// Whether it ends there, along u and v.
+    pub(super) ends: [bool; 2],
 }
 
 pub(super) fn parse(part: &str, text: &str) -> Parsed<Model> {
     let mut reader = Reader::from_str(text);
-    let mut builder = Builder { model: Model { mm_per_unit: 1.0, ..Model::default() }, object: None, group: None };
+    let model = Model { mm_per_unit: 1.0, ..Model::default() };
+    let mut builder = Builder { model, object: None, group: None, setting: None };
     let mut start = 0;
     let mut is_model = false;
     loop {
@@ -86,6 +104,8 @@ pub(super) fn parse(part: &str, text: &str) -> Parsed<Model> {
                 builder.open(&Tag { tag: &tag, place: &|| at(start) })?;
             }
             Ok(Event::End(tag)) if tag.local_name().as_ref() == "object" => builder.close_object(|| at(start))?,
+            Ok(Event::End(_)) => builder.setting = None,
+            Ok(Event::Text(text)) => builder.setting_is(&text),
             Ok(Event::Eof) => break,
             Ok(_) => {}
             Err(error) => return Err(Fault::new(at(start), one_line(error), "well-formed XML")),
@@ -110,6 +130,18 @@ struct Tag<'a> {
 impl Tag<'_> {
     fn fault<T>(&self, found: impl Into<String>, expected: &str) -> Parsed<T> {
         Err(Fault::new((self.place)(), found, expected))
+    }
+
+    /// The first of these attributes that holds anything.
+    fn filled(&self, names: &[&'static str]) -> Option<&'static str> {
+        for attribute in self.tag.attributes().with_checks(false).flatten() {
+            let key = attribute.key.local_name();
+            let name = names.iter().find(|name| key.as_ref() == **name);
+            if name.is_some() && !attribute.value.trim().is_empty() {
+                return name.copied();
+            }
+        }
+        None
     }
 
     /// An attribute by local name, entities resolved.
@@ -184,7 +216,23 @@ struct Builder {
     object: Option<(u32, Object)>,
     /// The property group being filled.
     group: Option<u32>,
+    /// The slicer's setting of an object whose value follows.
+    setting: Option<&'static str>,
 }
+
+/// Attributes of triangles in which slicers keep colours that were painted.
+const PAINTED: [&str; 2] = ["paint_color", "mmu_segmentation"];
+
+/// Cura's settings of an object by which it is no part of the print.
+const CURA_HELPERS: [&str; 4] =
+    ["cura:support_mesh", "cura:anti_overhang_mesh", "cura:infill_mesh", "cura:cutting_mesh"];
+
+/// Types of objects that are no part of the print: what holds it up while it is printed, sheets, and what only others
+/// refer to.
+const NOT_PRINTED: [&str; 4] = ["support", "solidsupport", "surface", "other"];
+
+/// Elements that make a shape of an object in ways not read.
+const UNREAD_SHAPES: [&str; 4] = ["booleanshape", "levelset", "displacementmesh", "implicitfunction"];
 
 impl Builder {
     fn open(&mut self, tag: &Tag) -> Parsed<()> {
@@ -198,19 +246,33 @@ impl Builder {
             }
             "triangle" => {
                 let triangle = self.triangle(tag)?;
-                self.object(tag)?.triangles.push(triangle);
+                let painted = tag.filled(&PAINTED);
+                let object = self.object(tag)?;
+                object.triangles.push(triangle);
+                object.painted = object.painted.or(painted);
             }
             "component" => {
                 let instance = tag.instance()?;
                 self.object(tag)?.components.push(instance);
             }
-            "item" => self.model.items.push(tag.instance()?),
-            "basematerials" | "colorgroup" => self.open_group(tag, Properties::Materials(Vec::new()))?,
+            "item" => {
+                let printable = tag.text("printable")?.is_none_or(|text| !["0", "false"].contains(&text.trim()));
+                self.model.items.push(Item { instance: tag.instance()?, printable });
+            }
+            "metadata" if self.object.is_some() => {
+                let name = tag.text("name")?.unwrap_or_default();
+                self.setting = CURA_HELPERS.into_iter().find(|helper| name == *helper);
+            }
+            "basematerials" => self.open_group(tag, Properties::Materials(Vec::new()))?,
+            "colorgroup" => self.open_group(tag, Properties::Colors(Vec::new()))?,
             "texture2dgroup" => {
                 let texture = tag.number("texid")?;
                 self.open_group(tag, Properties::Texture { texture, coordinates: Vec::new() })?;
             }
             "base" => {
+                if tag.text("displaycolor")?.is_none() {
+                    self.warn("a base material states no displaycolor: it is white");
+                }
                 let material = plain(tag.text("name")?.unwrap_or_default(), tag.color("displaycolor")?);
                 self.add_material(material);
             }
@@ -226,11 +288,26 @@ impl Builder {
             }
             "texture2d" => {
                 let path = tag.text("path")?.unwrap_or_default();
-                self.model.textures.insert(tag.number("id")?, path);
+                let styles = [tag.text("tilestyleu")?, tag.text("tilestylev")?].map(Option::unwrap_or_default);
+                let wrap = [0, 1].map(|axis| match styles[axis].as_str() {
+                    "mirror" => Wrap::Mirror,
+                    "clamp" | "none" => Wrap::Clamp,
+                    _ => Wrap::Repeat,
+                });
+                let ends = [0, 1].map(|axis| styles[axis] == "none");
+                self.model.textures.insert(tag.number("id")?, TextureResource { path, wrap, ends });
             }
-            "compositematerials" | "multiproperties" => self.warn("composite and multi-property colours are not read"),
+            "compositematerials" => self.open_group(tag, Properties::Unread("composite materials"))?,
+            "multiproperties" => self.open_group(tag, Properties::Unread("multi-properties"))?,
             "beamlattice" => self.warn("beam lattices are not read, only the mesh beside them"),
-            _ => {}
+            "slicestack" => self.warn("slice stacks are not read, only the mesh beside them"),
+            // Shapes by boolean operations, implicit functions and the like, which a mesh at most stands in for.
+            other => {
+                let unread = UNREAD_SHAPES.into_iter().find(|shape| *shape == other);
+                if let (Some(shape), Some((_, object))) = (unread, &mut self.object) {
+                    object.unread_shape = Some(shape);
+                }
+            }
         }
         Ok(())
     }
@@ -257,7 +334,7 @@ impl Builder {
         };
         for prefix in tag.text("requiredextensions")?.unwrap_or_default().split_whitespace() {
             let namespace = tag.text_of_namespace(prefix)?.unwrap_or_default();
-            if !SUPPORTED.contains(&namespace.as_str()) {
+            if support::fate("3MF", &namespace) != Some(Fate::Read) {
                 let found =
                     format!("required extension {} ({})", quote(prefix.as_bytes()), quote(namespace.as_bytes()));
                 return tag.fault(found, "only the materials, production and triangle set extensions");
@@ -272,8 +349,21 @@ impl Builder {
         }
         let group: Option<u32> = tag.optional("pid")?;
         let property = group.zip(tag.optional("pindex")?);
-        self.object = Some((tag.number("id")?, Object { property, ..Object::default() }));
+        let kind = tag.text("type")?.unwrap_or_default();
+        let left_out = NOT_PRINTED.contains(&kind.as_str()).then(|| format!("objects of type `{kind}`"));
+        let is_stand_in = tag.text("meshresolution")?.as_deref() == Some("lowres");
+        let unread_shape = is_stand_in.then_some("slices of higher resolution");
+        let object = Object { left_out, unread_shape, group, property, ..Object::default() };
+        self.object = Some((tag.number("id")?, object));
         Ok(())
+    }
+
+    /// The value of the setting just opened.
+    fn setting_is(&mut self, value: &str) {
+        let is_on = ["true", "1"].iter().any(|on| value.trim().eq_ignore_ascii_case(on));
+        if let (Some(setting), true, Some((_, object))) = (self.setting, is_on, &mut self.object) {
+            object.left_out = Some(format!("objects that are `{setting}`"));
+        }
     }
 
     fn object(&mut self, tag: &Tag) -> Parsed<&mut Object> {
@@ -300,10 +390,10 @@ impl Builder {
 
     fn triangle(&self, tag: &Tag) -> Parsed<Triangle> {
         let corners = [tag.number("v1")?, tag.number("v2")?, tag.number("v3")?];
-        let default = self.object.as_ref().and_then(|(_, object)| object.property);
+        let (group, default) = self.object.as_ref().map_or((None, None), |(_, object)| (object.group, object.property));
         let property = match tag.optional("p1")? {
             Some(p1) => {
-                let group = tag.optional("pid")?.or(default.map(|(group, _)| group));
+                let group = tag.optional("pid")?.or(group);
                 let p = [p1, tag.optional("p2")?.unwrap_or(p1), tag.optional("p3")?.unwrap_or(p1)];
                 group.map(|group| (group, p))
             }
@@ -324,7 +414,7 @@ impl Builder {
     }
 
     fn add_material(&mut self, material: SurfaceMaterial) {
-        if let Some(Properties::Materials(materials)) = self.group_mut() {
+        if let Some(Properties::Materials(materials) | Properties::Colors(materials)) = self.group_mut() {
             materials.push(material);
         }
     }

@@ -3,13 +3,13 @@
 //! None is a measurement of a printer's resin, and each says so in its provenance. `cargo run --release -p tools --bin
 //! regenerate_builtin` writes the stored profiles anew; they depend on nothing but coefficients, thickness, photons and seed.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use super::file::MaterialFile;
 use super::toml_source::Folder;
 use super::{DEFAULT_SEED, MaterialSet, SimulatedProfile};
 use crate::optics::OpticsError;
+use crate::watch::{StopOnly, Unwatched, Watch};
 use crate::words::suggest;
 
 /// Photons behind each stored profile: R̂(0) within 1.1e-4 (one σ).
@@ -65,7 +65,7 @@ impl MaterialSet {
     /// # Errors
     /// [`OpticsError::UnknownSet`] with the nearest name.
     pub fn builtin(name: &str) -> Result<Self, OpticsError> {
-        MaterialFile::builtin(name)?.into_set(|_, _| ControlFlow::Continue(()))
+        MaterialFile::builtin(name)?.into_set(&Unwatched)
     }
 
     /// Whether a profile of this file name is built in.
@@ -96,15 +96,17 @@ impl MaterialFile {
     }
 }
 
-/// Simulates the slabs of all built-in resins with `photons` photons each and hands each over with its file name and the
-/// progress of the whole, 0 to 1; `each` may write it, compare it, or break off.
+/// Simulates the slabs of all built-in resins with `photons` photons each and hands each over with its file name to
+/// `each`, which may write or compare it. `watch` hears the stage "profiles".
 ///
 /// # Errors
-/// [`OpticsError::Cancelled`], or whatever `each` returns.
+/// [`OpticsError::Stopped`], or whatever `each` returns.
 pub fn regenerate_builtin(
     photons: u64,
-    mut each: impl FnMut(&str, &SimulatedProfile, f64) -> Result<ControlFlow<()>, OpticsError>,
+    watch: &dyn Watch,
+    mut each: impl FnMut(&str, &SimulatedProfile) -> Result<(), OpticsError>,
 ) -> Result<(), OpticsError> {
+    watch.stage("profiles", PROFILES.len() as u64);
     let mut done = 0;
     for (set, text) in SETS {
         // Without its profiles, which may be stale or missing.
@@ -113,11 +115,10 @@ pub fn regenerate_builtin(
         let file = MaterialFile::parse(&bare, Path::new(set), &Folder::Embedded(&[]))?;
         let plans = file.slab_plans(Some(DEFAULT_SEED + done as u64)).into_iter();
         for plan in plans.filter(|plan| MaterialSet::stores(&plan.file)) {
-            let profile = plan.simulate(photons, |_| ControlFlow::Continue(()))?;
+            let profile = plan.simulate(photons, &StopOnly(watch))?;
             done += 1;
-            if each(&plan.file, &profile, done as f64 / PROFILES.len() as f64)?.is_break() {
-                return Err(OpticsError::Cancelled);
-            }
+            each(&plan.file, &profile)?;
+            watch.advance(1);
         }
     }
     Ok(())

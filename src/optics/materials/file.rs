@@ -30,7 +30,6 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use super::resin_table::{Draft, is_name};
@@ -40,6 +39,7 @@ use super::toml_source::{Folder, Keys};
 use super::{MaterialSet, Resin, ResinChannel};
 use crate::optics::{FrequencyGrid, OpticsError, ResinId, Stack, VolumeCoefficients};
 use crate::toml_reader::{Found, Source, Strings};
+use crate::watch::{Thousandths, Unwatched, Watch};
 
 const TOP_KEYS: [&str; 4] = ["name", "channels", "provenance", "resin"];
 /// Slices name materials by one byte, of which 0 is the background.
@@ -67,7 +67,7 @@ impl MaterialSet {
     /// # Errors
     /// As [`MaterialFile::read`] and [`MaterialFile::into_set`].
     pub fn load(path: &Path) -> Result<Self, OpticsError> {
-        MaterialFile::read(path)?.into_set(|_, _| ControlFlow::Continue(()))
+        MaterialFile::read(path)?.into_set(&Unwatched)
     }
 }
 
@@ -145,44 +145,37 @@ impl MaterialFile {
     }
 
     /// Fits coefficients to the resins that are given by profiles only: those in `names`, or all. Some seconds a resin. The answer is one line for each
-    /// resin that stays without, because none fit; the set's warnings will have them too. `progress` hears what is being done and how much of the
-    /// whole is, 0 to 1, and may break off.
+    /// resin that stays without, because none fit; the set's warnings will have them too. `watch` hears the stage "coefficients".
     ///
     /// # Errors
-    /// [`OpticsError::Cancelled`].
-    pub fn fit(
-        &mut self,
-        names: Option<&[&str]>,
-        mut progress: impl FnMut(&str, f64) -> ControlFlow<()>,
-    ) -> Result<Vec<String>, OpticsError> {
+    /// [`OpticsError::Stopped`].
+    pub fn fit(&mut self, names: Option<&[&str]>, watch: &dyn Watch) -> Result<Vec<String>, OpticsError> {
         let channels = self.channels.clone();
         let wanted =
             |draft: &Draft| draft.volume.is_none() && names.is_none_or(|names| names.contains(&draft.name.as_str()));
         let mut drafts: Vec<&mut Draft> = self.resins.iter_mut().filter(|draft| wanted(draft)).collect();
-        let count = drafts.len() as f64;
+        let stage = Thousandths::begin(watch, "coefficients", drafts.len() as u64);
         let mut refused = Vec::new();
-        for (index, draft) in drafts.iter_mut().enumerate() {
-            if progress(&format!("fitting {}", draft.name), index as f64 / count).is_break() {
-                return Err(OpticsError::Cancelled);
-            }
+        for draft in &mut drafts {
+            stage.go_on()?;
             if let Err(reason) = draft.fit(&channels) {
                 refused.push(format!("{reason}; only the model km knows this resin"));
             }
+            stage.advance(1);
         }
         self.remarks.extend(refused.iter().cloned());
         Ok(refused)
     }
 
-    /// Simulates what has no profiles and reads off all parameters. `progress` hears what is being done and how much of the whole
-    /// is, 0 to 1, and may break off.
+    /// Simulates what has no profiles and reads off all parameters. `watch` hears the stage "materials".
     ///
     /// # Errors
-    /// [`OpticsError::Spectrum`] for profiles that are no slab's; [`OpticsError::Cancelled`].
-    pub fn into_set(self, mut progress: impl FnMut(&str, f64) -> ControlFlow<()>) -> Result<MaterialSet, OpticsError> {
+    /// [`OpticsError::Spectrum`] for profiles that are no slab's; [`OpticsError::Stopped`].
+    pub fn into_set(self, watch: &dyn Watch) -> Result<MaterialSet, OpticsError> {
         let grid = FrequencyGrid::default();
         let mut warnings: Vec<String> = self.resins.iter().filter_map(Draft::warning).chain(self.remarks).collect();
         let simulated = self.resins.iter().filter(|draft| draft.profiles.is_none()).count() * self.channels.len();
-        let mut done = 0;
+        let stage = Thousandths::begin(watch, "materials", simulated as u64 * DEFAULT_PHOTONS);
         let mut order: Vec<(usize, Draft)> = self.resins.into_iter().enumerate().collect();
         order.sort_by_key(|(_, draft)| draft.profiles.is_none()); // what was measured can be refused before slow work starts
         let mut resins = BTreeMap::new();
@@ -193,15 +186,9 @@ impl MaterialFile {
                 let (reflection, transmission) = match (&draft.profiles, &draft.volume) {
                     (Some(profiles), _) => profiles[channel].clone(),
                     (None, Some(volume)) => {
-                        let what = format!("simulating {} ({channel_name})", draft.name);
-                        let share =
-                            |photons: u64| (done as f64 + photons as f64 / DEFAULT_PHOTONS as f64) / simulated as f64;
                         // Resins and channels get random numbers of their own.
                         let seed = self.first_seed + (index * self.channels.len() + channel) as u64;
-                        let slab = simulate_profile(volume[channel], thickness, DEFAULT_PHOTONS, seed, |photons| {
-                            progress(&what, share(photons))
-                        })?;
-                        done += 1;
+                        let slab = simulate_profile(volume[channel], thickness, DEFAULT_PHOTONS, seed, &stage)?;
                         (slab.result.reflection_profile, slab.result.transmission_profile)
                     }
                     (None, None) => continue, // refused when the file was read

@@ -1,12 +1,12 @@
 //! Profiles of a slab from volume coefficients, by Monte Carlo: what `lumislice material simulate` writes.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use crate::optics::{
     Estimate, Light, MonteCarlo, MonteCarloResult, OpticsError, ProfileFile, RadialProfile, RingEdges, Stack,
     VolumeCoefficients,
 };
+use crate::watch::Watch;
 
 /// Photons for a resin given by coefficients only: R̂(0) within 4e-4 (one σ), a few seconds a channel.
 pub const DEFAULT_PHOTONS: u64 = 2_000_000;
@@ -27,7 +27,7 @@ pub struct SimulatedProfile {
 }
 
 /// Simulates a slab, index-matched whatever the resin's refractive index: what Kubelka–Munk parameters are read from must not have the
-/// slab's own surfaces in it. `progress` hears how many photons are done about every million and may break off.
+/// slab's own surfaces in it. `watch` hears of the photons about every million.
 ///
 /// # Errors
 /// As [`MonteCarlo::run_with`].
@@ -36,7 +36,7 @@ pub fn simulate_profile(
     thickness_mm: f64,
     photons: u64,
     seed: u64,
-    progress: impl FnMut(u64) -> ControlFlow<()>,
+    watch: &dyn Watch,
 ) -> Result<SimulatedProfile, OpticsError> {
     let job = MonteCarlo {
         stack: Stack::new([(coefficients.with_refractive_index(1.0), thickness_mm)]),
@@ -45,7 +45,7 @@ pub fn simulate_profile(
         seed,
         rings: RingEdges::growing(),
     };
-    Ok(SimulatedProfile { coefficients, thickness_mm, seed, result: job.run_with(progress)? })
+    Ok(SimulatedProfile { coefficients, thickness_mm, seed, result: job.run_with(watch)? })
 }
 
 impl SimulatedProfile {

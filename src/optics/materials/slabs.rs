@@ -3,12 +3,12 @@
 //! Profiles that were simulated once and stored make a set that loads at once and never changes; the built-in sets are such.
 
 use std::fmt::Write as _;
-use std::ops::ControlFlow;
 
 use super::file::MaterialFile;
 use super::resin_table::Draft;
 use super::simulate::{SimulatedProfile, simulate_profile};
 use crate::optics::{OpticsError, VolumeCoefficients};
+use crate::watch::Watch;
 
 /// One slab to be simulated: a resin in a channel.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,16 +28,12 @@ pub struct SlabPlan {
 }
 
 impl SlabPlan {
-    /// Simulates the slab.
+    /// Simulates the slab; `watch` hears of the photons.
     ///
     /// # Errors
     /// As [`simulate_profile`].
-    pub fn simulate(
-        &self,
-        photons: u64,
-        progress: impl FnMut(u64) -> ControlFlow<()>,
-    ) -> Result<SimulatedProfile, OpticsError> {
-        simulate_profile(self.coefficients, self.thickness_mm, photons, self.seed, progress)
+    pub fn simulate(&self, photons: u64, watch: &dyn Watch) -> Result<SimulatedProfile, OpticsError> {
+        simulate_profile(self.coefficients, self.thickness_mm, photons, self.seed, watch)
     }
 }
 
@@ -127,23 +123,24 @@ mod tests {
 
     use super::*;
     use crate::optics::{MaterialSet, regenerate_builtin};
+    use crate::watch::Unwatched;
 
     /// What `regenerate_builtin` stores for a set and what its plans simulate are the same profiles under the same names.
     #[test]
     fn plans_of_built_in_sets_are_the_stored_profiles() {
         const PHOTONS: u64 = 64;
         let mut stored = Vec::new();
-        let keep = |name: &str, profile: &SimulatedProfile, _| {
+        let keep = |name: &str, profile: &SimulatedProfile| {
             stored.push((name.to_owned(), profile.comment()));
-            Ok(ControlFlow::Continue(()))
+            Ok(())
         };
-        regenerate_builtin(PHOTONS, keep).unwrap();
+        regenerate_builtin(PHOTONS, &Unwatched, keep).unwrap();
         let mut planned = Vec::new();
         for set in MaterialSet::builtin_names() {
             let plans = MaterialFile::builtin(set).unwrap().slab_plans(None);
             // The others are in the set that they are shared with.
             for plan in plans.into_iter().filter(|plan| MaterialSet::stores(&plan.file)) {
-                let profile = plan.simulate(PHOTONS, |_| ControlFlow::Continue(())).unwrap();
+                let profile = plan.simulate(PHOTONS, &Unwatched).unwrap();
                 planned.push((plan.file, profile.comment()));
             }
         }
@@ -172,7 +169,7 @@ mod tests {
         let names: Vec<_> = plans.iter().map(|plan| plan.file.as_str()).collect();
         assert_eq!(names, ["___Größe _7_-my resin-a.csv", "___Größe _7_-my resin-A.csv"]);
         for plan in &plans {
-            let profile = plan.simulate(20_000, |_| ControlFlow::Continue(())).unwrap();
+            let profile = plan.simulate(20_000, &Unwatched).unwrap();
             profile.write(&folder.path().join(&plan.file)).unwrap();
         }
         let again = folder.path().join("again.toml");

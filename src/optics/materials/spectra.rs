@@ -47,6 +47,8 @@ pub enum SpectrumError {
     KubelkaMunk(#[from] KubelkaMunkError),
 }
 
+impl crate::blame::Blamed for SpectrumError {}
+
 impl ResinSpectrum {
     /// Transforms the profiles of a slab `thickness_mm` thick and reads off its resin's parameters.
     ///

@@ -15,20 +15,21 @@ mod rings;
 mod tally;
 mod walk;
 
-use std::ops::ControlFlow;
-
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
 
 use super::{OpticsError, RadialProfile, Stack, VolumeCoefficients};
+#[cfg(test)]
+use crate::watch::Unwatched;
+use crate::watch::Watch;
 pub use rings::RingEdges;
 use tally::Tally;
 use walk::Media;
 
 /// Photons per batch: some 10 ms of work, long against the cost of merging a tally, short against a user's patience.
 pub(crate) const BATCH: u64 = 16_384;
-/// Batches between two calls of the progress callback; bounds the memory of unmerged tallies too.
+/// Batches between two looks at the watch; bounds the memory of unmerged tallies too.
 pub(crate) const GROUP: usize = 64;
 
 /// The light entering the top at the origin, unit flux.
@@ -93,20 +94,20 @@ impl MonteCarlo {
     /// [`OpticsError::Parameter`] if a layer, the base or the number of photons is out of range.
     #[cfg(test)]
     pub fn run(&self) -> Result<MonteCarloResult, OpticsError> {
-        self.run_with(|_| ControlFlow::Continue(()))
+        self.run_with(&Unwatched)
     }
 
-    /// Traces all photons, reporting the number traced so far about every million; `Break` stops.
+    /// Traces all photons; `watch` hears of them about every million.
     ///
     /// # Errors
-    /// As [`MonteCarlo::run`]; [`OpticsError::Cancelled`] when the callback broke off.
-    pub fn run_with(&self, mut progress: impl FnMut(u64) -> ControlFlow<()>) -> Result<MonteCarloResult, OpticsError> {
+    /// As [`MonteCarlo::run`]; [`OpticsError::Stopped`].
+    pub fn run_with(&self, watch: &dyn Watch) -> Result<MonteCarloResult, OpticsError> {
         let media = self.checked_stack()?;
         let mut total = Tally::new(&self.rings);
         let mut stream = Xoshiro256PlusPlus::seed_from_u64(self.seed);
         let mut traced = 0;
         while traced < self.photons {
-            let mut group = Vec::with_capacity(GROUP);
+            let (before, mut group) = (traced, Vec::with_capacity(GROUP));
             while group.len() < GROUP && traced < self.photons {
                 let photons = BATCH.min(self.photons - traced);
                 group.push((photons, stream.clone()));
@@ -124,9 +125,8 @@ impl MonteCarlo {
                 })
                 .collect();
             tallies.iter().for_each(|tally| total.add(tally));
-            if progress(traced).is_break() {
-                return Err(OpticsError::Cancelled);
-            }
+            watch.advance(traced - before);
+            watch.go_on()?;
         }
         Ok(total.result(self.photons, &self.rings))
     }

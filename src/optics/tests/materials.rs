@@ -1,8 +1,9 @@
 //! Material files: what is good is read, what is not is named with its line; built-in sets are what their coefficients say.
 
-use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::optics::{MaterialFile, MaterialSet, OpticsError, VolumeCoefficients, regenerate_builtin};
+use crate::watch::{Interrupt, Thousandths, Unwatched, Watch};
 
 const GOOD: &str = r#"channels = ["R", "G"]
 provenance = "made up"
@@ -67,7 +68,7 @@ fn a_file_of_coefficients_is_read() {
 
 #[test]
 fn measured_profiles_become_kubelka_munk_parameters() {
-    let set = read(MEASURED).unwrap().into_set(|_, _| ControlFlow::Continue(())).unwrap();
+    let set = read(MEASURED).unwrap().into_set(&Unwatched).unwrap();
     assert_eq!(set.channels, ["Y"]);
     let wax = &set.resins[0];
     let back = wax.channels[0].kubelka_munk.slab(2.0);
@@ -83,7 +84,7 @@ fn slabs_of_several_thicknesses_are_read() {
     assert!(read(&slab(thin)).is_ok());
     // The first of the tables is the slab that the others follow, if none stands in the resin itself.
     let only = slab(thin).replace("reflection = \"p.csv\"\ntransmission = \"q.csv\"\nthickness-mm = 2\n", "");
-    let set = read(&only).unwrap().into_set(|_, _| ControlFlow::Continue(())).unwrap();
+    let set = read(&only).unwrap().into_set(&Unwatched).unwrap();
     assert_eq!(set.resins[0].channels[0].slab_mm, 1.0);
     for (lines, fault) in [
         ("thickness-mm = 1", "resin wax: slab 1: reflection: found nothing, expected the slab's profiles"),
@@ -102,13 +103,25 @@ fn slabs_of_several_thicknesses_are_read() {
 #[test]
 fn profiles_that_no_coefficients_fit_leave_the_resin_to_kubelka_munk() {
     let mut file = read(MEASURED).unwrap();
-    let refused = file.fit(None, |_, _| ControlFlow::Continue(())).unwrap();
+    let refused = file.fit(None, &Unwatched).unwrap();
     assert!(refused.len() == 1 && refused[0].starts_with("resin wax, channel Y: no coefficients fit"), "{refused:?}");
-    let set = file.into_set(|_, _| ControlFlow::Continue(())).unwrap();
+    let set = file.into_set(&Unwatched).unwrap();
     assert!(set.resins[0].volumes().is_none() && set.warnings.contains(&refused[0]));
     let mut file = read(MEASURED).unwrap();
-    assert!(matches!(file.fit(None, |_, _| ControlFlow::Break(())), Err(OpticsError::Cancelled)));
-    assert!(file.fit(Some(&["white"]), |_, _| ControlFlow::Break(())).unwrap().is_empty());
+    let stop = Interrupt::new();
+    stop.request();
+    assert!(matches!(file.fit(None, &stop), Err(OpticsError::Stopped(_))));
+    assert!(file.fit(Some(&["white"]), &stop).unwrap().is_empty());
+}
+
+/// Counts the steps that are done.
+#[derive(Default)]
+struct Counted(AtomicU64);
+
+impl Watch for Counted {
+    fn advance(&self, steps: u64) {
+        self.0.fetch_add(steps, Ordering::Relaxed);
+    }
 }
 
 #[test]
@@ -116,16 +129,13 @@ fn coefficients_are_simulated_and_can_be_cancelled() {
     let measured = "reflection = \"p.csv\"\ntransmission = \"q.csv\"\nthickness-mm = 2";
     let simulated = "scattering-per-mm = 8\nabsorption-per-mm = 90\nprint-as = \"background\"";
     let thin = MEASURED.replace(measured, simulated); // few events a photon, hence quick
-    let mut heard = Vec::new();
-    let go_on = |_: &str, share: f64| {
-        heard.push(share);
-        ControlFlow::Continue(())
-    };
-    let set = read(&thin).unwrap().into_set(go_on).unwrap();
-    assert!(heard.is_sorted() && heard.last() == Some(&1.0), "{heard:?}");
+    let counted = Counted::default();
+    let set = read(&thin).unwrap().into_set(&counted).unwrap();
+    assert_eq!(counted.0.into_inner(), Thousandths::STEPS);
     assert!(set.resins[0].print_as_background);
-    let stopped = read(GOOD).unwrap().into_set(|_, _| ControlFlow::Break(()));
-    assert!(matches!(stopped, Err(OpticsError::Cancelled)));
+    let stop = Interrupt::new();
+    stop.request();
+    assert!(matches!(read(GOOD).unwrap().into_set(&stop), Err(OpticsError::Stopped(_))));
 }
 
 #[test]
@@ -183,7 +193,7 @@ fn what_is_wrong_is_named_with_its_line() {
 #[test]
 fn profiles_that_make_light_are_refused() {
     let file = read(&MEASURED.replace("p.csv", "bright.csv")).unwrap();
-    let error = file.into_set(|_, _| ControlFlow::Continue(())).unwrap_err().to_string();
+    let error = file.into_set(&Unwatched).unwrap_err().to_string();
     assert!(error.contains("set.toml:1: resin wax, channel Y: reflection + transmission at 0.00 rad/mm"), "{error}");
 }
 
@@ -227,7 +237,7 @@ fn stored_profiles_are_what_a_fresh_simulation_gives() {
         stored.extend(plans.into_iter().map(|plan| plan.file).zip(profiles));
     }
     let mut seen = 0;
-    regenerate_builtin(20_000, |name, fresh, _| {
+    regenerate_builtin(20_000, &Unwatched, |name, fresh| {
         seen += 1;
         let (r, t) = &stored[name];
         // The fresh error is some 30 times the stored one.
@@ -235,7 +245,7 @@ fn stored_profiles_are_what_a_fresh_simulation_gives() {
             let z = (fresh.mean - stored) / fresh.standard_error;
             assert!(z.abs() < 4.5, "{name}: stored {stored}, fresh {} +- {}", fresh.mean, fresh.standard_error);
         }
-        Ok(ControlFlow::Continue(()))
+        Ok(())
     })
     .unwrap();
     assert_eq!(seen, 24, "18 in two sets, and two resins of a third that shares the rest");

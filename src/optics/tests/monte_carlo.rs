@@ -1,9 +1,8 @@
 //! Laws of the random walk; the referee's own proof is in `reference.rs`.
 
-use std::ops::ControlFlow;
-
 use super::reference::numbers;
 use crate::optics::{Light, MonteCarlo, OpticsError, RingEdges, Stack, VolumeCoefficients};
+use crate::watch::Interrupt;
 
 const WHITE: VolumeCoefficients = VolumeCoefficients { sigma_s: 8.0, sigma_a: 0.17, g: 0.5, refractive_index: 1.0 };
 const SUPPORT: VolumeCoefficients = VolumeCoefficients { sigma_s: 1.6, sigma_a: 0.025, g: 0.75, refractive_index: 1.0 };
@@ -123,8 +122,9 @@ fn out_of_range_input_is_named() {
     let mut endless = slab(WHITE, 1.0);
     endless.stack.core = Some(VolumeCoefficients { sigma_a: 0.0, ..WHITE });
     assert!(message(endless).contains("half-space"));
-    let cancelled = slab(WHITE, 1.0).run_with(|_| ControlFlow::Break(()));
-    assert!(matches!(cancelled, Err(OpticsError::Cancelled)));
+    let stop = Interrupt::new();
+    stop.request();
+    assert!(matches!(slab(WHITE, 1.0).run_with(&stop), Err(OpticsError::Stopped(_))));
 }
 
 #[test]

@@ -20,6 +20,7 @@ use super::{
 use crate::{
     sdf::SliceRuns,
     voxel::{BRICK, BRICK_VOXELS},
+    watch::Watch,
 };
 
 /// Marks a vertex number that counts the brick's own inner vertices.
@@ -67,12 +68,8 @@ impl CellOutput for BrickTriangles<'_> {
 }
 
 impl March<'_> {
-    /// Fills `meshes`, whose parts exist; `progress` is told the layers done and all layers, and may end the walk.
-    pub fn run(
-        &self,
-        meshes: &mut MaterialMeshes,
-        progress: &mut dyn FnMut(usize, usize) -> bool,
-    ) -> Result<(), MeshingError> {
+    /// Fills `meshes`, whose parts exist.
+    pub fn run(&self, meshes: &mut MaterialMeshes, watch: &dyn Watch) -> Result<(), MeshingError> {
         let all = self.grid.bricks[2];
         let mut layers = VecDeque::new();
         // Number of the layer at the front of `layers`, and of the next one to get vertices.
@@ -90,9 +87,8 @@ impl March<'_> {
                     self.add_triangles(&layers, front, meshes)?;
                     layers.pop_front();
                     front += 1;
-                    if !progress(front.min(all), all) {
-                        return Err(MeshingError::Interrupted);
-                    }
+                    watch.advance(1);
+                    watch.go_on()?;
                 }
                 next += 1;
             }

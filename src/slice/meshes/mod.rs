@@ -45,7 +45,11 @@ use self::{
     object::NodeObject,
 };
 use super::ObjectField;
-use crate::voxel::MaterialId;
+use crate::{
+    blame::{Blame, Blamed},
+    voxel::MaterialId,
+    watch::{Stopped, Watch},
+};
 
 /// Why there are no material meshes.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -82,9 +86,18 @@ pub enum MeshingError {
         /// The most there may be.
         max: usize,
     },
-    /// The caller's progress function ended the work.
+    /// The watch asked to stop.
     #[error("meshing was interrupted")]
-    Interrupted,
+    Stopped(#[from] Stopped),
+}
+
+impl Blamed for MeshingError {
+    fn blame(&self) -> Blame {
+        match self {
+            Self::Stopped(_) => Blame::Interrupt,
+            _ => Blame::Input,
+        }
+    }
 }
 
 /// Which part has the triangles of a material id; `None` for voids.
@@ -162,7 +175,7 @@ impl MaterialMesher {
     }
 
     /// Meshes the `resins` (id and name, each id once) of `objects`; everything else in them is a void. Where objects
-    /// overlap, the earlier one owns the space. `progress` is told how many of how many layers are done, and ends the work by `false`.
+    /// overlap, the earlier one owns the space. `watch` hears of every layer of bricks.
     ///
     /// Memory is that of the result, plus a few layers of nodes.
     ///
@@ -172,7 +185,7 @@ impl MaterialMesher {
         &self,
         objects: &[ObjectField],
         resins: &[(MaterialId, String)],
-        mut progress: impl FnMut(usize, usize) -> bool,
+        watch: &dyn Watch,
     ) -> Result<MaterialMeshes, MeshingError> {
         let found = self.grid(objects)?;
         let mut meshes = MaterialMeshes::default();
@@ -188,7 +201,7 @@ impl MaterialMesher {
         let objects: Vec<_> =
             (0..).zip(objects).map(|(number, field)| NodeObject::new(field, number, &grid, &part_of)).collect();
         let march = March { grid: &grid, objects: &objects, bounds, part_of: &part_of };
-        march.run(&mut meshes, &mut progress)?;
+        march.run(&mut meshes, watch)?;
         let MaterialMeshes { positions, parts } = &mut meshes;
         for part in parts {
             part.volume_mm3 = volume(positions, &part.triangles);

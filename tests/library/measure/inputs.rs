@@ -294,7 +294,7 @@ fn a_dng_bracket_is_measured() {
     for length in [12, 100, bytes.len() / 2] {
         fs::write(&cut, &bytes[..length]).unwrap();
         let capture = lumislice::measure::Capture::read(&capture);
-        let error = capture.and_then(|capture| lumislice::measure::measure(capture, &|_, _, _| {}, &|| false));
+        let error = capture.and_then(|capture| lumislice::measure::measure(capture, &lumislice::watch::Unwatched));
         let error = error.unwrap_err().to_string();
         assert!(error.contains("reflection-03.dng") && error.lines().count() == 1, "{length}: {error}");
     }

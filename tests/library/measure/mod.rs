@@ -10,6 +10,7 @@ use std::path::Path;
 use lumislice::measure::simulate::{Laboratory, Scene, Truth, write_capture};
 use lumislice::measure::{Aperture, Capture, Measurement, ResinFacts, SeriesMeasurement, measure};
 use lumislice::optics::{MaterialSet, Resin};
+use lumislice::watch::Unwatched;
 
 const SQUARE: Aperture = Aperture::Square { side_mm: 0.1 };
 const PINHOLE: Aperture = Aperture::Disc { diameter_mm: 0.5 };
@@ -61,7 +62,7 @@ impl Round {
 }
 
 fn measured(capture: &Path) -> Measurement {
-    measure(Capture::read(capture).unwrap(), &|_, _, _| {}, &|| false).unwrap()
+    measure(Capture::read(capture).unwrap(), &Unwatched).unwrap()
 }
 
 /// How far a measured profile is from the true one.

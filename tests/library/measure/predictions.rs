@@ -54,9 +54,9 @@ fn predictions_from_the_measurement_hold() {
     let folder = tempfile::tempdir().unwrap();
     let mut file = measured_set(folder.path());
     // No coefficients are in the file: `predict`, `match` and jobs fit them by the same call.
-    let refused = file.fit(None, |_, _| std::ops::ControlFlow::Continue(())).unwrap();
+    let refused = file.fit(None, &Unwatched).unwrap();
     assert!(refused.is_empty(), "{refused:?}");
-    let measured = file.into_set(|_, _| std::ops::ControlFlow::Continue(())).unwrap();
+    let measured = file.into_set(&Unwatched).unwrap();
     let exact = MaterialSet::builtin("synthetic").unwrap();
     for resin in &measured.resins {
         let (fit, truth) =

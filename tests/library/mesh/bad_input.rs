@@ -83,7 +83,7 @@ fn stl() {
         ("a.stl", good[..83].to_vec(), &["84 bytes"]),
         ("a.stl", with_count(0)[..84].to_vec(), &["no triangles"]),
         ("a.stl", not_a_number, &["triangle 1", "NaN"]),
-        ("a.stl", text(facet), &["line 6", "end of the file", "endfacet"]),
+        ("a.stl", text(facet), &["line 5", "end of the file", "endfacet"]),
         (
             "a.stl",
             text(&format!("{facet}endloop\nendfacet\nendsolid")),

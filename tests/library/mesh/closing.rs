@@ -224,3 +224,74 @@ fn a_million_triangles() {
     println!("{} triangles: {:.2} s", solid.health.triangles, start.elapsed().as_secs_f64());
     assert!(start.elapsed().as_secs_f64() < 2.0);
 }
+
+/// A sphere whose triangles miss each other's corners by up to this, each corner by itself.
+fn cracked(gap: f64) -> Vec<[DVec3; 3]> {
+    let mut state = 1u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f64 / (1u64 << 24) as f64 - 0.5
+    };
+    let mut miss = || gap / 3.0_f64.sqrt() * DVec3::new(random(), random(), random());
+    sphere(DVec3::ZERO, 5.0, 12).into_iter().map(|t| t.map(|p| p + miss())).collect()
+}
+
+#[test]
+fn corners_that_miss_each_other_by_rounding_are_joined() {
+    let whole = close(mesh_of(&sphere(DVec3::ZERO, 5.0, 12))).unwrap().health;
+    assert_eq!(whole.joined_corners, 0);
+    let solid = close(mesh_of(&cracked(3e-5))).unwrap();
+    let health = &solid.health;
+    assert_eq!((health.open_edges, health.holes, health.shells, solid.caps.len()), (0, 0, 1, 0));
+    assert!((health.volume_mm3 / whole.volume_mm3 - 1.0).abs() < 1e-5);
+    assert!(health.warnings()[0].contains("joined with others"), "{:?}", health.warnings());
+    // A ten-thousandth is no rounding.
+    assert!(close(mesh_of(&cracked(1e-3))).is_err());
+}
+
+#[test]
+fn sheets_beside_a_solid_are_left_out() {
+    let cube = || box_triangles(DVec3::ZERO, DVec3::ONE);
+    let square = |x: f64| {
+        let [a, b, c, d] = [[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 1.0, 1.0], [x, 0.0, 1.0]].map(DVec3::from);
+        vec![[a, b, c], [a, c, d]]
+    };
+    // Half a tube: a sheet that is not flat.
+    let bent: Vec<[DVec3; 3]> = (0..6)
+        .flat_map(|i| {
+            let at = |i: i32, z: f64| {
+                let (sin, cos) = (f64::from(i) * 0.5).sin_cos();
+                DVec3::new(3.0 + cos, sin, z)
+            };
+            let [a, b, c, d] = [at(i, 0.0), at(i + 1, 0.0), at(i + 1, 1.0), at(i, 1.0)];
+            [[a, b, c], [a, c, d]]
+        })
+        .collect();
+    // The square's two sides, cut along unlike diagonals, and a fin that hangs on an edge of the cube.
+    let [a, b, c, d] = [[2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [2.0, 1.0, 1.0], [2.0, 0.0, 1.0]].map(DVec3::from);
+    let both_sides = vec![[a, b, c], [a, c, d], [b, a, d], [b, d, c]];
+    let [e, f] = [[2.0, 0.0, 0.0], [2.0, 0.0, 1.0]].map(DVec3::from);
+    let fin = vec![[DVec3::X, e, f], [DVec3::X, f, DVec3::new(1.0, 0.0, 1.0)]];
+    for (sheet, triangles) in [
+        (square(0.5), 2),
+        (square(7.0), 2),
+        (bent.clone(), 12),
+        (both_sides, 4),
+        (fin, 2),
+        ([square(0.5), square(7.0), bent].concat(), 16),
+    ] {
+        let solid = close(mesh_of(&[sheet, cube()].concat())).unwrap();
+        let health = &solid.health;
+        assert_eq!((solid.mesh.triangles.len(), health.dropped_sheet_triangles), (12, triangles));
+        assert!((health.volume_mm3 - 1.0).abs() < 1e-12);
+        assert_eq!((health.area_mm2, health.holes, health.shells), (6.0, 0, 1));
+        assert!(health.warnings()[0].starts_with("Left out beside the solid: "), "{:?}", health.warnings());
+    }
+    // A loose lid closes a cup, and is a surface; so is a wall of a box that is all loose.
+    let cup = [box_triangles(DVec3::ZERO, DVec3::splat(4.0))[..10].to_vec()].concat();
+    let lid: Vec<_> = box_triangles(DVec3::ZERO, DVec3::splat(4.0))[10..].to_vec();
+    let lifted = lid.iter().map(|t| t.map(|p| p + DVec3::Z * 0.01));
+    let result = close(mesh_of(&cup.iter().copied().chain(lifted).collect::<Vec<_>>()));
+    assert!(matches!(result, Err(MeshError::OpenSheet { .. })));
+    assert_eq!(close(mesh_of(&cube())).unwrap().health.dropped_sheets, 0);
+}

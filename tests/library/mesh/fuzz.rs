@@ -73,17 +73,47 @@ fn survives(folder: &Path, name: &str, bytes: &[u8]) {
                 assert!(parallel == 0 || parallel == loaded.mesh.triangles.len());
             }
             assert!(loaded.mesh.material_of.iter().all(|&m| usize::from(m) < loaded.mesh.materials.len()));
+            assert!([0, loaded.mesh.triangles.len()].contains(&loaded.mesh.corner_colors.len()));
+            let mut baked = loaded.mesh.clone();
+            baked.bake_base_color(None);
+            assert!(baked.corner_colors.is_empty());
             let _ = close(loaded.mesh);
         }
         Err(error) => assert!(!error.to_string().contains('\n'), "{error}"),
     }
 }
 
+const COLORED_PLY: &[u8] =
+    b"ply\nformat ascii 1.0\ncomment TextureFile paint.png\nelement vertex 4\nproperty float x\n\
+    property float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n\
+    property list uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int texnumber\n\
+    element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0 1 2 3\n1 0 0 200 0 0\n1 1 0 0 9 9\n\
+    .2 .1 0 7 7 7\n4 0 1 2 3 8 0 0 1 0 1 1 0 1 -1\n4 0 1 -1 2\n";
+
+const GROUPED_3MF: &str = "<model xmlns:m='m'><resources><m:colorgroup id='5'><m:color color='#C82828'/><m:color color='#2828C8'/>\
+    </m:colorgroup><object id='1' pid='5' pindex='0'><mesh><vertices><vertex x='0' y='0' z='0'/><vertex x='1' y='0' z='0'/>\
+    <vertex x='0' y='1' z='0'/><vertex x='0' y='0' z='1'/></vertices><triangles><triangle v1='0' v2='2' v3='1'/>\
+    <triangle v1='0' v2='1' v3='3' p1='0' p2='1' p3='1'/><triangle v1='0' v2='3' v3='2'/></triangles></mesh></object>\
+    </resources><build><item objectid='1'/></build></model>";
+
+const RANGES: &str = "<config><object id='1'><volume firstid='0' lastid='1'><metadata type='volume' key='volume_type' \
+    value='ParameterModifier'/></volume></object></config>";
+
 fn samples() -> Vec<(&'static str, Vec<u8>)> {
     let sample = writers::sample();
     let png = writers::png(&sample);
     vec![
         ("a.obj", writers::obj(&sample).into_bytes()),
+        ("b.obj", b"v 0 0 0 1 0 0 # near\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv .2 .1 0 1 1 1\nf 1 2 \\\n3 4".to_vec()),
+        ("d.ply", COLORED_PLY.to_vec()),
+        (
+            "b.3mf",
+            writers::threemf_parts(&[
+                ("_RELS/.rels", writers::rels("3d/3DModel.model").into_bytes()),
+                ("3D/3dmodel.model", GROUPED_3MF.into()),
+                ("Metadata/Slic3r_PE_model.config", RANGES.into()),
+            ]),
+        ),
         ("a.stl", writers::stl_binary(&sample)),
         ("b.stl", writers::stl_text(&sample).into_bytes()),
         ("a.ply", writers::ply(&sample, writers::Ply::Text)),

@@ -234,18 +234,30 @@ pub fn glb_of(json: &serde_json::Value, bin: &[u8]) -> Vec<u8> {
     bytes
 }
 
-const RELS: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
-<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship Target="/3D/shape.model"
- Id="r0" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>"#;
+/// A package's relationships, which name its model.
+pub fn rels(target: &str) -> String {
+    format!(
+        r#"<?xml version="1.0" encoding="UTF-8"?>
+<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship Target="{target}"
+ Id="r0" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>"#
+    )
+}
 
 /// A 3MF package around a model part and a texture.
 pub fn threemf_of(model: &str, texture: &[u8]) -> Vec<u8> {
+    threemf_parts(&[
+        ("_rels/.rels", rels("/3D/shape.model").into_bytes()),
+        ("3D/shape.model", model.into()),
+        ("3D/Textures/paint.png", texture.into()),
+    ])
+}
+
+/// A 3MF package of these parts.
+pub fn threemf_parts(parts: &[(&str, Vec<u8>)]) -> Vec<u8> {
     let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let options = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Deflated);
-    for (name, bytes) in
-        [("_rels/.rels", RELS.as_bytes()), ("3D/shape.model", model.as_bytes()), ("3D/Textures/paint.png", texture)]
-    {
-        zip.start_file(name, options).unwrap();
+    for (name, bytes) in parts {
+        zip.start_file(*name, options).unwrap();
         zip.write_all(bytes).unwrap();
     }
     zip.finish().unwrap().into_inner()

@@ -2,10 +2,11 @@
 
 use super::patch::Patch;
 use crate::appearance::bssrdf::{Channel, FactorOptions, Factors, Freedom, factor};
+use crate::watch::Unwatched;
 
 fn fit(patch: &Patch, values: &[f32], more: &str, freedom: Freedom) -> Factors {
     let folder = patch.write(values, more);
-    factor(&folder.open(), Channel::Stored(0), &FactorOptions { freedom, ..Default::default() }, &|_, _| true).unwrap()
+    factor(&folder.open(), Channel::Stored(0), &FactorOptions { freedom, ..Default::default() }, &Unwatched).unwrap()
 }
 
 /// Relative differences to the truth over all texels and the rings below `rings`: root mean square, mean.

@@ -4,6 +4,7 @@ use std::io::Write;
 
 use super::patch::{Folder, Patch};
 use crate::appearance::bssrdf::{Channel, Dataset, FactorOptions, factor, write_npy};
+use crate::watch::Unwatched;
 
 const TINY: Patch = Patch { width: 3, height: 2, window: 3, ..Patch::SMALL };
 
@@ -84,14 +85,14 @@ fn albedo_and_mask_are_checked() {
 fn data_that_are_no_bssrdf_are_refused() {
     let complaint = |value: f32| {
         let folder = TINY.write(&[value; 54], "");
-        factor(&folder.open(), Channel::Stored(0), &FactorOptions::default(), &|_, _| true).unwrap_err().to_string()
+        factor(&folder.open(), Channel::Stored(0), &FactorOptions::default(), &Unwatched).unwrap_err().to_string()
     };
     assert!(complaint(f32::NAN).contains("no value that is a number"));
     assert!(complaint(0.0).contains("no value above 0"));
     assert!(complaint(-1.0).contains("no value above 0"));
     assert!(complaint(1000.0).contains("times the light sent in"), "a pitch that is wrong, or values per pixel");
     let folder = TINY.write(&[1.0, -0.9].repeat(27), "");
-    let error = factor(&folder.open(), Channel::Stored(0), &FactorOptions::default(), &|_, _| true).unwrap_err();
+    let error = factor(&folder.open(), Channel::Stored(0), &FactorOptions::default(), &Unwatched).unwrap_err();
     assert!(error.to_string().contains("negative values that take away 90% of the light"), "{error}");
 }
 

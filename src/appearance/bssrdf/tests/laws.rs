@@ -7,10 +7,11 @@ use crate::appearance::bssrdf::{
     operator::{Operator, Prior},
     passes::Model,
 };
+use crate::watch::{Interrupt, Unwatched, Watch};
 
 fn fit(patch: &Patch, values: &[f32], more: &str) -> Factors {
     let folder = patch.write(values, more);
-    factor(&folder.open(), Channel::Stored(0), &FactorOptions::default(), &|_, _| true).unwrap()
+    factor(&folder.open(), Channel::Stored(0), &FactorOptions::default(), &Unwatched).unwrap()
 }
 
 #[test]
@@ -148,17 +149,34 @@ fn equation_7_beats_simpler_models() {
     let folder = patch.write(&patch.responses(6), "");
     let error = |freedom| {
         let options = FactorOptions { freedom, ..Default::default() };
-        factor(&folder.open(), Channel::Stored(0), &options, &|_, _| true).unwrap().misses.relative()
+        factor(&folder.open(), Channel::Stored(0), &options, &Unwatched).unwrap().misses.relative()
     };
     let (full, scaled, global) = (error(Freedom::Profiles), error(Freedom::Scaled), error(Freedom::Global));
     println!("profiles {full:.4}, scaled {scaled:.4}, global {global:.4}");
     assert!(full < 0.5 * scaled && scaled < global);
 }
 
+/// Asks to stop once the data are read.
+#[derive(Default)]
+struct OnlyReading(Interrupt);
+
+impl Watch for OnlyReading {
+    fn stage(&self, name: &str, _steps: u64) {
+        if name != "reading" {
+            self.0.request();
+        }
+    }
+
+    fn stop_requested(&self) -> bool {
+        self.0.requested()
+    }
+}
+
 #[test]
 fn a_watch_can_stop_it() {
     let patch = Patch::SMALL;
     let folder = patch.write(&patch.responses(1), "");
-    let result = factor(&folder.open(), Channel::Stored(0), &FactorOptions::default(), &|stage, _| stage == "reading");
-    assert!(matches!(result, Err(BssrdfError::Cancelled)));
+    let watch = OnlyReading::default();
+    let result = factor(&folder.open(), Channel::Stored(0), &FactorOptions::default(), &watch);
+    assert!(matches!(result, Err(BssrdfError::Stopped(_))));
 }

@@ -17,6 +17,7 @@ use crate::{
     optics::{ResinId, Stack},
     slice::{ObjectField, Slicer},
     voxel::{Lattice, MaterialId},
+    watch::Unwatched,
 };
 
 /// Checks that every directed edge has its reverse exactly once.
@@ -170,7 +171,7 @@ fn voxel_volumes(slicer: &Slicer) -> [f64; 256] {
 }
 
 fn mesh(slicer: &Slicer, pitch_mm: f64, ids: &[MaterialId]) -> MaterialMeshes {
-    MaterialMesher { pitch_mm }.mesh(slicer.objects(), &resins(ids), |_, _| true).unwrap()
+    MaterialMesher { pitch_mm }.mesh(slicer.objects(), &resins(ids), &Unwatched).unwrap()
 }
 
 /// Checks every part's volume against its voxels; prints the deviations.

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::*;
 use crate::slice::{DistanceKind, meshes::MeshingError};
+use crate::watch::{Interrupt, Stopped, Watch};
 
 /// Four layers and a core in a slab.
 fn layered_slab() -> Slicer {
@@ -154,11 +155,13 @@ fn the_default_pitch_is_half_the_thinnest_layer_within_reason() {
 #[test]
 fn bad_pitches_are_refused_and_work_can_be_ended() {
     let slicer = layered_slab();
-    let run = |pitch_mm: f64, go: bool| MaterialMesher { pitch_mm }.mesh(slicer.objects(), &[], |_, _| go);
-    assert_eq!(run(0.0, true).unwrap_err().to_string(), "the mesh pitch is 0 mm, expected a positive length");
-    assert!(matches!(run(f64::NAN, true), Err(MeshingError::Pitch { .. })));
-    assert!(matches!(run(1e-6, true), Err(MeshingError::TooFine { axis: 'x', .. })));
-    assert_eq!(run(1.0, false), Err(MeshingError::Interrupted));
-    let empty = MaterialMesher { pitch_mm: 1.0 }.mesh(&[], &resins(&[WHITE]), |_, _| true).unwrap();
+    let run = |pitch_mm: f64, watch: &dyn Watch| MaterialMesher { pitch_mm }.mesh(slicer.objects(), &[], watch);
+    assert_eq!(run(0.0, &Unwatched).unwrap_err().to_string(), "the mesh pitch is 0 mm, expected a positive length");
+    assert!(matches!(run(f64::NAN, &Unwatched), Err(MeshingError::Pitch { .. })));
+    assert!(matches!(run(1e-6, &Unwatched), Err(MeshingError::TooFine { axis: 'x', .. })));
+    let stop = Interrupt::new();
+    stop.request();
+    assert_eq!(run(1.0, &stop), Err(MeshingError::Stopped(Stopped)));
+    let empty = MaterialMesher { pitch_mm: 1.0 }.mesh(&[], &resins(&[WHITE]), &Unwatched).unwrap();
     assert!(empty.positions.is_empty() && empty.parts[0].triangles.is_empty());
 }

@@ -8,7 +8,7 @@ use std::{fmt::Write, fs};
 
 use lumislice::{
     colour::linear_to_byte,
-    job::{self, Interrupt, Job, Prepared, RunOptions, Silent},
+    job::{self, Job, Prepared, RunOptions},
     optics::{ChannelPrediction, EdgeResponse, OpticsError},
     output::Existing,
     plot::{Axis, Figure, Panel, Raster, Rgb, Series, Shape, viridis},
@@ -170,9 +170,9 @@ fn slice(options: &Options, resins: &Resins, found: &[Found]) -> Outcome {
     }
     let path = folder.join("slabs.toml");
     fs::write(&path, &text)?;
-    let prepared = Prepared::new(Job::load(&path)?, &Silent, &Interrupt::new())?;
+    let prepared = Prepared::new(Job::load(&path)?, &Unwatched)?;
     let run = RunOptions { existing: Existing::Overwrite, slices: None };
-    let manifest = job::run(&prepared, &folder.join("out"), &run, &Silent, &Interrupt::new())?.manifest;
+    let manifest = job::run(&prepared, &folder.join("out"), &run, &Unwatched)?.manifest;
     println!(
         "\nsliced: {} × {} × {} voxels",
         prepared.lattice.dims[0], prepared.lattice.dims[1], prepared.lattice.dims[2]

@@ -1,0 +1,502 @@
+//! Base colours that one repeating texture a material cannot show, made into textures that can.
+//!
+//! Who lays colours on a surface knows materials, textures that repeat, and texture coordinates. Colours of corners,
+//! and textures that are mirrored or end at their edges, become that here: triangles of one colour all over get a
+//! material of their own, all others a block of texels in new textures. The corners of a triangle lie on the centres of
+//! its block's texels, so that interpolating between texels interpolates over the triangle; blocks keep two texels
+//! apart, so that no lookup reaches another's.
+//!
+//! ```text
+//!   . . . . . .      a . corner 0 on texel (1, 1) of its place
+//!   . a * * b .      b . corner 1 as many texels away as side 0-1 needs
+//!   . * * * . .      c . corner 2 as side 0-2 needs
+//!   . c * . . .      . . not under the triangle: its own nearest colour, or nothing
+//!   . . . . . .
+//! ```
+//!
+//! A block has two texels for each texel of the texture under it (one where that is too many), and as many as colours
+//! differ in steps of [`STEP`]. Triangles that need none of this keep materials and coordinates bit for bit.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+
+use super::{SurfaceMaterial, Texture, TriangleMesh, Wrap};
+use crate::colour::{byte_to_linear, linear_to_byte, linear_to_srgb};
+
+/// Difference of encoded colours between neighbouring texels: 8 of 255 levels, a quarter of what the texels of a
+/// stacking's cluster differ by.
+const STEP: f32 = 1.0 / 32.0;
+/// Encoded colours closer than this are one: half a level of 8 bits.
+const SAME: f32 = 0.5 / 255.0;
+/// Most colours that become materials; each is a page of the target, drawn by a pass over all triangles.
+const MAX_PLAIN: usize = 256;
+/// Longest side of a block; shorter where blocks have fewer texels than the texture, so that all fit in the end.
+const MAX_SIDE: f32 = 1024.0;
+/// Longest side of a texture: texel centres of a power of two are exact in single precision.
+const MAX_PAGE: usize = 4096;
+/// Texels that all blocks together may have: some 40 bytes each while targets are made, a third of a GiB.
+const MAX_TEXELS: usize = 1 << 23;
+/// Texels around a block, on each side.
+const GUTTER: usize = 1;
+/// How far beyond [0, 1], in texels, coordinates may lie by rounding.
+const EDGE: f32 = 0.01;
+
+impl TriangleMesh {
+    /// Rewrites materials and texture coordinates so that [`Self::corner_colors`] are empty and every texture repeats,
+    /// whatever the colours were. `detail` is the size of another texture over the coordinates as they are: blocks are
+    /// fine enough for it too, and say where their texels were ([`SurfaceMaterial::baked_from`]).
+    ///
+    /// Says whether anything had to be done.
+    pub fn bake_base_color(&mut self, detail: Option<(u32, u32)>) -> bool {
+        let plan: Vec<Look> = (0..self.triangles.len()).map(|t| self.look(t)).collect();
+        if plan.iter().all(|look| *look == Look::AsItIs) {
+            self.corner_colors.clear();
+            return false;
+        }
+        self.uvs.resize(self.triangles.len(), [Vec2::ZERO; 3]);
+        self.material_of.resize(self.triangles.len(), 0);
+        let mut plain: BTreeMap<(u16, [u32; 3]), Vec<usize>> = BTreeMap::new();
+        let mut blocks = Vec::new();
+        for (t, look) in plan.iter().enumerate() {
+            match look {
+                Look::AsItIs => {}
+                Look::OneColor => {
+                    let key = (self.material_of[t], self.corner_colors[t][0].map(f32::to_bits));
+                    plain.entry(key).or_default().push(t);
+                }
+                Look::Varied => blocks.push(t),
+            }
+        }
+        let room = (usize::from(u16::MAX) + 1).saturating_sub(self.materials.len() + 64);
+        if plain.len() <= MAX_PLAIN.min(room) {
+            for ((material, color), triangles) in plain {
+                let index = self.materials.len() as u16;
+                self.materials.push(tinted(&self.materials[usize::from(material)], color.map(f32::from_bits)));
+                triangles.into_iter().for_each(|t| self.material_of[t] = index);
+            }
+        } else {
+            blocks.extend(plain.into_values().flatten());
+            blocks.sort_unstable();
+        }
+        self.bake_blocks(&blocks, detail);
+        self.corner_colors.clear();
+        self.drop_unused_materials();
+        true
+    }
+
+    fn look(&self, t: usize) -> Look {
+        let material = self.materials.get(self.material_index(t));
+        let texture = material.and_then(|material| Some((material.base_color_texture.as_ref()?, material.wrap)));
+        let leaves = |axis: usize, size: u32| {
+            let edge = EDGE / size as f32;
+            self.uvs.get(t).is_some_and(|uvs| uvs.iter().any(|uv| !(-edge..=1.0 + edge).contains(&uv[axis])))
+        };
+        if texture.is_some_and(|(texture, wrap)| {
+            let sizes = [texture.width, texture.height];
+            (0..2).any(|axis| wrap[axis] != Wrap::Repeat && leaves(axis, sizes[axis]))
+        }) {
+            return Look::Varied;
+        }
+        match self.corner_colors.get(t) {
+            None => Look::AsItIs,
+            Some(colors) if *colors == [[1.0; 3]; 3] => Look::AsItIs,
+            Some([a, b, c]) if a == b && b == c => Look::OneColor,
+            Some(_) => Look::Varied,
+        }
+    }
+
+    fn material_index(&self, t: usize) -> usize {
+        self.material_of.get(t).copied().unwrap_or(0).into()
+    }
+
+    fn bake_blocks(&mut self, triangles: &[usize], detail: Option<(u32, u32)>) {
+        if triangles.is_empty() {
+            return;
+        }
+        let mut blocks: Vec<Block> = Vec::new();
+        // Two texels a texel, or one, or fewer until all fit.
+        for fineness in (0..12).map(|halvings| 2.0 / (1 << halvings) as f32) {
+            blocks = triangles.iter().map(|&t| self.block(t, detail, fineness)).collect();
+            if blocks.iter().map(Block::room).sum::<usize>() <= MAX_TEXELS {
+                break;
+            }
+        }
+        let sizes = pack(&mut blocks);
+        let mut pages: Vec<Page> = sizes.into_iter().map(|size| Page::new(size, detail.is_some())).collect();
+        let first = self.materials.len();
+        for block in &blocks {
+            self.paint(block, &mut pages[block.page]);
+        }
+        for block in &blocks {
+            self.uvs[block.triangle] = block.uvs(&pages[block.page]);
+            self.material_of[block.triangle] = (first + block.page) as u16;
+        }
+        self.materials.extend(pages.into_iter().map(Page::finished));
+    }
+
+    /// How large a triangle's block is.
+    fn block(&self, t: usize, detail: Option<(u32, u32)>, fineness: f32) -> Block {
+        let uvs = self.uvs[t];
+        let texture = self.materials.get(self.material_index(t)).and_then(|m| m.base_color_texture.as_ref());
+        let texels = texture.map(|texture| Vec2::new(texture.width as f32, texture.height as f32));
+        let detail = detail.map(|(width, height)| Vec2::new(width as f32, height as f32));
+        let fine = texels.into_iter().chain(detail).reduce(Vec2::max).unwrap_or(Vec2::ZERO);
+        let colors = self.corner_colors.get(t).copied().unwrap_or([[1.0; 3]; 3]);
+        let encoded = colors.map(|color| Vec3::from(color.map(encoded)));
+        let difference = |a: usize, b: usize| (encoded[a] - encoded[b]).abs().max_element();
+        let length = |a: usize, b: usize| ((uvs[a] - uvs[b]) * fine).length();
+        // The longest side lies across the block.
+        let needs = |a: usize, b: usize| length(a, b) * fineness + difference(a, b) / STEP * fineness.min(1.0);
+        let sides = [needs(1, 2), needs(2, 0), needs(0, 1)];
+        let apex = (0..3).fold(0, |best, i| if sides[i] > sides[best] { i } else { best });
+        let order = [apex, (apex + 1) % 3, (apex + 2) % 3];
+        let side = |a: usize, b: usize| {
+            let is_even = difference(a, b) <= SAME && !(length(a, b) > 0.0);
+            let needed = if is_even { 0.0 } else { needs(a, b).ceil().max(1.0) };
+            // What is no number takes no room.
+            needed.min(MAX_SIDE * fineness.min(1.0)) as usize + 1
+        };
+        let mut size = [side(order[0], order[1]), side(order[0], order[2])];
+        if size[0].max(size[1]) == 1 && difference(order[1], order[2]) > SAME {
+            size = [2, 2];
+        }
+        Block { triangle: t, order, size, page: 0, corner: [0; 2] }
+    }
+
+    /// Colours a block's texels, and those around it like the nearest inside.
+    fn paint(&self, block: &Block, page: &mut Page) {
+        let t = block.triangle;
+        let material = self.materials.get(self.material_index(t));
+        let [r, g, b, _] = material.map_or([1.0; 4], |material| material.base_color);
+        let factor = Vec3::new(r, g, b);
+        let colors = self.corner_colors.get(t).copied().unwrap_or([[1.0; 3]; 3]).map(Vec3::from);
+        let uvs = self.uvs[t];
+        for y in 0..block.size[1] {
+            for x in 0..block.size[0] {
+                let share = |at: usize, size: usize| if size > 1 { at as f32 / (size - 1) as f32 } else { 0.0 };
+                let [mut second, mut third] = [share(x, block.size[0]), share(y, block.size[1])];
+                let sum = second + third;
+                if sum > 1.0 {
+                    (second, third) = (second / sum, third / sum);
+                }
+                let weights = [1.0 - second - third, second, third];
+                let mut corner_weights = [0.0; 3];
+                block.order.iter().zip(weights).for_each(|(&corner, weight)| corner_weights[corner] = weight);
+                let [wa, wb, wc] = corner_weights;
+                let uv = uvs[0] * wa + uvs[1] * wb + uvs[2] * wc;
+                let color = colors[0] * wa + colors[1] * wb + colors[2] * wc;
+                let color = color * factor * material.map_or(Vec3::ONE, |material| sample(material, uv));
+                let index = block.corner[0] + x + page.size[0] * (block.corner[1] + y);
+                let [r, g, b] = color.to_array().map(byte);
+                page.texels[index] = [r, g, b, 255];
+                if let Some(from) = page.from.get_mut(index) {
+                    *from = uv;
+                }
+            }
+        }
+    }
+
+    /// Materials that no triangle has any more would be pages for nothing.
+    fn drop_unused_materials(&mut self) {
+        let mut is_used = vec![false; self.materials.len()];
+        self.material_of.iter().for_each(|&material| is_used[usize::from(material)] = true);
+        let mut next = 0;
+        let renamed: Vec<u16> = is_used
+            .iter()
+            .map(|&used| {
+                next += u16::from(used);
+                next.saturating_sub(1)
+            })
+            .collect();
+        self.material_of.iter_mut().for_each(|material| *material = renamed[usize::from(*material)]);
+        let mut used = is_used.into_iter();
+        self.materials.retain(|_| used.next() == Some(true));
+    }
+}
+
+/// What a triangle needs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Look {
+    AsItIs,
+    /// Its material, tinted.
+    OneColor,
+    /// Texels of its own.
+    Varied,
+}
+
+/// The texels of one triangle.
+#[derive(Clone, Copy)]
+struct Block {
+    triangle: usize,
+    /// Corners of the triangle: on the block's corner, along x, along y.
+    order: [usize; 3],
+    size: [usize; 2],
+    page: usize,
+    /// First texel on the page.
+    corner: [usize; 2],
+}
+
+impl Block {
+    /// Texels it takes, those around it included.
+    fn room(&self) -> usize {
+        self.size.map(|side| side + 2 * GUTTER).iter().product()
+    }
+
+    /// Texture coordinates of the triangle's corners, on texel centres.
+    fn uvs(&self, page: &Page) -> [Vec2; 3] {
+        let at = |x: usize, y: usize| {
+            let texel = Vec2::new((self.corner[0] + x) as f32 + 0.5, (self.corner[1] + y) as f32 + 0.5);
+            texel / Vec2::new(page.size[0] as f32, page.size[1] as f32)
+        };
+        let mut uvs = [at(0, 0); 3];
+        uvs[self.order[1]] = at(self.size[0] - 1, 0);
+        uvs[self.order[2]] = at(0, self.size[1] - 1);
+        uvs
+    }
+}
+
+/// Gives every block its place, on shelves of blocks alike in height; the sizes of the pages come back.
+fn pack(blocks: &mut [Block]) -> Vec<[usize; 2]> {
+    blocks.sort_by_key(|block| (block.size[1], block.size[0], block.triangle));
+    let room: usize = blocks.iter().map(Block::room).sum();
+    let widest = blocks.iter().map(|block| block.size[0] + 2 * GUTTER).max().unwrap_or(1);
+    let width = ((room as f64).sqrt().ceil() as usize).max(widest).next_power_of_two().min(MAX_PAGE);
+    let mut pages = Vec::new();
+    let ([mut x, mut y], mut shelf) = ([0, 0], 0);
+    for block in blocks {
+        let size = block.size.map(|side| side + 2 * GUTTER);
+        if x + size[0] > width {
+            (x, y, shelf) = (0, y + shelf, 0);
+        }
+        if y + size[1] > MAX_PAGE {
+            pages.push([width, y.next_power_of_two()]);
+            (x, y, shelf) = (0, 0, 0);
+        }
+        block.page = pages.len();
+        block.corner = [x + GUTTER, y + GUTTER];
+        x += size[0];
+        shelf = shelf.max(size[1]);
+    }
+    pages.push([width, (y + shelf).next_power_of_two()]);
+    pages
+}
+
+/// A texture being baked.
+struct Page {
+    size: [usize; 2],
+    texels: Vec<[u8; 4]>,
+    /// Coordinates before, where they are asked for.
+    from: Vec<Vec2>,
+}
+
+impl Page {
+    fn new(size: [usize; 2], keeps_coordinates: bool) -> Self {
+        let texels = size[0] * size[1];
+        let from = if keeps_coordinates { vec![Vec2::ZERO; texels] } else { Vec::new() };
+        Self { size, texels: vec![[0, 0, 0, 255]; texels], from }
+    }
+
+    fn finished(self) -> SurfaceMaterial {
+        let [width, height] = self.size.map(|side| side as u32);
+        SurfaceMaterial {
+            name: "baked colours".to_owned(),
+            base_color: [1.0; 4],
+            base_color_texture: Some(Arc::new(Texture { width, height, texels: self.texels })),
+            wrap: [Wrap::Repeat; 2],
+            baked_from: if self.from.is_empty() { None } else { Some(self.from.into()) },
+        }
+    }
+}
+
+/// A material in another colour.
+fn tinted(material: &SurfaceMaterial, color: [f32; 3]) -> SurfaceMaterial {
+    let [r, g, b, alpha] = material.base_color;
+    let base_color = [r * color[0], g * color[1], b * color[2], alpha];
+    SurfaceMaterial { base_color, ..material.clone() }
+}
+
+/// Linear RGB of a material's texture at `uv`, wherever that is: of the texel that it falls into.
+fn sample(material: &SurfaceMaterial, uv: Vec2) -> Vec3 {
+    let Some(texture) = &material.base_color_texture else { return Vec3::ONE };
+    let texel = |at: f32, size: u32, wrap: Wrap| {
+        let at = if at.is_finite() { at } else { 0.0 };
+        let within = match wrap {
+            Wrap::Repeat => at.rem_euclid(1.0),
+            Wrap::Mirror => 1.0 - (at.rem_euclid(2.0) - 1.0).abs(),
+            Wrap::Clamp => at.clamp(0.0, 1.0),
+        };
+        ((within * size as f32) as u32).min(size - 1) as usize
+    };
+    let (x, y) = (texel(uv.x, texture.width, material.wrap[0]), texel(uv.y, texture.height, material.wrap[1]));
+    let [r, g, b, _] = texture.texels[x + texture.width as usize * y];
+    Vec3::new(byte_to_linear(r), byte_to_linear(g), byte_to_linear(b))
+}
+
+/// What cannot be told apart in bytes need not be told apart here: light encoded, cut off at both ends.
+fn encoded(linear: f32) -> f32 {
+    linear_to_srgb(f64::from(finite(linear)).clamp(0.0, 1.0)) as f32
+}
+
+fn byte(linear: f32) -> u8 {
+    linear_to_byte(finite(linear).into())
+}
+
+/// What is no number is no light.
+fn finite(linear: f32) -> f32 {
+    if linear.is_nan() { 0.0 } else { linear }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::colour::srgb_to_linear as linear;
+
+    /// One flat triangle.
+    fn triangle(uvs: [[f32; 2]; 3], material: SurfaceMaterial) -> TriangleMesh {
+        TriangleMesh {
+            positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
+            triangles: vec![[0, 1, 2]],
+            uvs: vec![uvs.map(Vec2::from)],
+            materials: vec![material],
+            ..TriangleMesh::default()
+        }
+    }
+
+    fn material(texture: Option<Texture>, wrap: Wrap) -> SurfaceMaterial {
+        SurfaceMaterial {
+            name: String::new(),
+            base_color: [1.0; 4],
+            base_color_texture: texture.map(Arc::new),
+            wrap: [wrap; 2],
+            baked_from: None,
+        }
+    }
+
+    /// Red on the left, blue on the right.
+    fn halves() -> Texture {
+        let row = [[255, 0, 0, 255], [255, 0, 0, 255], [0, 0, 255, 255], [0, 0, 255, 255]];
+        Texture { width: 4, height: 4, texels: row.repeat(4) }
+    }
+
+    /// Linear colour of the mesh's triangle `t` at a point, as who lays colours sees it.
+    fn seen(mesh: &TriangleMesh, t: usize, weights: [f32; 3]) -> [f32; 3] {
+        let material = &mesh.materials[mesh.material_index(t)];
+        assert_eq!(material.wrap.map(|_| Wrap::Repeat), [Wrap::Repeat; 2]);
+        let uv = mesh.uvs[t].iter().zip(weights).map(|(uv, weight)| *uv * weight).sum();
+        let [r, g, b, _] = material.base_color;
+        (sample(material, uv) * Vec3::new(r, g, b)).to_array()
+    }
+
+    const POINTS: [[f32; 3]; 7] = [
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0],
+        [0.3, 0.3, 0.4],
+        [0.1, 0.2, 0.7],
+        [0.5, 0.5, 0.0],
+        [0.6, 0.1, 0.3],
+    ];
+
+    #[test]
+    fn what_repeats_and_is_white_stays_bit_for_bit() {
+        let mut mesh = triangle([[1.05, 0.0], [3.45, 0.0], [1.45, 1.0]], material(Some(halves()), Wrap::Repeat));
+        let before = mesh.clone();
+        assert!(!mesh.bake_base_color(Some((64, 64))));
+        assert_eq!((mesh.uvs, mesh.materials.len()), (before.uvs, 1));
+        let mut inside = triangle([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], material(Some(halves()), Wrap::Clamp));
+        assert!(!inside.bake_base_color(None));
+    }
+
+    #[test]
+    fn corners_in_three_colours_are_interpolated() {
+        for colors in [
+            [[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]],
+            [[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.1, 0.1, 0.8]],
+            [[0.5, 0.2, 0.5], [0.1, 0.1, 0.8], [0.5, 0.2, 0.5]],
+        ] {
+            let mut mesh = triangle([[0.0; 2]; 3], material(None, Wrap::Repeat));
+            mesh.corner_colors = vec![colors];
+            assert!(mesh.bake_base_color(None));
+            assert!(mesh.corner_colors.is_empty() && mesh.materials.len() == 1);
+            for weights in POINTS {
+                for (c, found) in seen(&mesh, 0, weights).into_iter().enumerate() {
+                    let expected: f32 = colors.iter().zip(weights).map(|(color, weight)| color[c] * weight).sum();
+                    assert!((encoded(found) - encoded(expected)).abs() < 1.5 * STEP, "{weights:?}: {found} {expected}");
+                }
+            }
+            for (corner, color) in colors.into_iter().enumerate() {
+                let mut weights = [0.0; 3];
+                weights[corner] = 1.0;
+                assert_eq!(seen(&mesh, 0, weights).map(byte), color.map(byte));
+            }
+        }
+    }
+
+    #[test]
+    fn one_colour_all_over_is_a_material() {
+        let mut mesh = triangle([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], material(Some(halves()), Wrap::Repeat));
+        mesh.corner_colors = vec![[[0.3, 0.2, 0.1]; 3]];
+        let uvs = mesh.uvs.clone();
+        assert!(mesh.bake_base_color(None));
+        assert_eq!((mesh.uvs, mesh.materials[0].base_color), (uvs, [0.3, 0.2, 0.1, 1.0]));
+    }
+
+    #[test]
+    fn mirrors_and_edges_are_painted() {
+        // Left of the middle all over, in the mirror image.
+        for (wrap, uvs) in [
+            (Wrap::Mirror, [[1.05, 0.0], [1.45, 0.0], [1.45, 1.0]]),
+            (Wrap::Clamp, [[1.05, 0.0], [1.45, 0.0], [1.45, 1.0]]),
+            (Wrap::Clamp, [[0.55, -7.0], [9.0, 0.0], [40.0, 1.0]]),
+        ] {
+            let mut mesh = triangle(uvs, material(Some(halves()), wrap));
+            assert!(mesh.bake_base_color(None));
+            for weights in POINTS {
+                assert_eq!(seen(&mesh, 0, weights).map(byte), [0, 0, 255], "{wrap:?} {weights:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn more_colours_than_materials_share_a_texture() {
+        let mut mesh = triangle([[0.0; 2]; 3], material(None, Wrap::Repeat));
+        let color = |t: usize| [linear((t % 23) as f32 / 22.0), linear((t / 23) as f32 / 22.0), 0.0];
+        mesh.triangles = vec![[0, 1, 2]; 500];
+        mesh.uvs = vec![mesh.uvs[0]; 500];
+        mesh.corner_colors = (0..500).map(|t| [color(t); 3]).collect();
+        assert!(mesh.bake_base_color(None));
+        assert_eq!(mesh.materials.len(), 1);
+        for t in 0..500 {
+            for weights in POINTS {
+                assert_eq!(seen(&mesh, t, weights).map(byte), color(t).map(byte));
+            }
+        }
+    }
+
+    #[test]
+    fn texels_remember_where_they_were() {
+        let uvs = [[0.1, 0.2], [0.7, 0.2], [0.1, 0.9]];
+        let mut mesh = triangle(uvs, material(None, Wrap::Repeat));
+        mesh.corner_colors = vec![[[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]]];
+        assert!(mesh.bake_base_color(Some((64, 64))));
+        let from = mesh.materials[0].baked_from.clone().unwrap();
+        let texture = mesh.materials[0].base_color_texture.clone().unwrap();
+        for weights in POINTS {
+            let mean = |uvs: [Vec2; 3]| uvs.iter().zip(weights).map(|(uv, weight)| *uv * weight).sum::<Vec2>();
+            let at = mean(mesh.uvs[0]) * Vec2::new(texture.width as f32, texture.height as f32);
+            let found = from[at.x as usize + texture.width as usize * at.y as usize];
+            assert!(found.distance(mean(uvs.map(Vec2::from))) < 1.0 / 64.0, "{found}");
+        }
+    }
+
+    #[test]
+    fn huge_and_broken_coordinates_end() {
+        let mut mesh = triangle([[-1e30, 0.0], [1e30, f32::NAN], [0.0, 1e9]], material(Some(halves()), Wrap::Mirror));
+        mesh.corner_colors = vec![[[0.1; 3], [0.9; 3], [f32::NAN; 3]]];
+        assert!(mesh.bake_base_color(None));
+    }
+}

@@ -1,0 +1,167 @@
+//! Text as files hold it: byte order marks, line ends of three kinds, comments and continued lines.
+
+use std::borrow::Cow;
+
+const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// The text without byte order mark; UTF-16, which is known by its mark or by its first `<`, becomes UTF-8.
+pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, [u8]> {
+    match bytes {
+        [0xff, 0xfe, rest @ ..] => Cow::Owned(from_utf16(rest, u16::from_le_bytes)),
+        [0xfe, 0xff, rest @ ..] => Cow::Owned(from_utf16(rest, u16::from_be_bytes)),
+        [b'<', 0, ..] => Cow::Owned(from_utf16(bytes, u16::from_le_bytes)),
+        [0, b'<', ..] => Cow::Owned(from_utf16(bytes, u16::from_be_bytes)),
+        _ => Cow::Borrowed(bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes)),
+    }
+}
+
+fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
+    let mut text = Vec::with_capacity(bytes.len() / 2);
+    let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
+    for c in char::decode_utf16(units) {
+        let c = c.unwrap_or(char::REPLACEMENT_CHARACTER);
+        text.extend_from_slice(c.encode_utf8(&mut [0; 4]).as_bytes());
+    }
+    text
+}
+
+/// Where the first line ends, and where the next begins: at LF, CR or both together.
+pub(super) fn line_end(bytes: &[u8]) -> Option<(usize, usize)> {
+    let end = bytes.iter().position(|b| matches!(b, b'\n' | b'\r'))?;
+    Some((end, end + if bytes[end..].starts_with(b"\r\n") { 2 } else { 1 }))
+}
+
+/// Lines with their numbers from 1, without their ends.
+#[derive(Debug, Clone)]
+pub(super) struct Lines<'a> {
+    rest: Option<&'a [u8]>,
+    number: usize,
+}
+
+impl<'a> Lines<'a> {
+    pub(super) fn new(text: &'a [u8]) -> Self {
+        Self { rest: Some(text).filter(|text| !text.is_empty()), number: 0 }
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = (usize, &'a [u8]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let text = self.rest?;
+        self.number += 1;
+        let (end, next) = line_end(text).unwrap_or((text.len(), text.len()));
+        self.rest = text.get(next..).filter(|rest| !rest.is_empty());
+        Some((self.number, &text[..end]))
+    }
+}
+
+/// Statements of Wavefront's formats: a backslash at the end of a line joins the next, `#` begins a comment, which goes
+/// to the end of its line and joins nothing.
+///
+/// A name may hold a `#`; lines with one of `names` keep what looks like a comment (see [`without_comment`]).
+pub(super) struct Statements<'a> {
+    lines: Lines<'a>,
+    names: &'static [&'static str],
+}
+
+impl<'a> Statements<'a> {
+    pub(super) fn new(text: &'a [u8], names: &'static [&'static str]) -> Self {
+        Self { lines: Lines::new(text), names }
+    }
+
+    fn holds_name(&self, line: &[u8]) -> bool {
+        let word = line.trim_ascii_start().split(u8::is_ascii_whitespace).next().unwrap_or(&[]);
+        self.names.iter().any(|name| word.eq_ignore_ascii_case(name.as_bytes()))
+    }
+}
+
+impl<'a> Iterator for Statements<'a> {
+    type Item = (usize, Cow<'a, [u8]>);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let (number, line) = self.lines.next()?;
+        let named = self.holds_name(line);
+        let mut statement = Cow::Borrowed(b"".as_slice());
+        let mut next = Some(line);
+        while let Some(line) = next.take() {
+            let hash = line.iter().position(|&b| b == b'#');
+            let line = match hash {
+                Some(at) if !named && !line.trim_ascii_start().starts_with(POLYPAINT) => &line[..at],
+                _ => line,
+            };
+            let line = line.trim_ascii_end();
+            let (line, goes_on) = match line {
+                [line @ .., b'\\'] if hash.is_none() => (line, true),
+                _ => (line, false),
+            };
+            if statement.is_empty() && !goes_on {
+                statement = Cow::Borrowed(line);
+            } else {
+                statement.to_mut().extend_from_slice(line);
+            }
+            if goes_on {
+                statement.to_mut().push(b' ');
+                next = self.lines.next().map(|(_, line)| line);
+            }
+        }
+        Some((number, statement))
+    }
+}
+
+/// ZBrush's vertex colours stand in comments of OBJ files.
+pub(super) const POLYPAINT: &[u8] = b"#MRGB";
+
+/// A name without what may be a comment behind it.
+pub(super) fn without_comment(name: &str) -> &str {
+    let starts = |&(at, _): &(usize, &str)| name[..at].ends_with(char::is_whitespace);
+    name.match_indices('#').find(starts).map_or(name, |(at, _)| name[..at].trim_end())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn statements(text: &str) -> Vec<(usize, String)> {
+        let statements = Statements::new(text.as_bytes(), &["usemtl"]);
+        statements.map(|(number, line)| (number, String::from_utf8_lossy(&line).into_owned())).collect()
+    }
+
+    #[test]
+    fn marks_are_skipped_and_utf_16_is_read() {
+        let text = "v é\u{1f407}";
+        let units: Vec<u16> = text.encode_utf16().collect();
+        let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+        let big: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+        for bytes in [
+            text.as_bytes().to_vec(),
+            [UTF8_MARK, text.as_bytes()].concat(),
+            [&[0xff, 0xfe][..], &little].concat(),
+            [&[0xfe, 0xff][..], &big].concat(),
+        ] {
+            assert_eq!(*decoded(&bytes), *text.as_bytes());
+        }
+    }
+
+    #[test]
+    fn lines_end_in_three_ways() {
+        for text in ["a\n\nb", "a\r\rb\r", "a\r\n\r\nb\r\n"] {
+            let lines: Vec<_> = Lines::new(text.as_bytes()).collect();
+            assert_eq!(lines, [(1, &b"a"[..]), (2, b""), (3, b"b")], "{text:?}");
+        }
+    }
+
+    #[test]
+    fn comments_end_statements_and_join_nothing() {
+        assert_eq!(
+            statements("f 1 2 \\\r\n 3 # quad \\\nv 1\n# C:\\\nf 2\\"),
+            [(1, "f 1 2   3".into()), (3, "v 1".into()), (4, "".into()), (5, "f 2 ".into())]
+        );
+        assert_eq!(
+            statements("usemtl red #1 # x\\\n#MRGB ff"),
+            [(1, "usemtl red #1 # x\\".into()), (2, "#MRGB ff".into())]
+        );
+        assert_eq!(without_comment("red#1 # the door"), "red#1");
+        assert_eq!(without_comment("red"), "red");
+    }
+}

@@ -1,0 +1,161 @@
+//! The zip behind a 3MF file and the names of its parts (Open Packaging Conventions, ECMA-376 part 2).
+//!
+//! Part names are told apart without case; a target may be relative, and escape characters with `%`.
+
+use std::collections::{BTreeMap, HashMap};
+use std::io::{Cursor, Read};
+
+use quick_xml::events::Event;
+use zip::ZipArchive;
+
+use super::gltf_container::percent_decode;
+use super::text::decoded;
+use super::threemf_model::{self, Model};
+use super::threemf_parts::{COMPONENTS_PART, Parts, RANGES_PART, attribute};
+use crate::mesh::error::{Fault, Parsed, quote};
+use crate::words::one_line;
+
+/// Most bytes a part may unpack to: about 15 million triangles of XML, and a stop for zip bombs.
+const MAX_PART_BYTES: u64 = 1 << 30;
+
+/// An opened package.
+pub(super) struct Package<'a> {
+    zip: ZipArchive<Cursor<&'a [u8]>>,
+    /// Entries by the name that all spellings share.
+    entries: HashMap<String, usize>,
+}
+
+impl<'a> Package<'a> {
+    pub(super) fn open(bytes: &'a [u8]) -> Parsed<Self> {
+        match ZipArchive::new(Cursor::new(bytes)) {
+            Ok(zip) => {
+                let mut entries = HashMap::new();
+                for i in 0..zip.len() {
+                    // An entry whose name cannot be read is none that anything refers to.
+                    if let Some(Ok(name)) = zip.name_for_index(i) {
+                        entries.insert(key(&name), i);
+                    }
+                }
+                Ok(Self { zip, entries })
+            }
+            Err(error) => Err(Fault::new("the package", one_line(error), "a zip archive")),
+        }
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.entries.contains_key(&key(name))
+    }
+
+    /// A part's bytes.
+    pub(super) fn part(&mut self, name: &str) -> Parsed<Vec<u8>> {
+        let place = || format!("part {}", quote(name.as_bytes()));
+        let Some(&index) = self.entries.get(&key(name)) else {
+            return Err(Fault::new(place(), "specified file not found in archive", "that part"));
+        };
+        let file = self.zip.by_index(index).map_err(|error| Fault::new(place(), one_line(error), "that part"))?;
+        let mut bytes = Vec::new();
+        file.take(MAX_PART_BYTES + 1)
+            .read_to_end(&mut bytes)
+            .map_err(|error| Fault::new(place(), one_line(error), "intact compressed data"))?;
+        if bytes.len() as u64 > MAX_PART_BYTES {
+            return Err(Fault::new(place(), "more than 1 GiB unpacked", "a smaller part"));
+        }
+        Ok(bytes)
+    }
+
+    /// A part that another refers to: from the root, or failing that from the other's folder.
+    pub(super) fn part_from(&mut self, part: &str, target: &str) -> Parsed<Vec<u8>> {
+        let beside = absolute(&format!("{}/{target}", part.rsplit_once('/').map_or("", |(folder, _)| folder)));
+        let name = if target.starts_with('/') || self.has(target) || !self.has(&beside) { target } else { &beside };
+        self.part(name)
+    }
+
+    fn xml(&mut self, name: &str) -> Parsed<String> {
+        let bytes = self.part(name)?;
+        let text = match decoded(&bytes) {
+            std::borrow::Cow::Owned(text) => text,
+            std::borrow::Cow::Borrowed(text) if text.len() == bytes.len() => bytes,
+            std::borrow::Cow::Borrowed(text) => text.to_vec(),
+        };
+        String::from_utf8(text).map_err(|error| {
+            let found = format!("byte {} in no known encoding", error.utf8_error().valid_up_to());
+            Fault::new(name, found, "UTF-8 or UTF-16")
+        })
+    }
+
+    /// The model that the package's relationships name as its start, or the customary one.
+    pub(super) fn root_part(&mut self) -> Parsed<String> {
+        const CUSTOMARY: &str = "/3D/3dmodel.model";
+        let Ok(rels) = self.xml("_rels/.rels") else { return Ok(CUSTOMARY.to_owned()) };
+        let mut reader = quick_xml::Reader::from_str(&rels);
+        loop {
+            match reader.read_event() {
+                Ok(Event::Start(tag) | Event::Empty(tag)) if tag.local_name().as_ref() == "Relationship" => {
+                    let is_model = attribute(&tag, "Type").is_some_and(|kind| kind.ends_with("/3dmodel"));
+                    let is_inside = attribute(&tag, "TargetMode").is_none_or(|mode| mode != "External");
+                    if let Some(target) = attribute(&tag, "Target").filter(|_| is_model && is_inside) {
+                        return Ok(absolute(&target));
+                    }
+                }
+                Ok(Event::Eof) => return Ok(CUSTOMARY.to_owned()),
+                Ok(_) => {}
+                Err(error) => return Err(Fault::new("_rels/.rels", one_line(error), "well-formed XML")),
+            }
+        }
+    }
+
+    /// The root model and every part that it refers to, by [`absolute`] name.
+    pub(super) fn models(&mut self, root: &str) -> Parsed<BTreeMap<String, Model>> {
+        let mut models = BTreeMap::new();
+        let mut wanted = vec![root.to_owned()];
+        while let Some(name) = wanted.pop() {
+            if models.contains_key(&name) {
+                continue;
+            }
+            let model = threemf_model::parse(&name, &self.xml(&name)?)?;
+            let items = model.items.iter().map(|item| &item.instance);
+            let instances = items.chain(model.objects.values().flat_map(|object| &object.components));
+            wanted.extend(instances.filter_map(|instance| instance.part.as_deref()).map(absolute));
+            models.insert(name, model);
+        }
+        Ok(models)
+    }
+
+    /// What a slicer noted about the parts.
+    pub(super) fn parts(&mut self) -> Parsed<Parts> {
+        let [ranges, components] =
+            [RANGES_PART, COMPONENTS_PART].map(|name| self.has(name).then(|| self.xml(name)).transpose());
+        Parts::read(ranges?.as_deref(), components?.as_deref())
+    }
+}
+
+/// A part's name from the root, `.` and `..` resolved.
+pub(super) fn absolute(part: &str) -> String {
+    let mut folders = Vec::new();
+    for step in part.split(['/', '\\']).filter(|step| !step.is_empty() && *step != ".") {
+        if step == ".." {
+            folders.pop();
+        } else {
+            folders.push(step);
+        }
+    }
+    format!("/{}", folders.join("/"))
+}
+
+/// The name that all spellings of a part's name share.
+fn key(part: &str) -> String {
+    let name = absolute(part);
+    String::from_utf8_lossy(&percent_decode(&name)).to_lowercase()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn part_names_are_told_apart_without_case_folder_steps_and_escapes() {
+        for name in ["/3D/a b.model", "3d/A%20B.MODEL", "\\3D\\./x/../a b.Model", "/../3D//a b.model"] {
+            assert_eq!(key(name), "/3d/a b.model", "{name}");
+        }
+    }
+}
