@@ -44,21 +44,6 @@ impl Model {
 
 /// What leaves `stack`, of resins of `set`, by `model`. `watch` hears the stage "photons" where they are traced.
 ///
-/// ```
-/// use lumislice::{
-///     optics::{MaterialSet, Model, OpticsError, predict},
-///     watch::Unwatched,
-/// };
-///
-/// let set = MaterialSet::builtin("synthetic")?;
-/// let white_on_black = "white:5".parse().map(|layers| set.stack(&layers)).expect("layers")?;
-/// let white_on_black = white_on_black.over(set.resin("black").map(|(id, _)| id));
-/// let light = predict(&set, &white_on_black, &Model::KubelkaMunk, &Unwatched)?.light.remove(0);
-/// let albedo = light.reflection_hankel[0];
-/// assert!((albedo - 0.628).abs() < 1e-3);
-/// # Ok::<(), OpticsError>(())
-/// ```
-///
 /// # Errors
 /// [`OpticsError::NoCoefficients`] where the model needs those of a resin that has none; as [`MonteCarlo::run_with`].
 pub fn predict(set: &MaterialSet, stack: &Stack, model: &Model, watch: &dyn Watch) -> Result<Prediction, OpticsError> {
