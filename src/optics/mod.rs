@@ -58,13 +58,16 @@ pub use transport::TransportOptions;
 pub use volume::VolumeCoefficients;
 
 // Within the crate.
+#[cfg(any(test, feature = "measure"))]
+pub(crate) use materials::ResinSpectrum;
+#[cfg(feature = "measure")]
+pub(crate) use materials::resin_table;
 #[cfg(test)]
 pub(crate) use stack::LAYER;
 pub(crate) use {
     coefficient_fit::{MeasuredSlab, fit_coefficients},
     composite::Composite,
     inverse::InverseHankel,
-    materials::{ResinSpectrum, resin_table},
     monte_carlo::{MonteCarlo, MonteCarloResult, RingEdges},
     profile::MIN_SAMPLES,
     repair::{TransmissionRepair, repair_transmission},
