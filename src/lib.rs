@@ -3,6 +3,65 @@
 //! It implements Hašan, Fuchs, Matusik, Pfister and Rusinkiewicz, *Physical Reproduction of Materials with
 //! Specified Subsurface Scattering* (SIGGRAPH 2010), with voxels in place of polygon layers.
 //!
+//! # Three things to do with it
+//!
+//! What does a stack of resins reflect?
+//!
+//! ```
+//! use lumislice::optics::{MaterialSet, Model, Stack, predict};
+//! use lumislice::watch::Unwatched;
+//!
+//! let set = MaterialSet::builtin("synthetic")?;
+//! let named: Stack<String> = "white:0.5,support:1.0".parse()?;
+//! let stack = set.stack(&named)?.over(set.resin("black").map(|(id, _)| id));
+//! let light = predict(&set, &stack, &Model::KubelkaMunk, &Unwatched)?.light.remove(0);
+//! let albedo = light.reflection_hankel[0];
+//! assert!(albedo > 0.3 && albedo < 0.5);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Which stack reflects like this?
+//!
+//! ```
+//! use lumislice::appearance::material_target;
+//! use lumislice::optics::MaterialSet;
+//! use lumislice::search::{MatchOptions, Matcher, SearchOptions};
+//! use lumislice::watch::Unwatched;
+//!
+//! let set = MaterialSet::builtin("synthetic")?;
+//! let target = material_target(&[0.4], &[0.5], 1, &set.grid)?; // albedo, mean free path in mm
+//! let core = set.resin("black").map(|(id, _)| id);
+//! let search = SearchOptions { core, depth: 3, ..SearchOptions::default() };
+//! let matcher = Matcher::new(&set, &MatchOptions { search, ..MatchOptions::default() })?;
+//! let found = matcher.match_targets(&[target], &Unwatched)?.remove(0);
+//! println!("{} over black", set.named(found.stacking()));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Where do its layers lie in a mesh?
+//!
+//! ```
+//! use lumislice::appearance::{LayerField, LayerStack};
+//! use lumislice::glam::DVec3;
+//! use lumislice::mesh::{LoadOptions, close, load};
+//! use lumislice::slice::{ObjectField, Slicer};
+//! use lumislice::voxel::{Lattice, MaterialId};
+//!
+//! let slab = close(load("samples/slab.stl".as_ref(), &LoadOptions::default())?.mesh)?;
+//! let far = slab.mesh.positions.iter().fold(DVec3::ZERO, |far, p| far.max(*p));
+//! let lattice = Lattice::covering(far, DVec3::splat(0.5))?;
+//! let [shell, core] = [0, 1].map(MaterialId::from_resin);
+//! let layers = LayerField::Uniform(LayerStack::new([(shell, 1.0)], core));
+//! let object = ObjectField::new(&slab, lattice, layers).ok_or("a mesh without triangles")?;
+//! Slicer::new(lattice, vec![object]).for_each_slab(0..lattice.dims[2], |slices| {
+//!     assert_eq!(slices.voxel([0, 0, slices.slices().start]), shell);
+//!     Ok::<(), std::convert::Infallible>(())
+//! })?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! `examples/` has the three as programs.
+//!
 //! # The pipeline
 //!
 //! ```text
@@ -52,6 +111,8 @@
 //! | `raw` | camera raw files, of which the decoder is LGPL-2.1; implies `measure` | rawler |
 //!
 //! A program that slices by itself needs none of them: `default-features = false`.
+
+pub use glam;
 
 pub mod appearance;
 pub mod blame;
