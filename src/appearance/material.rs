@@ -39,6 +39,8 @@ pub enum MaterialError {
     Diffusion(#[from] DiffusionError),
 }
 
+impl crate::blame::Blamed for MaterialError {}
+
 /// The target of a material in each of `channels` channels: albedo 0 to 1, and mean free path 1/σt from 0.0001 to 1000
 /// mm.
 ///

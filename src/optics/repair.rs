@@ -34,6 +34,8 @@ pub struct LostInNoise {
     pub significant: usize,
 }
 
+impl crate::blame::Blamed for LostInNoise {}
+
 /// Continues ln T̂(k) as a line in k from where T̂ drops into noise; leaves a clean spectrum alone and returns `None`.
 ///
 /// `noise` is the standard deviation of each coefficient. Without it the noise is judged by the spectrum itself: T̂

@@ -129,6 +129,8 @@ pub enum StackError {
     },
 }
 
+impl crate::blame::Blamed for StackError {}
+
 /// Layers of `name:thickness-in-mm`, separated by commas, top first, over nothing. Blanks around names and numbers are
 /// allowed; a name may hold colons, the last one counts. Thicknesses are 0.0001 to 2000 mm. Whether the resins exist is
 /// not checked.

@@ -22,7 +22,7 @@ pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
 pub use simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, SimulatedProfile};
 pub use slabs::SlabPlan;
-#[cfg(feature = "measure")]
+#[cfg(any(test, feature = "measure"))]
 pub(crate) use spectra::ResinSpectrum;
 pub use spectra::SpectrumError;
 
