@@ -1,7 +1,8 @@
 //! How fast the search is, and how far ahead of Algorithm 1 as printed: `cargo bench --bench search`.
 //!
-//! Resins are the built-in sets, targets random; the numbers in docs/performance.md come from here. Times are the best of three
-//! runs, so that a busy machine does not lie too much. `cargo bench --bench search -- colour` measures seven resins in three channels alone.
+//! Resins are the built-in sets, targets random; the numbers in docs/performance.md come from here. Times are the best
+//! of three runs, so that a busy machine does not lie too much. `cargo bench --bench search -- colour` measures seven
+//! resins in three channels alone.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
 use std::time::{Duration, Instant};
@@ -37,7 +38,8 @@ fn targets(count: usize, channels: usize, seed: u64) -> Vec<SearchTarget> {
     (0..count).map(|_| SearchTarget { channels: (0..channels).map(|_| target()).collect() }).collect()
 }
 
-/// What random stackings reflect in the transport model: 2 to 4 layers of any thickness of 5 mm, support below 0.2 mm, over black.
+/// What random stackings reflect in the transport model: 2 to 4 layers of any thickness of 5 mm, support below 0.2 mm,
+/// over black.
 fn realisable(set: &MaterialSet, count: usize, seed: u64) -> Vec<(String, SearchTarget)> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut unit = move || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;

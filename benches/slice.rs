@@ -1,9 +1,11 @@
-//! How fast slicing is, per inside voxel and against what the machine can do: `cargo bench --bench slice -- [MESH] [JOB.toml]`.
+//! How fast slicing is, per inside voxel and against what the machine can do: `cargo bench --bench slice -- [MESH]
+//! [JOB.toml]`.
 //!
-//! MESH (default: `../shared/meshes/bunny_60mm_watertight.ply`, else a sphere) gets a stacking of four layers, 5 mm deep; JOB (default:
-//! `samples/rabbit-60mm.toml`) brings its own textured target; its first object is sliced with the four layers too, so that what the shape
-//! costs and what the texture costs are told apart. All are sliced at four, two and one times the pitch of a J750, every slice
-//! encoded and written. A machine that others use shows in the wall time; the CPU time is the figure to compare.
+//! MESH (default: `../shared/meshes/bunny_60mm_watertight.ply`, else a sphere) gets a stacking of four layers, 5 mm
+//! deep; JOB (default: `samples/rabbit-60mm.toml`) brings its own textured target; its first object is sliced with the
+//! four layers too, so that what the shape costs and what the texture costs are told apart. All are sliced at four, two
+//! and one times the pitch of a J750, every slice encoded and written. A machine that others use shows in the wall
+//! time; the CPU time is the figure to compare.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 
 use std::{

@@ -1,9 +1,9 @@
 //! One material sequence for all stackings: Hašan et al. 2010, section 7.1, "thickness interpolation".
 //!
-//! Virtual layers of zero thickness are inserted until every stacking runs through the same periodic sequence of resins, as
-//! white–support–black–white…; then thicknesses can be interpolated between neighbours, slot by slot. The paper takes the period
-//! as given. Here it is the permutation of the used resins that makes the sequence shortest, since every slot costs time in
-//! every voxel; the last period is cut after its last used slot.
+//! Virtual layers of zero thickness are inserted until every stacking runs through the same periodic sequence of
+//! resins, as white–support–black–white…; then thicknesses can be interpolated between neighbours, slot by slot. The
+//! paper takes the period as given. Here it is the permutation of the used resins that makes the sequence shortest,
+//! since every slot costs time in every voxel; the last period is cut after its last used slot.
 
 use crate::optics::{ResinId, Stack};
 
@@ -20,7 +20,8 @@ pub struct AlignedStackings {
     pub len: usize,
 }
 
-/// Up to here all orders are tried (7! = 5040, a few ms for hundreds of stackings); beyond, swaps improve a first guess.
+/// Up to here all orders are tried (7! = 5040, a few ms for hundreds of stackings); beyond, swaps improve a first
+/// guess.
 const ALL_ORDERS: usize = 7;
 
 /// Aligns `stackings` to the shortest periodic sequence; ties go to the lexically first order of resin

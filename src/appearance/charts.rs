@@ -1,7 +1,7 @@
 //! UV charts: which texels belong together on the surface.
 //!
-//! A chart is a set of triangles joined by edges with the same texture coordinates on both sides. Texels of different charts may lie
-//! side by side in the image and far apart on the object, so nothing may be interpolated between them.
+//! A chart is a set of triangles joined by edges with the same texture coordinates on both sides. Texels of different
+//! charts may lie side by side in the image and far apart on the object, so nothing may be interpolated between them.
 
 use std::collections::HashMap;
 
@@ -93,7 +93,8 @@ pub struct ChartMap {
 const NOBODY: u32 = u32::MAX;
 
 impl ChartMap {
-    /// Draws those triangles of `mesh` that are `on_page`, with their `charts`, into an image of `width` × `height` texels.
+    /// Draws those triangles of `mesh` that are `on_page`, with their `charts`, into an image of `width` × `height`
+    /// texels.
     ///
     /// Texture coordinates outside [0, 1] wrap around. Where charts overlap, the triangle drawn first keeps the texel.
     pub fn new(mesh: &TriangleMesh, charts: &[u16], on_page: impl Fn(usize) -> bool, width: u32, height: u32) -> Self {
@@ -166,9 +167,10 @@ pub fn wrap(index: i32, size: u32) -> u32 {
     index.rem_euclid(size as i32) as u32
 }
 
-/// Calls `visit` for the texels (x, y), not yet wrapped, whose centres lie in the triangle grown by about `margin` texels. `corners` are in
-/// texels, with centres at whole numbers; a triangle wider than an image visits some texels again in each repetition. One that
-/// repeats more than [`MAX_REPEATS`] times, or lies where single precision no longer resolves texels, visits all.
+/// Calls `visit` for the texels (x, y), not yet wrapped, whose centres lie in the triangle grown by about `margin`
+/// texels. `corners` are in texels, with centres at whole numbers; a triangle wider than an image visits some texels
+/// again in each repetition. One that repeats more than [`MAX_REPEATS`] times, or lies where single precision no longer
+/// resolves texels, visits all.
 pub fn for_covered_texels(corners: [Vec2; 3], margin: f32, size: Vec2, mut visit: impl FnMut(i32, i32)) {
     let low = corners[0].min(corners[1]).min(corners[2]) - margin;
     let high = corners[0].max(corners[1]).max(corners[2]) + margin;

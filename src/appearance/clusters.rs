@@ -1,8 +1,10 @@
-//! Groups of like profiles: weighted k-means (Hašan et al. 2010, section 7.1: 100 clusters in place of every surface point).
+//! Groups of like profiles: weighted k-means (Hašan et al. 2010, section 7.1: 100 clusters in place of every surface
+//! point).
 //!
-//! The distance is the search's own objective ([`super::metric`]), so the error of a cluster adds to its match's. Seeding is k-means++ (Arthur and Vassilvitskii 2007); the iteration is Lloyd's with
-//! the bounds of Hamerly, *Making k-means even faster* (SDM 2010), which skip a point while its centroid is certainly still
-//! the nearest: the upper bound is kept exact, the lower one falls by how far the centroids have moved.
+//! The distance is the search's own objective ([`super::metric`]), so the error of a cluster adds to its match's.
+//! Seeding is k-means++ (Arthur and Vassilvitskii 2007); the iteration is Lloyd's with the bounds of Hamerly, *Making
+//! k-means even faster* (SDM 2010), which skip a point while its centroid is certainly still the nearest: the upper
+//! bound is kept exact, the lower one falls by how far the centroids have moved.
 //!
 //! Deterministic: points are looked at in parallel but each on its own, and every sum runs in the order of the points.
 //! A local optimum, as k-means is; another seed may find a better one.
@@ -125,8 +127,8 @@ pub enum ClusterError {
 
 impl crate::blame::Blamed for ClusterError {}
 
-/// The iteration rests when a round lowers the total by less than this share. Evidence: 20,000 random materials in 100 clusters
-/// rest 1e-5 above the total of full convergence.
+/// The iteration rests when a round lowers the total by less than this share. Evidence: 20,000 random materials in 100
+/// clusters rest 1e-5 above the total of full convergence.
 const REST: f64 = 1e-4;
 /// Values summed between two looks at the limit of a distance.
 const CHUNK: usize = 16;
@@ -234,8 +236,8 @@ impl<'a> Lloyd<'a> {
         &self.points[point * self.stride..(point + 1) * self.stride]
     }
 
-    /// k-means++: each next centroid is a point drawn with probability weight · squared distance to the nearest so far. Stops
-    /// early when every point is a centroid.
+    /// k-means++: each next centroid is a point drawn with probability weight · squared distance to the nearest so far.
+    /// Stops early when every point is a centroid.
     fn seed(&mut self, k: usize, seed: u64) {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
         // Here `upper` holds squared distances.
@@ -325,8 +327,8 @@ impl<'a> Lloyd<'a> {
         changed.reduce(|| false, |a, b| a | b) || first
     }
 
-    /// Moves the centroids to the means of their points; a centroid without points goes to the point farthest from its own,
-    /// or away.
+    /// Moves the centroids to the means of their points; a centroid without points goes to the point farthest from its
+    /// own, or away.
     fn update(&mut self) {
         let members = self.members();
         let mut means: Vec<Option<Vec<f64>>> = members.par_iter().map(|members| self.mean(members)).collect();
@@ -386,8 +388,8 @@ impl<'a> Lloyd<'a> {
     }
 }
 
-/// The first index at which the running sum of `mass` exceeds `at`; the last with any mass where rounding denies it; `None`
-/// without mass.
+/// The first index at which the running sum of `mass` exceeds `at`; the last with any mass where rounding denies it;
+/// `None` without mass.
 fn draw(mass: &[f64], at: f64) -> Option<usize> {
     let (mut sum, mut last) = (0.0, None);
     for (i, mass) in mass.iter().enumerate().filter(|(_, mass)| **mass > 0.0) {

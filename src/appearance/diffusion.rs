@@ -1,5 +1,6 @@
-//! Normalised diffusion: Christensen and Burley, *Approximate Reflectance Profiles for Efficient Subsurface Scattering*,
-//! Pixar Technical Memo 15-04, 2015; equation 2 for the profile, equation 6 for the diffuse-source fit of s.
+//! Normalised diffusion: Christensen and Burley, *Approximate Reflectance Profiles for Efficient Subsurface
+//! Scattering*, Pixar Technical Memo 15-04, 2015; equation 2 for the profile, equation 6 for the diffuse-source fit of
+//! s.
 //!
 //! With d = ℓ/s the profile and its Hankel transform are
 //!
@@ -9,7 +10,8 @@
 //! ```
 //!
 //! A is the albedo of the surface under diffuse light, ℓ the volume mean free path 1/σt of an isotropically scattering,
-//! index-matched half-space. It is a fit of a few percent to Monte Carlo, and describes what is wanted, not what a printer can do.
+//! index-matched half-space. It is a fit of a few percent to Monte Carlo, and describes what is wanted, not what a
+//! printer can do.
 
 use std::f64::consts::PI;
 

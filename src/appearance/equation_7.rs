@@ -4,10 +4,10 @@
 //!   B(xₒ) = Σ E(xᵢ) √(P(xᵢ, r) P(xₒ, r)) · texel area     over all texels xᵢ, r = |xᵢ − xₒ|
 //! ```
 //!
-//! Distances are taken in rings of whole texels. A ring stands for as much area as it has texels, so that a sheet of one profile under
-//! even light has the profile's albedo, exactly. For each ring the square roots are an image, and the sum over its texels a sum of shifted
-//! images. Beyond its edges the sheet goes on as its mirror image. Light that goes farther than the last ring
-//! is spread evenly over the sheet.
+//! Distances are taken in rings of whole texels. A ring stands for as much area as it has texels, so that a sheet of
+//! one profile under even light has the profile's albedo, exactly. For each ring the square roots are an image, and the
+//! sum over its texels a sum of shifted images. Beyond its edges the sheet goes on as its mirror image. Light that goes
+//! farther than the last ring is spread evenly over the sheet.
 
 use rayon::prelude::*;
 
@@ -64,8 +64,8 @@ pub struct LocalProfiles<'a> {
 }
 
 impl<'a> LocalProfiles<'a> {
-    /// Profiles given by the light within each edge of `rings`, `within[profile][edge]` with 0 first, and their `albedo`; `of_texel` has rows of
-    /// `width` texels. What is negative counts as 0.
+    /// Profiles given by the light within each edge of `rings`, `within[profile][edge]` with 0 first, and their
+    /// `albedo`; `of_texel` has rows of `width` texels. What is negative counts as 0.
     pub fn new(
         rings: &'a TexelRings,
         within: &[Vec<f64>],

@@ -1,8 +1,8 @@
 //! Thickness maps as height fields: the depth at which every layer ends, over the texels of a map.
 //!
-//! The maps of a flat patch are the layered height fields of Hašan et al. 2010, section 8.3; over the texture coordinates of a mesh they are
-//! its layer map. A sample lies in the middle of a texel, or of a part of one: between texels depths are interpolated
-//! bilinearly, and the resins' limits are imposed again, as in the voxels.
+//! The maps of a flat patch are the layered height fields of Hašan et al. 2010, section 8.3; over the texture
+//! coordinates of a mesh they are its layer map. A sample lies in the middle of a texel, or of a part of one: between
+//! texels depths are interpolated bilinearly, and the resins' limits are imposed again, as in the voxels.
 
 use std::fmt::Write as _;
 
@@ -18,12 +18,14 @@ pub struct HeightFields {
     pub height: usize,
     /// Resin of each layer of the sequence, top first.
     pub sequence: Vec<ResinId>,
-    /// Depth at which each layer ends, mm, `[layer][row][column]`; a layer that ends where the one above it does is not there.
+    /// Depth at which each layer ends, mm, `[layer][row][column]`; a layer that ends where the one above it does is not
+    /// there.
     pub bottoms_mm: Vec<f32>,
 }
 
 impl HeightFields {
-    /// The layers of `stackings` over a map of `labels` (row 0 on top, `columns` a row), `parts` × `parts` samples per texel.
+    /// The layers of `stackings` over a map of `labels` (row 0 on top, `columns` a row), `parts` × `parts` samples per
+    /// texel.
     pub fn new(
         stackings: &AlignedStackings,
         limits: &[ResinLimit],
@@ -73,8 +75,8 @@ impl HeightFields {
         self.layer(layer).iter().map(|depth| (f64::from(*depth) / step_mm).round() as u16).collect() // `as` saturates
     }
 
-    /// The surfaces at which layers end as a Wavefront OBJ, one object a layer named after its resin, z = −depth, `pitch_mm` apart along x and y,
-    /// the bottom left sample at the origin.
+    /// The surfaces at which layers end as a Wavefront OBJ, one object a layer named after its resin, z = −depth,
+    /// `pitch_mm` apart along x and y, the bottom left sample at the origin.
     pub fn obj(&self, pitch_mm: [f64; 2], resins: &[String]) -> String {
         let mut text = String::from("# lower ends of layers, mm; z is minus depth\n");
         for (layer, resin) in self.sequence.iter().enumerate() {

@@ -68,8 +68,8 @@ impl LayerField {
         }
     }
 
-    /// Replaces `row` by the depths (mm, ascending) at which the slots end below the surface point with texture coordinates
-    /// `uv` on triangle `triangle`. A slot that ends where the one above it does is not there.
+    /// Replaces `row` by the depths (mm, ascending) at which the slots end below the surface point with texture
+    /// coordinates `uv` on triangle `triangle`. A slot that ends where the one above it does is not there.
     pub fn bottoms(&self, triangle: u32, uv: Vec2, row: &mut Vec<f32>) {
         match self {
             Self::Uniform(stack) => {
@@ -80,8 +80,8 @@ impl LayerField {
         }
     }
 
-    /// Writes the materials of the masked voxels of a brick, and of no others; `exact` gives a voxel's depth in double precision, `uv` the
-    /// texture coordinates of its nearest point on a candidate.
+    /// Writes the materials of the masked voxels of a brick, and of no others; `exact` gives a voxel's depth in double
+    /// precision, `uv` the texture coordinates of its nearest point on a candidate.
     pub fn fill_brick(
         &self,
         query: BrickQuery<'_>,

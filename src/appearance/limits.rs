@@ -1,22 +1,23 @@
 //! The resins' limits after interpolation.
 //!
 //! Every stacking keeps its limits, but a mean of two need not: between `white .2, support 2` and `black 1` the support
-//! starts at 0.1 mm. The limits are re-imposed per voxel, by one pass from the top down over the runs (adjacent slots of one resin
-//! joined):
+//! starts at 0.1 mm. The limits are re-imposed per voxel, by one pass from the top down over the runs (adjacent slots
+//! of one resin joined):
 //!
 //! 1. What lies above its resin's min-depth is given to the run above; where there is none, the whole run is given to
 //!    the next one below.
-//! 2. A run thinner than its resin's min-mm is given to the run above; on top, to the run below if that may start there, else it
-//!    grows to min-mm.
+//! 2. A run thinner than its resin's min-mm is given to the run above; on top, to the run below if that may start
+//!    there, else it grows to min-mm.
 //! 3. A run gives what exceeds its max-mm, its own or what it was given, to the next one below.
 //!
-//! What is left over below the last run is the core's. After the pass no limit is violated, whatever the input; an input that
-//! violates none is returned bit for bit. Where every corner of an interpolation keeps min-depth, rule 1 always finds a run above:
-//! the corner that has the resin has something above it.
+//! What is left over below the last run is the core's. After the pass no limit is violated, whatever the input; an
+//! input that violates none is returned bit for bit. Where every corner of an interpolation keeps min-depth, rule 1
+//! always finds a run above: the corner that has the resin has something above it.
 
 use crate::{optics::ResinId, search::ResinLimit};
 
-/// Depths closer than this are the same, mm: far below a printer's resolution, far above f32 rounding of depths to 100 mm.
+/// Depths closer than this are the same, mm: far below a printer's resolution, far above f32 rounding of depths to 100
+/// mm.
 const SAME_MM: f32 = 1e-4;
 
 /// The limits of each slot of a sequence, ready for the voxels.
@@ -68,8 +69,8 @@ impl SlotLimits {
         }
     }
 
-    /// Changes `bottoms` (mm, one per slot, never decreasing, from 0 on) so that no limit is violated. Returns whether anything
-    /// had to change.
+    /// Changes `bottoms` (mm, one per slot, never decreasing, from 0 on) so that no limit is violated. Returns whether
+    /// anything had to change.
     #[inline]
     pub fn enforce(&self, bottoms: &mut [f32]) -> bool {
         if !self.limited || self.surely_kept(bottoms) || self.kept(bottoms) {
@@ -79,21 +80,22 @@ impl SlotLimits {
         true
     }
 
-    /// The slot whose resin has all depths `min`…`max` (mm) after [`SlotLimits::enforce`], given that the bottom of slot s before it
-    /// lies in `low[s]`…`high[s]`; the number of slots for what lies below them all; `None` where that is not certain.
+    /// The slot whose resin has all depths `min`…`max` (mm) after [`SlotLimits::enforce`], given that the bottom of
+    /// slot s before it lies in `low[s]`…`high[s]`; the number of slots for what lies below them all; `None` where that
+    /// is not certain.
     ///
-    /// The bottoms must be means of rows that keep the limits: then something that may lie on top always does. Limits can move
-    /// the top of a run down as far as its min-depth, or as far as the greatest min-mm, which a thin layer on top may grow to;
-    /// they move its bottom up only where it is too thin then. A max-mm can shift everything below it, so with one nothing
-    /// but the core is certain.
+    /// The bottoms must be means of rows that keep the limits: then something that may lie on top always does. Limits
+    /// can move the top of a run down as far as its min-depth, or as far as the greatest min-mm, which a thin layer on
+    /// top may grow to; they move its bottom up only where it is too thin then. A max-mm can shift everything below it,
+    /// so with one nothing but the core is certain.
     pub fn certain(&self, low: &[f32], high: &[f32], min: f32, max: f32) -> Option<usize> {
         let slot = high.iter().take_while(|high| **high <= min).count();
         let (from, to) = self.certain_depths(low, high, slot)?;
         (from <= min && max < to).then_some(slot)
     }
 
-    /// Depth in mm below which [`SlotLimits::enforce`] changes nothing in means of rows that keep the limits. Min-depths act above
-    /// themselves only; a thickness limit can shift everything.
+    /// Depth in mm below which [`SlotLimits::enforce`] changes nothing in means of rows that keep the limits.
+    /// Min-depths act above themselves only; a thickness limit can shift everything.
     pub fn reach(&self) -> f32 {
         if self.max_limited || self.growth > 0.0 {
             return f32::INFINITY;
@@ -101,8 +103,8 @@ impl SlotLimits {
         self.min_depth.iter().fold(0.0, |reach: f32, &depth| reach.max(depth))
     }
 
-    /// The depths, from one (mm) to below another, that certainly belong to `slot`; see [`Self::certain`]. `slot` may be one past the
-    /// last, for what lies below all.
+    /// The depths, from one (mm) to below another, that certainly belong to `slot`; see [`Self::certain`]. `slot` may
+    /// be one past the last, for what lies below all.
     pub fn certain_depths(&self, low: &[f32], high: &[f32], slot: usize) -> Option<(f32, f32)> {
         let (top_low, top_high) = if slot == 0 { (0.0, 0.0) } else { (low[slot - 1], high[slot - 1]) };
         if slot == self.resin.len() {
@@ -229,8 +231,8 @@ impl SlotLimits {
     }
 }
 
-/// Writes the slots of a run that lies in `top`…`bottom` now and began at `was` before: those before the run end where it begins,
-/// those within it keep their depths as far as they can.
+/// Writes the slots of a run that lies in `top`…`bottom` now and began at `was` before: those before the run end where
+/// it begins, those within it keep their depths as far as they can.
 fn clip(bottoms: &mut [f32], was: f32, top: f32, bottom: f32) {
     for depth in bottoms.iter_mut() {
         *depth = if *depth <= was { top } else { depth.clamp(top, bottom) };

@@ -1,7 +1,8 @@
 //! Texel lookups of many voxels, [`LANES`] at a time.
 //!
-//! The same answers as [`TexturedLayers::material`], bit for bit. What is arithmetic runs over all lanes at once; only texels and rows are
-//! fetched one by one. Points whose texels wrap around or belong to several charts, and depths at which limits act, go the plain way.
+//! The same answers as [`TexturedLayers::material`], bit for bit. What is arithmetic runs over all lanes at once; only
+//! texels and rows are fetched one by one. Points whose texels wrap around or belong to several charts, and depths at
+//! which limits act, go the plain way.
 
 use glam::Vec2;
 use multiversion::multiversion;
@@ -107,7 +108,8 @@ impl Footprints {
     }
 }
 
-/// Where one stacking has all the weight of a footprint, lays it on one texel and gives it 1: the mean is then its row, bit for bit.
+/// Where one stacking has all the weight of a footprint, lays it on one texel and gives it 1: the mean is then its row,
+/// bit for bit.
 #[inline(always)]
 fn condense(footprints: &mut Footprints) {
     let ([a, b, c, d], [e, f, g, h]) = (&mut footprints.labels, &mut footprints.weights);

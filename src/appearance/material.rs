@@ -1,4 +1,5 @@
-//! Targets in a designer's numbers: an albedo and a mean free path, one of each for all channels or one for each channel.
+//! Targets in a designer's numbers: an albedo and a mean free path, one of each for all channels or one for each
+//! channel.
 
 use super::{DiffusionError, NormalizedDiffusion};
 use crate::{
@@ -38,7 +39,10 @@ pub enum MaterialError {
     Diffusion(#[from] DiffusionError),
 }
 
-/// The target of a material in each of `channels` channels: albedo 0 to 1, and mean free path 1/σt from 0.0001 to 1000 mm.
+impl crate::blame::Blamed for MaterialError {}
+
+/// The target of a material in each of `channels` channels: albedo 0 to 1, and mean free path 1/σt from 0.0001 to 1000
+/// mm.
 ///
 /// # Errors
 /// [`MaterialError`].
@@ -70,7 +74,8 @@ pub fn material_target(
     Ok(SearchTarget { channels: (0..channels).map(spectrum).collect::<Result<_, _>>()? })
 }
 
-/// The albedo of an sRGB colour in each of `channels` channels: one is its luminance, three are its own; `None` for other numbers.
+/// The albedo of an sRGB colour in each of `channels` channels: one is its luminance, three are its own; `None` for
+/// other numbers.
 pub fn srgb_albedo(srgb: Rgb, channels: usize) -> Option<Vec<f64>> {
     let mut linear = Vec::new();
     to_channels(srgb.map(byte_to_linear), channels, &mut linear);

@@ -1,9 +1,11 @@
-//! Where a profile lies for the distance to be the search's [`Objective`], so that a cluster's error adds to its match's.
+//! Where a profile lies for the distance to be the search's [`Objective`], so that a cluster's error adds to its
+//! match's.
 //!
-//! For weights that are the same for all targets the coordinates are √w R̂. Relative errors are measured against each point's own
-//! size, which no plain distance does; but with y = √w R̂ of one channel, n coefficients and s = |y| (at least √n times what counts as
-//! black), the points √n (y/s, ln s) lie as far apart as |Δy| √n/s to first order: the direction and the logarithm of the length.
-//! Clusters are formed there, and each is then represented by the one profile that minimises its relative errors.
+//! For weights that are the same for all targets the coordinates are √w R̂. Relative errors are measured against each
+//! point's own size, which no plain distance does; but with y = √w R̂ of one channel, n coefficients and s = |y| (at
+//! least √n times what counts as black), the points √n (y/s, ln s) lie as far apart as |Δy| √n/s to first order: the
+//! direction and the logarithm of the length. Clusters are formed there, and each is then represented by the one
+//! profile that minimises its relative errors.
 
 use crate::search::{BLACK_RMS, Norm, Objective};
 

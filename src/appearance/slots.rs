@@ -32,8 +32,8 @@ impl SlotTable {
     /// Floats per vector; rows are padded to it.
     const LANES: usize = 8;
 
-    /// A table of `stackings`, whose slots are printed as `ids` and keep `limits` (one per resin), over `core`. `None` if
-    /// there are more slots than [`Self::MAX_STRIDE`].
+    /// A table of `stackings`, whose slots are printed as `ids` and keep `limits` (one per resin), over `core`. `None`
+    /// if there are more slots than [`Self::MAX_STRIDE`].
     pub fn new(
         ids: &[MaterialId],
         stackings: &AlignedStackings,
@@ -102,7 +102,8 @@ impl SlotTable {
         self.ids[slot]
     }
 
-    /// The material at a `depth` where limits change nothing, and where a footprint of one stacking has it on one texel; `None` at others.
+    /// The material at a `depth` where limits change nothing, and where a footprint of one stacking has it on one
+    /// texel; `None` at others.
     #[inline(always)]
     pub fn material_below_limits(&self, footprint: &Footprint, depth: f32) -> Option<MaterialId> {
         // Not by a closure: it would be built for the plainest instruction set.

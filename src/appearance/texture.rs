@@ -1,7 +1,7 @@
 //! From textures to profiles: what albedo and mean free path every texel asks for.
 //!
-//! Both are kept as codes of a few bits, so that a texture of millions of texels is a few thousand distinct appearances with
-//! weights, which is what clustering works on.
+//! Both are kept as codes of a few bits, so that a texture of millions of texels is a few thousand distinct appearances
+//! with weights, which is what clustering works on.
 
 use std::collections::BTreeMap;
 
@@ -42,7 +42,8 @@ pub struct Appearances {
     pub bits: u32,
 }
 
-/// Most distinct appearances; more are told apart with one bit less. Clustering 20,000 spectra of 128 coefficients takes 2 s.
+/// Most distinct appearances; more are told apart with one bit less. Clustering 20,000 spectra of 128 coefficients
+/// takes 2 s.
 const MAX_DISTINCT: usize = 20_000;
 /// Finest codes: on the square-root scale half a step is 0.0002 of the albedo.
 const MAX_BITS: u32 = 12;

@@ -1,11 +1,12 @@
 //! Layers that vary over the surface: thicknesses interpolated between texels.
 //!
-//! Every texel names one of a table of stackings that are aligned to one sequence of slots (Hašan et al. 2010, section 7.1), so that
-//! interpolating depths of the slots' bottoms interpolates thicknesses, never materials. A position takes the four texels
-//! around its nearest surface point, bilinearly, leaving out texels of other charts; limits are imposed again afterwards.
+//! Every texel names one of a table of stackings that are aligned to one sequence of slots (Hašan et al. 2010, section
+//! 7.1), so that interpolating depths of the slots' bottoms interpolates thicknesses, never materials. A position takes
+//! the four texels around its nearest surface point, bilinearly, leaving out texels of other charts; limits are imposed
+//! again afterwards.
 //!
-//! For every triangle the range of each bottom under it is kept. A box of voxels whose depths fall between the ranges of all
-//! its candidates has one material, whatever the texels in detail.
+//! For every triangle the range of each bottom under it is kept. A box of voxels whose depths fall between the ranges
+//! of all its candidates has one material, whatever the texels in detail.
 
 use glam::Vec2;
 use multiversion::multiversion;
@@ -24,7 +25,8 @@ use crate::{
     voxel::{BRICK_VOXELS, MaterialId},
 };
 
-/// Which stacking every texel of a page has: that of its cluster; row 0 on top. Texels that no triangle covers do not matter.
+/// Which stacking every texel of a page has: that of its cluster; row 0 on top. Texels that no triangle covers do not
+/// matter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelMap(pub Vec<ClusterId>);
 
@@ -69,10 +71,11 @@ struct Stretch {
 /// Marks voxels whose texels decide; the background's id, which no slot has.
 const UNCERTAIN: u8 = MaterialId::BACKGROUND.0;
 
-/// How far outside its triangle, in texels, a point may take a texel from: the diagonal of the bilinear footprint and rounding.
-const FOOTPRINT: f32 = 1.5;
-/// How far outside its triangle, in texels, the middle of the square of four texels may lie that a point is in: half the diagonal, and
+/// How far outside its triangle, in texels, a point may take a texel from: the diagonal of the bilinear footprint and
 /// rounding.
+const FOOTPRINT: f32 = 1.5;
+/// How far outside its triangle, in texels, the middle of the square of four texels may lie that a point is in: half
+/// the diagonal, and rounding.
 const HALF_CELL: f32 = 0.75;
 
 impl TexturedLayers {
@@ -331,8 +334,8 @@ fn paint(depths: &[f32; BRICK_VOXELS], from: f32, to: f32, id: u8, out: &mut [u8
     }
 }
 
-/// Gives the voxels of a part that lie in a certain stretch under their own triangle its id. At most [`TexturedLayers::CANDIDATES`] are
-/// candidates.
+/// Gives the voxels of a part that lie in a certain stretch under their own triangle its id. At most
+/// [`TexturedLayers::CANDIDATES`] are candidates.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
 fn paint_part(layers: &TexturedLayers, query: BrickQuery<'_>, part: Part, out: &mut [u8; BRICK_VOXELS]) {
     const LANES: usize = PART_COLUMNS * PART_SLICES;

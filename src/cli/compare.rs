@@ -18,7 +18,8 @@ use super::{
     table::{number, table},
 };
 
-/// Compare printed slabs with the factored dataset they were made from: under even light, a shadow edge and a projected spot.
+/// Compare printed slabs with the factored dataset they were made from: under even light, a shadow edge and a projected
+/// spot.
 #[derive(Debug, Args)]
 pub struct CompareArgs {
     /// Folders of finished jobs, slabs with target.kind = "bssrdf".
@@ -30,7 +31,8 @@ pub struct CompareArgs {
     /// The dataset that the map was factored from: light by the 4D data themselves.
     #[arg(long, value_name = "DATASET", help_heading = "Input")]
     dataset: Option<PathBuf>,
-    /// Resins by their coefficients: a material file, or the name of a built-in set; default: the set that the first job names.
+    /// Resins by their coefficients: a material file, or the name of a built-in set; default: the set that the first
+    /// job names.
     #[arg(long, value_name = "FILE|SET", help_heading = "Input")]
     materials: Option<PathBuf>,
     /// Photons through the voxels of each job, per light and channel; 0 leaves them out.

@@ -44,18 +44,19 @@ pub struct GamutArgs {
     /// Thinnest layer, mm; default: the job's, else 0.027.
     #[arg(long, value_name = "MM", value_parser = parse_layer, help_heading = "Stackings")]
     min_layer_mm: Option<f64>,
-    /// Layers are multiples of so many mm, such as a printer's slice; default: the job's, else any thickness by transport, multiples of the thinnest
-    /// by km.
+    /// Layers are multiples of so many mm, such as a printer's slice; default: the job's, else any thickness by
+    /// transport, multiples of the thinnest by km.
     #[arg(long, value_name = "MM", value_parser = parse_layer, help_heading = "Stackings")]
     layer_step_mm: Option<f64>,
     /// Most layers in a stacking, 1 to 12; default: the job's depth, else 6.
     #[arg(long, value_name = "N", value_parser = parse_depth, help_heading = "Stackings")]
     depth: Option<usize>,
-    /// Least depth of a resin below the surface, RESIN:MM, in place of the job's limits; support keeps 0.2 mm unless given. Repeatable.
+    /// Least depth of a resin below the surface, RESIN:MM, in place of the job's limits; support keeps 0.2 mm unless
+    /// given. Repeatable.
     #[arg(long, value_name = "RESIN:MM", value_parser = parse_min_depth, help_heading = "Stackings")]
     min_depth: Vec<(String, f64)>,
-    /// Who places the stackings: transport (needs volume coefficients, given or fitted; the default where all resins have them) or km; default: the
-    /// job's.
+    /// Who places the stackings: transport (needs volume coefficients, given or fitted; the default where all resins
+    /// have them) or km; default: the job's.
     #[arg(long, value_enum, help_heading = "Stackings")]
     model: Option<Judge>,
     /// A profile whose place to show, CSV with r_mm,reflection_per_mm2, the same in all channels. Repeatable.

@@ -63,16 +63,16 @@ pub struct MatchArgs {
     /// Blocks a stack may be made of, 1 to 12; each further one multiplies the time.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = parse_depth, help_heading = "Search")]
     depth: usize,
-    /// What is minimised: l2 (the paper's sum of squares over frequencies, which favours the broad shape), spatial (the square of the
-    /// profile's error over the surface, which favours its centre) or relative (errors as shares of the target, which favours
-    /// dark channels).
+    /// What is minimised: l2 (the paper's sum of squares over frequencies, which favours the broad shape), spatial (the
+    /// square of the profile's error over the surface, which favours its centre) or relative (errors as shares of the
+    /// target, which favours dark channels).
     #[arg(long, value_enum, default_value_t = NormArg::L2, help_heading = "Search")]
     objective: NormArg,
     /// Weight of the albedo against the other coefficients, 0 or more.
     #[arg(long, value_name = "W", default_value_t = 1.0, help_heading = "Search")]
     dc_weight: f64,
-    /// Who judges: km (layers of whole units, proven the best by Kubelka-Munk) or transport (refines that to layers of any thickness in a
-    /// model that holds for thin ones too; needs volume coefficients).
+    /// Who judges: km (layers of whole units, proven the best by Kubelka-Munk) or transport (refines that to layers of
+    /// any thickness in a model that holds for thin ones too; needs volume coefficients).
     #[arg(long, value_enum, default_value_t = JudgeArg::Km, help_heading = "Search")]
     model: JudgeArg,
     /// Thinnest layer, mm; default 0.027 (transport only).
@@ -249,8 +249,8 @@ impl MatchArgs {
         RefineOptions { min_layer_mm, step_mm: self.layer_step_mm, ..default }
     }
 
-    /// Who asks for transport or photons needs coefficients of every resin; what fits none is left to Kubelka–Munk. The answer is the model
-    /// to refine in.
+    /// Who asks for transport or photons needs coefficients of every resin; what fits none is left to Kubelka–Munk. The
+    /// answer is the model to refine in.
     fn fit(&self, materials: &mut Materials, bars: &Bars) -> Result<Judge> {
         if self.model == JudgeArg::Km && self.photons.is_none() {
             return Ok(Judge::KubelkaMunk);

@@ -23,8 +23,8 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// Reads what `name` stands for: a file if there is one or the name ends in `.toml`, else a built-in set. Says where a built-in
-    /// set's numbers come from.
+    /// Reads what `name` stands for: a file if there is one or the name ends in `.toml`, else a built-in set. Says
+    /// where a built-in set's numbers come from.
     pub fn read(name: &Path) -> Result<Self, OpticsError> {
         let is_file =
             name.is_file() || name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
@@ -36,8 +36,8 @@ impl Materials {
         Ok(Self { file, built_in: true })
     }
 
-    /// Fits coefficients to the resins given by profiles only, of those in `names` or of all, and says what was found. The answer is one line for
-    /// each resin that no coefficients fit.
+    /// Fits coefficients to the resins given by profiles only, of those in `names` or of all, and says what was found.
+    /// The answer is one line for each resin that no coefficients fit.
     pub fn fit(&mut self, names: Option<&[&str]>, bars: &Bars) -> Result<Vec<String>, OpticsError> {
         let refused = self.file.fit(names, bars);
         bars.finish();

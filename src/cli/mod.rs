@@ -1,7 +1,7 @@
 //! The command line: arguments in, words to stderr, data to stdout, an exit code out.
 //!
-//! Only this room prints. Exit codes: 0 done; 1 done, but the answer is no; 2 bad usage, job or input; 3 reading or writing
-//! the output failed; 130 interrupted.
+//! Only this room prints. Exit codes: 0 done; 1 done, but the answer is no; 2 bad usage, job or input; 3 reading or
+//! writing the output failed; 130 interrupted.
 
 mod compare;
 mod factor;

@@ -35,14 +35,15 @@ pub struct PredictArgs {
     /// Resin of the half-space below the stack; default: nothing lies there and no light returns.
     #[arg(long, value_name = "RESIN", help_heading = "Stack")]
     core: Option<String>,
-    /// How to predict: km (Kubelka-Munk, at once), transport (directions resolved, a fraction of a second) or monte-carlo (photons,
-    /// seconds); the latter two need volume coefficients.
+    /// How to predict: km (Kubelka-Munk, at once), transport (directions resolved, a fraction of a second) or
+    /// monte-carlo (photons, seconds); the latter two need volume coefficients.
     #[arg(long, value_name = "km|transport|monte-carlo", default_value = "km", value_parser = parse_model, help_heading = "Light")]
     model: ModelArg,
     /// Light from all directions, or a pencil beam straight down (not with km).
     #[arg(long, value_enum, default_value_t = Source::Diffuse, help_heading = "Light")]
     light: Source,
-    /// Root mean square error over spatial frequencies that transport aims at, 1e-3 to 3e-5: chooses the number of directions.
+    /// Root mean square error over spatial frequencies that transport aims at, 1e-3 to 3e-5: chooses the number of
+    /// directions.
     #[arg(long, value_name = "RMS", default_value_t = 3e-4, value_parser = parse_accuracy, help_heading = "Light")]
     accuracy: f64,
     /// Photons per channel, at least 2 (monte-carlo only); default 2000000.
@@ -51,7 +52,8 @@ pub struct PredictArgs {
     /// Seed of the random numbers (monte-carlo only); default 2010.
     #[arg(long, value_name = "N", help_heading = "Light")]
     seed: Option<u64>,
-    /// Write the profiles to F: r_mm,reflection_per_mm2,transmission_per_mm2; with several channels one file each, F-CHANNEL.
+    /// Write the profiles to F: r_mm,reflection_per_mm2,transmission_per_mm2; with several channels one file each,
+    /// F-CHANNEL.
     #[arg(long, value_name = "F", help_heading = "Output")]
     csv: Option<PathBuf>,
     /// Draw the profiles R(r) and T(r) on a logarithmic axis to F, a .png or .svg.

@@ -40,7 +40,8 @@ impl Watch for Bars {
         if !self.shown {
             return;
         }
-        // The last stage's line goes before the next one is drawn; the other way round, what is cleared is the new line.
+        // The last stage's line goes before the next one is drawn; the other way round, what is cleared is the new
+        // line.
         self.finish();
         let bar = if steps == 0 { ProgressBar::new_spinner() } else { ProgressBar::new(steps) };
         let template = match steps {

@@ -4,8 +4,9 @@ use crate::optics::OpticsError;
 
 /// Material ids on a regular grid below the lit top.
 ///
-/// x and y run along the top, z **down** into the volume, so that layer 0 is the one that is lit. The id of voxel (i, j, k) is
-/// `ids[i + dims[0]·(j + dims[1]·k)]`; the voxel fills [i, i + 1)·pitch and so on, its corner (0, 0, 0) at the origin.
+/// x and y run along the top, z **down** into the volume, so that layer 0 is the one that is lit. The id of voxel (i,
+/// j, k) is `ids[i + dims[0]·(j + dims[1]·k)]`; the voxel fills [i, i + 1)·pitch and so on, its corner (0, 0, 0) at the
+/// origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VoxelGrid {
     dims: [usize; 3],
@@ -17,7 +18,8 @@ impl VoxelGrid {
     /// A grid of `dims` voxels of `pitch_mm` each.
     ///
     /// # Errors
-    /// [`OpticsError::Parameter`] for a grid without voxels, ids that are not one per voxel, or a pitch that is not finite and positive.
+    /// [`OpticsError::Parameter`] for a grid without voxels, ids that are not one per voxel, or a pitch that is not
+    /// finite and positive.
     pub fn new(dims: [usize; 3], pitch_mm: [f64; 3], ids: Vec<u8>) -> Result<Self, OpticsError> {
         let voxels = dims.iter().try_fold(1_usize, |product, &n| product.checked_mul(n)).unwrap_or(0);
         if voxels == 0 || voxels != ids.len() {

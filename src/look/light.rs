@@ -7,8 +7,8 @@ use crate::optics::{
     monte_carlo::photon::{Direction, azimuth, uniform},
 };
 
-/// Rectangles side by side on the top: texel (i, j) fills `origin_mm` + [i, i + 1) × [j, j + 1) · `pitch_mm`; values for them are stored with
-/// i fastest, row 0 at the smallest y.
+/// Rectangles side by side on the top: texel (i, j) fills `origin_mm` + [i, i + 1) × [j, j + 1) · `pitch_mm`; values
+/// for them are stored with i fastest, row 0 at the smallest y.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TexelGrid {
     /// Corner of texel (0, 0), mm, in the frame of the voxel grid.
@@ -143,7 +143,8 @@ impl Source {
         }
     }
 
-    /// A photon's entry. `share` in [0, 1) chooses the texel of an image: photons spread evenly over [0, 1) share out as the irradiance is.
+    /// A photon's entry. `share` in [0, 1) chooses the texel of an image: photons spread evenly over [0, 1) share out
+    /// as the irradiance is.
     #[inline]
     pub fn draw(&self, share: f64, rng: &mut Xoshiro256PlusPlus) -> ([f64; 2], Direction) {
         let [low, high] = match &self.pattern {

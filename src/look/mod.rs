@@ -1,13 +1,14 @@
-//! Monte Carlo through a volume of voxels: the referee of what varies over the surface, and the maker of synthetic BSSRDFs.
+//! Monte Carlo through a volume of voxels: the referee of what varies over the surface, and the maker of synthetic
+//! BSSRDFs.
 //!
-//! The walk is the layered one's, with its phase function and weights; only the media come from a grid of material ids. **In:** a
-//! [`VoxelGrid`], the coefficients of its ids in one channel, what lies at the sides and below, light on the top. **Out:** an image of
-//! the radiosity of the top ([`VoxelScene::image`]), or for a lit texel the window of texels that its light leaves by
-//! ([`VoxelScene::responses`]), each value with its standard error.
+//! The walk is the layered one's, with its phase function and weights; only the media come from a grid of material ids.
+//! **In:** a [`VoxelGrid`], the coefficients of its ids in one channel, what lies at the sides and below, light on the
+//! top. **Out:** an image of the radiosity of the top ([`VoxelScene::image`]), or for a lit texel the window of texels
+//! that its light leaves by ([`VoxelScene::responses`]), each value with its standard error.
 //!
-//! *Guaranteed:* estimates without bias; the same bytes for the same seed whatever the number of threads.
-//! *Not covered:* refractive indices count as matched, whatever the resins say: voxel faces and the top neither reflect nor bend; polarisation; time
-//! of flight.
+//! *Guaranteed:* estimates without bias; the same bytes for the same seed whatever the number of threads. *Not
+//! covered:* refractive indices count as matched, whatever the resins say: voxel faces and the top neither reflect nor
+//! bend; polarisation; time of flight.
 
 mod grid;
 mod light;
@@ -78,8 +79,8 @@ pub struct Windows {
 }
 
 impl VoxelScene<'_> {
-    /// The radiosity of `texels` under `pattern`, in units of its irradiance (or per mm² of unit flux, for a point of light). `watch` hears
-    /// of the photons about every million.
+    /// The radiosity of `texels` under `pattern`, in units of its irradiance (or per mm² of unit flux, for a point of
+    /// light). `watch` hears of the photons about every million.
     ///
     /// # Errors
     /// [`OpticsError::Parameter`] for what is out of range, [`OpticsError::Stopped`].
@@ -121,8 +122,8 @@ impl VoxelScene<'_> {
         Ok(tally.image(photons.count, source.flux))
     }
 
-    /// The responses of row `row` of `windows.texels`, texel by texel, `photons.count` for each. Every texel has a random stream
-    /// of its own, so that a row is the same whichever rows are asked for.
+    /// The responses of row `row` of `windows.texels`, texel by texel, `photons.count` for each. Every texel has a
+    /// random stream of its own, so that a row is the same whichever rows are asked for.
     ///
     /// With periodic sides a window goes on beyond them; with mirrored and open ones it finds nothing there.
     ///

@@ -24,8 +24,8 @@ pub struct ExitImage {
 /// Where the light of one texel leaves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Response {
-    /// Share of the texel's light that leaves by each texel of the window, the smallest y first and x fastest; divided by the area of a texel
-    /// it is R(x_i, x_o) per mm².
+    /// Share of the texel's light that leaves by each texel of the window, the smallest y first and x fastest; divided
+    /// by the area of a texel it is R(x_i, x_o) per mm².
     pub share: Vec<f32>,
     /// One standard deviation of each.
     pub standard_error: Vec<f32>,

@@ -1,4 +1,5 @@
-//! Laws of the walk through voxels: it equals the layered one where that can be asked, and stepping from face to face where not.
+//! Laws of the walk through voxels: it equals the layered one where that can be asked, and stepping from face to face
+//! where not.
 
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
@@ -259,8 +260,9 @@ fn what_cannot_be_traced_is_refused() {
     assert_eq!(run(&scene, &dark), "irradiance: found 0 everywhere, expected some light");
 }
 
-/// The same volume by exact steps from voxel face to voxel face, periodic sides, uniform diffuse light, nothing below: totals of reflection
-/// and transmission, of walks that die by chance rather than by weight. Shares no step with the code under test.
+/// The same volume by exact steps from voxel face to voxel face, periodic sides, uniform diffuse light, nothing below:
+/// totals of reflection and transmission, of walks that die by chance rather than by weight. Shares no step with the
+/// code under test.
 fn face_to_face(grid: &VoxelGrid, media: &[VolumeCoefficients], photons: u64, seed: u64) -> [Estimate; 2] {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut random = || (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;

@@ -1,9 +1,10 @@
 //! One photon's random walk through voxels.
 //!
-//! Delta tracking (Woodcock et al. 1965): flights are drawn as if the densest medium filled the volume, and a collision is real with
-//! probability σt/σ_max of the voxel it falls into. Unbiased, and blind to voxel faces. Stepping from face to face, which is exact too, takes
-//! twice as long on layers of the synthetic resins at the J750's pitch: σt differs by a factor of 5 between them, while a mean free path crosses 5
-//! to 30 faces. A void that fills most of a volume, or a resin many times denser than the rest, would turn that round.
+//! Delta tracking (Woodcock et al. 1965): flights are drawn as if the densest medium filled the volume, and a collision
+//! is real with probability σt/σ_max of the voxel it falls into. Unbiased, and blind to voxel faces. Stepping from face
+//! to face, which is exact too, takes twice as long on layers of the synthetic resins at the J750's pitch: σt differs
+//! by a factor of 5 between them, while a mean free path crosses 5 to 30 faces. A void that fills most of a volume, or
+//! a resin many times denser than the rest, would turn that round.
 
 use rand_xoshiro::Xoshiro256PlusPlus;
 

@@ -1,12 +1,12 @@
 //! The spot is no point and neither are the camera's pixels: what both blur is undone near the centre.
 //!
-//! With f the profile and w the spot's brightness, a pixel records the mean of f ∗ w over its square. Light entering within dr
-//! of the radius r, g(r) dr dθ of it with g = r f, is spread by the spot and lands in pixels, whose means go into rings. This map
-//! from f to ring means is built as it happens, with the centre's place between the pixels and the masked pixels left out, by
-//! points of light on a fine polar grid. Then f is the smoothest profile whose rings are those measured: least squares with a
-//! prior on the second difference of ln(r f) for reflection, which falls like 1/r at the centre, and of ln f for transmission,
-//! which is flat there (Gauss–Newton). Far out blurring is a small correction, (σ²/2)·∇²f with σ² the blur's variance per axis; it is
-//! bounded and reported instead.
+//! With f the profile and w the spot's brightness, a pixel records the mean of f ∗ w over its square. Light entering
+//! within dr of the radius r, g(r) dr dθ of it with g = r f, is spread by the spot and lands in pixels, whose means go
+//! into rings. This map from f to ring means is built as it happens, with the centre's place between the pixels and the
+//! masked pixels left out, by points of light on a fine polar grid. Then f is the smoothest profile whose rings are
+//! those measured: least squares with a prior on the second difference of ln(r f) for reflection, which falls like 1/r
+//! at the centre, and of ln f for transmission, which is flat there (Gauss–Newton). Far out blurring is a small
+//! correction, (σ²/2)·∇²f with σ² the blur's variance per axis; it is bounded and reported instead.
 
 use faer::Mat;
 use faer::linalg::solvers::{DenseSolveCore, Llt};
@@ -15,13 +15,15 @@ use super::Aperture;
 use super::bracket::Radiance;
 use super::rings::Grid;
 
-/// Rings are deblurred to this many widths of the blur, where what is left to undo is below 0.3% for a profile like r⁻³.
+/// Rings are deblurred to this many widths of the blur, where what is left to undo is below 0.3% for a profile like
+/// r⁻³.
 const ZONE_WIDTHS: f64 = 12.0;
 /// Only rings this many standard errors above zero are deblurred: the fit is one of logarithms.
 const CLEAR: f64 = 3.0;
 /// At most so many rings; the map has their square.
 const MAX_ZONE: usize = 160;
-/// Second difference of the logarithm between three rings that is thought likely. The synthetic resins have 0.02 at 44 µm.
+/// Second difference of the logarithm between three rings that is thought likely. The synthetic resins have 0.02 at 44
+/// µm.
 const SMOOTH: f64 = 0.04;
 /// Points of light are this close in r, in parts of a ring or of a pixel, whichever is smaller.
 const POINTS: f64 = 12.0;

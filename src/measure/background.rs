@@ -1,17 +1,20 @@
 //! What lies under the far end of a profile: a level of stray light, and the diffuse tail that noise hides.
 //!
-//! Far from the source, light in a slab is its slowest mode, K₀(κr) ~ e^(−κr)/√r. Outer rings are fitted by a·e^(−κr)/√r + level;
-//! from where noise exceeds light the profile is continued by the same without the level.
+//! Far from the source, light in a slab is its slowest mode, K₀(κr) ~ e^(−κr)/√r. Outer rings are fitted by
+//! a·e^(−κr)/√r + level; from where noise exceeds light the profile is continued by the same without the level.
 
 use super::rings::Grid;
 
-/// Fits start where the profile is below these shares of its largest ring. The later, the nearer is the light to its slowest mode:
-/// started at 1e-2, a fit of the synthetic white sees a level of 4e-4 of its light (4 standard errors) where there is none.
+/// Fits start where the profile is below these shares of its largest ring. The later, the nearer is the light to its
+/// slowest mode: started at 1e-2, a fit of the synthetic white sees a level of 4e-4 of its light (4 standard errors)
+/// where there is none.
 const STARTS: [f64; 9] = [1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5];
-/// The latest start of those with a fit this good (χ² per degree of freedom) counts; what the one before says differently is error.
+/// The latest start of those with a fit this good (χ² per degree of freedom) counts; what the one before says
+/// differently is error.
 const GOOD_FIT: f64 = 1.5;
-/// A fit that knows its decay no better than this says nothing of the level: light that is nearly gone where the fit starts can pass for
-/// a level, and a level for light. Fits of a hundred standard errors of light know it to 1%, those of two to 90%.
+/// A fit that knows its decay no better than this says nothing of the level: light that is nearly gone where the fit
+/// starts can pass for a level, and a level for light. Fits of a hundred standard errors of light know it to 1%, those
+/// of two to 90%.
 const KNOWN_DECAY: f64 = 0.1;
 /// Rings a fit needs.
 const MIN_FIT: usize = 10;
@@ -193,8 +196,9 @@ mod tests {
         assert!((level.value - 0.05).abs() < 5.0 * level.error.max(2e-4) && level.error < 1e-3, "{level:?}");
     }
 
-    /// The stated error is the true one: levels of many noisy profiles scatter as they say. With decay and amplitude free, least squares from
-    /// the last start that knows its decay (100 standard errors of light) leaves 1.6e-4 at best.
+    /// The stated error is the true one: levels of many noisy profiles scatter as they say. With decay and amplitude
+    /// free, least squares from the last start that knows its decay (100 standard errors of light) leaves 1.6e-4 at
+    /// best.
     #[test]
     fn levels_scatter_as_their_errors_say() {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(11);

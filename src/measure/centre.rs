@@ -1,9 +1,9 @@
 //! The centre of highest radial symmetry, and what asymmetry is left about it.
 //!
-//! About a point δ off the true centre a profile R(r) shows the first harmonic −R′(r) δ·e(θ) in every ring. So the centre of
-//! highest symmetry is where least squares over all rings leave no δ: a Newton step from the harmonics, repeated. Two more
-//! causes of a first harmonic have radii of their own and are told apart by them: a sample tilted by t under a camera at
-//! distance D is seen in perspective, −R′(r) r² sin t/D; and a gradient of stray light, r · slope.
+//! About a point δ off the true centre a profile R(r) shows the first harmonic −R′(r) δ·e(θ) in every ring. So the
+//! centre of highest symmetry is where least squares over all rings leave no δ: a Newton step from the harmonics,
+//! repeated. Two more causes of a first harmonic have radii of their own and are told apart by them: a sample tilted by
+//! t under a camera at distance D is seen in perspective, −R′(r) r² sin t/D; and a gradient of stray light, r · slope.
 
 use super::MeasureError;
 use super::bracket::Radiance;
@@ -195,8 +195,8 @@ impl Asymmetry {
     }
 }
 
-/// Weighted least squares with three columns: each coefficient with its standard error, which grows with a poor fit. Columns of
-/// zeros are left out. `None` without enough rows.
+/// Weighted least squares with three columns: each coefficient with its standard error, which grows with a poor fit.
+/// Columns of zeros are left out. `None` without enough rows.
 fn least_squares(rows: &[([f64; 3], f64, f64)]) -> Option<[(f64, f64); 3]> {
     let mut scale = [0.0_f64; 3];
     for (columns, _, variance) in rows {

@@ -37,7 +37,8 @@ pub struct ChannelMeasurement {
     pub transmission: SeriesMeasurement,
     /// What the two together brought up.
     pub findings: Vec<Finding>,
-    /// Coefficients of this slab alone, as `predict`, `match` and jobs will fit them to the material file for the transport model.
+    /// Coefficients of this slab alone, as `predict`, `match` and jobs will fit them to the material file for the
+    /// transport model.
     pub fit: Result<CoefficientFit, FitRefusal>,
 }
 
@@ -52,8 +53,8 @@ pub struct SeriesMeasurement {
     pub profile: RadialProfile,
 }
 
-/// Measures a resin. `watch` hears a stage for every series of pictures, such as "reflection (1 of 2)", and is asked between pictures
-/// whether to go on.
+/// Measures a resin. `watch` hears a stage for every series of pictures, such as "reflection (1 of 2)", and is asked
+/// between pictures whether to go on.
 ///
 /// # Errors
 /// [`MeasureError`]: a picture that cannot be read, pictures that show no measurement, or profiles no slab can have.

@@ -1,7 +1,7 @@
 //! From photographs to a material file: Hašan et al. 2010, section 4.
 //!
-//! **In:** a [`Capture`]: which pictures show what. **Out:** a [`Measurement`]: R(r) and T(r) with errors, scaled to their
-//! albedos, and a [`Finding`] for everything noticed and corrected on the way; as text, a material file.
+//! **In:** a [`Capture`]: which pictures show what. **Out:** a [`Measurement`]: R(r) and T(r) with errors, scaled to
+//! their albedos, and a [`Finding`] for everything noticed and corrected on the way; as text, a material file.
 //!
 //! ```text
 //!   CAPTURE.toml ─► capture     known keys, headers of all pictures

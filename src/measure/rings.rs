@@ -1,7 +1,7 @@
 //! Means over rings: every pixel counts in a ring by the share of its area inside.
 //!
-//! Pixel (i, j) is the square of side 1 about (i, j). Near the centre its share is counted on a fine grid; farther out, where a
-//! ring's edge is straight across a pixel, it is the exact share of a square cut by a line.
+//! Pixel (i, j) is the square of side 1 about (i, j). Near the centre its share is counted on a fine grid; farther out,
+//! where a ring's edge is straight across a pixel, it is the exact share of a square cut by a line.
 
 use std::f64::consts::PI;
 
@@ -13,7 +13,8 @@ use super::bracket::Radiance;
 const COUNTED_PX: f64 = 12.0;
 /// …of this many points a side: shares to 0.5%.
 const COUNTED_SIDE: usize = 16;
-/// Scatter about the model counts from this radius on, pixels; nearer, the profile bends within a pixel and scatter is no noise.
+/// Scatter about the model counts from this radius on, pixels; nearer, the profile bends within a pixel and scatter is
+/// no noise.
 const SCATTER_PX: f64 = 6.0;
 /// Rows summed in one go; fixed, so that sums do not depend on threads.
 const BLOCK_ROWS: usize = 32;
@@ -89,7 +90,8 @@ impl Grid {
     }
 }
 
-/// Share of the unit square below the line at `t` from its centre, whose normal has the components `long` ≥ `short` ≥ 0.
+/// Share of the unit square below the line at `t` from its centre, whose normal has the components `long` ≥ `short` ≥
+/// 0.
 fn square_below(t: f64, long: f64, short: f64) -> f64 {
     if t > 0.0 {
         return 1.0 - square_below(-t, long, short);

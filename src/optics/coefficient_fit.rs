@@ -1,10 +1,11 @@
 //! Volume coefficients from measured profiles: what makes the transport model give a slab's R̂(k) and T̂(k).
 //!
-//! Levenberg and Marquardt's method in ln σs′, ln σa and g, σs′ = σs (1 − g), with slopes from differences, over one slab or several of
-//! different thickness at once. One slab settles σs′ and σa; g shows in light that has turned few times only, near the source and through thin slabs, so
-//! that a thick slab alone hardly knows it. The uncertainty says so: it is the largest that errors of the found size can make, however they hang
-//! together from frequency to frequency, √n s √(JᵀJ)⁻¹_ii with s the residual of the n coefficients. *Assumed:* the refractive index, which
-//! is not fitted, and the phase function of Henyey and Greenstein.
+//! Levenberg and Marquardt's method in ln σs′, ln σa and g, σs′ = σs (1 − g), with slopes from differences, over one
+//! slab or several of different thickness at once. One slab settles σs′ and σa; g shows in light that has turned few
+//! times only, near the source and through thin slabs, so that a thick slab alone hardly knows it. The uncertainty says
+//! so: it is the largest that errors of the found size can make, however they hang together from frequency to
+//! frequency, √n s √(JᵀJ)⁻¹_ii with s the residual of the n coefficients. *Assumed:* the refractive index, which is not
+//! fitted, and the phase function of Henyey and Greenstein.
 
 use super::{
     FrequencyGrid, Light, MAX_COEFFICIENT_PER_MM, RadialProfile, Stack, Transport, TransportOptions,
@@ -50,7 +51,8 @@ pub struct FitRefusal {
     pub residual: f64,
 }
 
-/// A fit with a larger residual is refused: Kubelka–Munk, read off the same slab, errs by 6e-3 where it is at its worst (docs/accuracy.md).
+/// A fit with a larger residual is refused: Kubelka–Munk, read off the same slab, errs by 6e-3 where it is at its worst
+/// (docs/accuracy.md).
 pub const MAX_FIT_RESIDUAL: f64 = 5e-3;
 
 /// Frequencies of the fit, as indices of the default grid: close together where profiles differ most.

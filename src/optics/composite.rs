@@ -1,6 +1,7 @@
 //! Composition of layers: Hašan et al. 2010, equations 3, 4 and 6.
 //!
-//! Assumes that light between two layers has no memory of direction (scalar Kubelka–Munk); exact for layers of one resin.
+//! Assumes that light between two layers has no memory of direction (scalar Kubelka–Munk); exact for layers of one
+//! resin.
 
 use super::SlabSpectrum;
 

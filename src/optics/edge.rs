@@ -1,7 +1,8 @@
-//! A sharp shadow's edge on a translucent surface: what shows how far light travels inside (Hašan et al. 2010, section 8.2).
+//! A sharp shadow's edge on a translucent surface: what shows how far light travels inside (Hašan et al. 2010, section
+//! 8.2).
 //!
-//! Where one half of the plane is lit evenly, the light that leaves x mm inside the lit half is the integral of the line spread
-//! ℓ(u) = ∫ R(√(u² + v²)) dv up to x. The transform of ℓ along u is R̂ itself, so
+//! Where one half of the plane is lit evenly, the light that leaves x mm inside the lit half is the integral of the
+//! line spread ℓ(u) = ∫ R(√(u² + v²)) dv up to x. The transform of ℓ along u is R̂ itself, so
 //!
 //! ```text
 //!   L(x) = ½ R̂(0) + 1/π ∫₀^∞ R̂(k) sin(kx)/k dk:   0 deep in the shadow, ½ R̂(0) on the edge, R̂(0) far in the light.
@@ -33,8 +34,8 @@ impl EdgeResponse {
         Self { total: reflection.first().copied().unwrap_or(0.0), weight }
     }
 
-    /// Light that leaves at `x_mm` from the edge, for unit irradiance of the lit half; x is negative in the shadow. To 1e-3 of R̂(0)
-    /// within 20 mm of the edge.
+    /// Light that leaves at `x_mm` from the edge, for unit irradiance of the lit half; x is negative in the shadow. To
+    /// 1e-3 of R̂(0) within 20 mm of the edge.
     pub fn at(&self, x_mm: f64) -> f64 {
         let terms = self.weight.iter().zip(0..).map(|(weight, n)| weight * ((f64::from(n) + 0.5) * STEP * x_mm).sin());
         0.5 * self.total + terms.sum::<f64>() / PI

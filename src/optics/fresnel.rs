@@ -1,5 +1,5 @@
-//! Unpolarised light at a plane boundary between two refractive indices: Snell's law and Fresnel's equations (Born and Wolf, *Principles of
-//! Optics*, section 1.5).
+//! Unpolarised light at a plane boundary between two refractive indices: Snell's law and Fresnel's equations (Born and
+//! Wolf, *Principles of Optics*, section 1.5).
 
 /// Light that meets a boundary.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -10,8 +10,8 @@ pub(super) struct Refraction {
     pub(super) cosine: f64,
 }
 
-/// Of light that meets the boundary from index `from` to index `into` at an angle of the given cosine in (0, 1]; `None`: all of it is
-/// reflected.
+/// Of light that meets the boundary from index `from` to index `into` at an angle of the given cosine in (0, 1];
+/// `None`: all of it is reflected.
 #[inline]
 pub(super) fn refraction(cosine: f64, from: f64, into: f64) -> Option<Refraction> {
     let ratio = from / into;
@@ -41,8 +41,9 @@ mod tests {
         (0..STEPS).map(share).sum::<f64>() / STEPS as f64
     }
 
-    /// The closed form of Walsh 1926 for light from outside; what is reflected inside follows, for étendue times transmittance is the same both ways.
-    /// n = 1.5 reflects 0.0918 of diffuse light from outside and 0.5963 from inside.
+    /// The closed form of Walsh 1926 for light from outside; what is reflected inside follows, for étendue times
+    /// transmittance is the same both ways. n = 1.5 reflects 0.0918 of diffuse light from outside and 0.5963 from
+    /// inside.
     #[test]
     fn diffuse_reflectance_is_that_of_walsh() {
         for n in [1.33_f64, 1.5, 1.8] {

@@ -3,10 +3,10 @@
 //! f(r) = (1/2π) ∫ f̂(k) J₀(kr) k dk, and integrated over a disc, E(r) = 2π∫₀^r f s ds = r ∫ f̂(k) J₁(kr) dk. Discs
 //! and rings are finite where f is not (R ~ 1/r at the centre), so profiles come back as ring means.
 //!
-//! Near the centre a reflection profile is (C/2πr) e^(−br), whose pair is closed: f̂ = C/√(k² + b²), E = C (1 − e^(−br))/b. C and
-//! b are read off the upper part of the grid, the pair is subtracted, and only the rest is integrated numerically,
-//! between interpolated coefficients; beyond the grid the rest is 0. *Fails* beyond r ≈ π/Δk (20 mm on the default grid), where
-//! the spacing of the coefficients aliases.
+//! Near the centre a reflection profile is (C/2πr) e^(−br), whose pair is closed: f̂ = C/√(k² + b²), E = C (1 −
+//! e^(−br))/b. C and b are read off the upper part of the grid, the pair is subtracted, and only the rest is integrated
+//! numerically, between interpolated coefficients; beyond the grid the rest is 0. *Fails* beyond r ≈ π/Δk (20 mm on the
+//! default grid), where the spacing of the coefficients aliases.
 
 use super::FrequencyGrid;
 use super::quadrature::bisect;
@@ -84,7 +84,8 @@ impl<'a> InverseHankel<'a> {
         Self { k, total, centre, values: &values[..len] }
     }
 
-    /// f̂ at any k ≥ 0 in rad/mm: between the coefficients as the transform back has it, beyond them the pair of the centre.
+    /// f̂ at any k ≥ 0 in rad/mm: between the coefficients as the transform back has it, beyond them the pair of the
+    /// centre.
     pub fn value(&self, k: f64) -> f64 {
         let after = self.k.partition_point(|&grid| grid <= k);
         if after == 0 || after >= self.k.len() {
@@ -112,8 +113,8 @@ impl<'a> InverseHankel<'a> {
         r * sum + self.centre.energy_within(r)
     }
 
-    /// Radius in mm within which the given share of f̂(0) leaves, to about 1% up to π/Δk. `None` if f̂(0) ≤ 0, or the radius would
-    /// be beyond that.
+    /// Radius in mm within which the given share of f̂(0) leaves, to about 1% up to π/Δk. `None` if f̂(0) ≤ 0, or the
+    /// radius would be beyond that.
     pub fn radius_of_energy(&self, share: f64) -> Option<f64> {
         let limit = std::f64::consts::PI / (self.k.get(1)? - self.k[0]);
         let wanted = share * self.total;
@@ -124,7 +125,8 @@ impl<'a> InverseHankel<'a> {
         (self.total > 0.0).then(|| bisect(radius(step - 1), radius(step), |r| self.energy_within(r) < wanted))
     }
 
-    /// The profile as means over rings between edges in mm, the first 0. Ripples below 0 are kept if they pass as noise.
+    /// The profile as means over rings between edges in mm, the first 0. Ripples below 0 are kept if they pass as
+    /// noise.
     ///
     /// # Errors
     /// As [`RadialProfile::from_rings`].
@@ -136,8 +138,8 @@ impl<'a> InverseHankel<'a> {
         RadialProfile::from_rings(edges_mm.to_vec(), means, None)
     }
 
-    /// f̂ less the centre's at k in the i-th interval. 1/f̂² is interpolated: for the pairs light makes, C/√(k² + b²), it is a
-    /// parabola, while f̂ itself bends within one step of the grid if the profile is as wide as the support's.
+    /// f̂ less the centre's at k in the i-th interval. 1/f̂² is interpolated: for the pairs light makes, C/√(k² + b²),
+    /// it is a parabola, while f̂ itself bends within one step of the grid if the profile is as wide as the support's.
     fn rest(&self, i: usize, k: f64) -> f64 {
         let value = |j: usize| self.values.get(j).copied();
         let (f0, f1) = (self.values[i], self.values[i + 1]);

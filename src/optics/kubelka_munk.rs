@@ -1,11 +1,12 @@
 //! Continuous change of layer thickness: Hašan et al. 2010, section 5.3, after Kubelka and Munk 1931.
 //!
-//! The theory holds for each Hankel coefficient apart. In place of the paper's halving limit the parameters are read off in
-//! closed form: α = (1 + R² − T²)/2R, β = √(α² − 1), γh = asinh(βR/T) and γ = Sβ. The halving limit is the test of it.
+//! The theory holds for each Hankel coefficient apart. In place of the paper's halving limit the parameters are read
+//! off in closed form: α = (1 + R² − T²)/2R, β = √(α² − 1), γh = asinh(βR/T) and γ = Sβ. The halving limit is the test
+//! of it.
 //!
-//! Assumes that R and T of a coefficient form a slab of a one-dimensional medium: 0 ≤ R, 0 < T, R + T ≤ 1. Where light keeps
-//! its direction through a layer (thin layers, forward scattering) the theory is wrong by up to a third; the transport model
-//! judges there. A measured T̂(k) that has sunk into noise must be extrapolated before it comes here.
+//! Assumes that R and T of a coefficient form a slab of a one-dimensional medium: 0 ≤ R, 0 < T, R + T ≤ 1. Where light
+//! keeps its direction through a layer (thin layers, forward scattering) the theory is wrong by up to a third; the
+//! transport model judges there. A measured T̂(k) that has sunk into noise must be extrapolated before it comes here.
 
 /// Reflection and transmission coefficients of one homogeneous slab, one pair per spatial frequency.
 #[derive(Debug, Clone, PartialEq)]
@@ -137,8 +138,8 @@ impl KubelkaMunk {
 
     /// (R̂, T̂) of the slab at coefficient `i` alone.
     ///
-    /// With u = sinh(γh)/γ the paper's equations read T = 1/((K+S)u + cosh γh), R = S·u·T; both are scaled by e^(−γh), so that
-    /// no thickness overflows, and u has the limit h where nothing absorbs.
+    /// With u = sinh(γh)/γ the paper's equations read T = 1/((K+S)u + cosh γh), R = S·u·T; both are scaled by e^(−γh),
+    /// so that no thickness overflows, and u has the limit h where nothing absorbs.
     pub(crate) fn slab_coefficient(&self, i: usize, thickness_mm: f64) -> (f64, f64) {
         let h = thickness_mm;
         let (gamma, s) = (self.gamma[i], self.scattering[i]);

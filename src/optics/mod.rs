@@ -58,8 +58,10 @@ pub use transport::TransportOptions;
 pub use volume::VolumeCoefficients;
 
 // Within the crate.
+#[cfg(any(test, feature = "measure"))]
+pub(crate) use materials::ResinSpectrum;
 #[cfg(feature = "measure")]
-pub(crate) use materials::{ResinSpectrum, resin_table};
+pub(crate) use materials::resin_table;
 #[cfg(test)]
 pub(crate) use stack::LAYER;
 pub(crate) use {

@@ -1,10 +1,11 @@
 //! What a stack of layers does to light: the forward problem as a user asks it.
 //!
-//! Three models share one question and the form of the answer. **Kubelka–Munk** (Hašan et al. 2010, equations 3, 4 and 6) composes
-//! spectra and turns them back into profiles ([`InverseHankel`](super::InverseHankel)); it knows diffuse light only and is poor for
-//! thin layers. **Transport** solves the transport equation over discrete directions, from the volume coefficients ([`Transport`]).
-//! **Monte Carlo** traces photons through the volume coefficients and transforms what it counted; its spectra start at the
-//! totals of its profiles, tail included. All three keep the laws of `tests/laws.rs`.
+//! Three models share one question and the form of the answer. **Kubelka–Munk** (Hašan et al. 2010, equations 3, 4 and
+//! 6) composes spectra and turns them back into profiles ([`InverseHankel`](super::InverseHankel)); it knows diffuse
+//! light only and is poor for thin layers. **Transport** solves the transport equation over discrete directions, from
+//! the volume coefficients ([`Transport`]). **Monte Carlo** traces photons through the volume coefficients and
+//! transforms what it counted; its spectra start at the totals of its profiles, tail included. All three keep the laws
+//! of `tests/laws.rs`.
 //!
 //! Over a core no light is transmitted: the half-space below has no other side.
 
@@ -64,7 +65,8 @@ impl MaterialFile {
     /// simulations of [`MaterialFile::into_set`].
     ///
     /// # Errors
-    /// As [`predict`]; [`OpticsError::Parameter`] for [`Model::KubelkaMunk`], whose parameters a file does not have yet.
+    /// As [`predict`]; [`OpticsError::Parameter`] for [`Model::KubelkaMunk`], whose parameters a file does not have
+    /// yet.
     pub fn predict(&self, stack: &Stack, model: &Model, watch: &dyn Watch) -> Result<Prediction, OpticsError> {
         let volumes = stack.try_map(|&resin| self.needed_volumes(resin))?;
         let grid = FrequencyGrid::default();

@@ -30,8 +30,8 @@ pub struct ChannelPrediction {
     pub reflection_hankel: Vec<f64>,
     /// T̂(k); the first is the total transmission.
     pub transmission_hankel: Vec<f64>,
-    /// Share of the light that the top surface reflects like a mirror before any has entered, which R̂ leaves out; 0 where the first
-    /// resin is index-matched, and by Kubelka–Munk.
+    /// Share of the light that the top surface reflects like a mirror before any has entered, which R̂ leaves out; 0
+    /// where the first resin is index-matched, and by Kubelka–Munk.
     pub glint: f64,
     profiles: Profiles,
 }
@@ -77,8 +77,8 @@ impl ChannelPrediction {
         Self { glint, ..self }
     }
 
-    /// Radius in mm within which a share of the reflected light leaves, 0 to 1; `None` where nothing is reflected or the radius is out
-    /// of reach.
+    /// Radius in mm within which a share of the reflected light leaves, 0 to 1; `None` where nothing is reflected or
+    /// the radius is out of reach.
     pub fn radius_of_energy_mm(&self, share: f64) -> Option<f64> {
         match &self.profiles {
             Profiles::Spectra(grid) => InverseHankel::new(&self.reflection_hankel, grid).radius_of_energy(share),
@@ -86,7 +86,8 @@ impl ChannelPrediction {
         }
     }
 
-    /// Profiles as ring means: those of spectra as far as their grid tells (20 mm on the default one), those of photons as far as any got.
+    /// Profiles as ring means: those of spectra as far as their grid tells (20 mm on the default one), those of photons
+    /// as far as any got.
     pub fn rings(&self) -> Vec<PredictedRing> {
         match &self.profiles {
             Profiles::Spectra(grid) => self.turned_back(grid),

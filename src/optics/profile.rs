@@ -7,16 +7,17 @@ use super::quadrature::{Density, Nodes};
 pub const MIN_SAMPLES: usize = 8;
 /// Largest radius accepted, mm; ten metres is a slip of units.
 pub const MAX_RADIUS_MM: f64 = 1e4;
-/// Values this far below 0, relative to the largest, pass for noise; a dark-frame subtraction leaves such values. They are kept
-/// as they are, since cutting them off would add light.
+/// Values this far below 0, relative to the largest, pass for noise; a dark-frame subtraction leaves such values. They
+/// are kept as they are, since cutting them off would add light.
 pub const NEGATIVE_TOLERANCE: f64 = 1e-3;
-/// The centre inside the first sample is extrapolated; a profile that has more than this share of its energy there is refused.
+/// The centre inside the first sample is extrapolated; a profile that has more than this share of its energy there is
+/// refused.
 pub const MAX_CENTRE_SHARE: f64 = 0.5;
 
 /// R(r) or T(r): radius in mm, value per mm² for unit incident flux, so that 2π∫ f r dr is the albedo.
 ///
-/// Samples are either **points** f(rᵢ), or **means over rings** between edges, which is what pixel averages and Monte Carlo
-/// counts are. Near the centre, where f grows like 1/r, the difference is percents of the energy.
+/// Samples are either **points** f(rᵢ), or **means over rings** between edges, which is what pixel averages and Monte
+/// Carlo counts are. Near the centre, where f grows like 1/r, the difference is percents of the energy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RadialProfile {
     r_mm: Vec<f64>,
@@ -50,12 +51,13 @@ impl From<ProfileError> for OpticsError {
 }
 
 impl RadialProfile {
-    /// A profile of point samples at radii > 0. If the first radius is 0 the samples are taken for means over rings with edges
-    /// halfway between the radii: no one can sample the 1/r at the centre, but a camera's central pixel averages it.
+    /// A profile of point samples at radii > 0. If the first radius is 0 the samples are taken for means over rings
+    /// with edges halfway between the radii: no one can sample the 1/r at the centre, but a camera's central pixel
+    /// averages it.
     ///
     /// # Errors
-    /// The first sample that is not finite, not ascending, negative beyond [`NEGATIVE_TOLERANCE`] (and beyond five of its
-    /// standard errors), fewer than [`MIN_SAMPLES`], all zero, or starting too far out ([`MAX_CENTRE_SHARE`]).
+    /// The first sample that is not finite, not ascending, negative beyond [`NEGATIVE_TOLERANCE`] (and beyond five of
+    /// its standard errors), fewer than [`MIN_SAMPLES`], all zero, or starting too far out ([`MAX_CENTRE_SHARE`]).
     pub fn from_points(
         r_mm: Vec<f64>,
         value_per_mm2: Vec<f64>,
@@ -145,8 +147,8 @@ impl RadialProfile {
         }
     }
 
-    /// Radius in mm inside which the given share of the sampled energy leaves; 0.5 gives the half-energy radius. `None` if the
-    /// share is outside [0, 1] or the profile holds no energy.
+    /// Radius in mm inside which the given share of the sampled energy leaves; 0.5 gives the half-energy radius. `None`
+    /// if the share is outside [0, 1] or the profile holds no energy.
     pub fn radius_of_energy(&self, share: f64) -> Option<f64> {
         self.density().radius_of_energy(share)
     }

@@ -1,8 +1,8 @@
 //! Profiles as CSV files.
 //!
-//! The header names the columns, in any order: `r_mm`, and `reflection_per_mm2`, `transmission_per_mm2` or both; optionally
-//! `reflection_se`, `transmission_se` (one standard deviation) and `r_lo_mm`, `r_hi_mm` (edges: the values are means over
-//! contiguous rings from 0, and `r_mm` only informs). Lines that start with `#` are comments.
+//! The header names the columns, in any order: `r_mm`, and `reflection_per_mm2`, `transmission_per_mm2` or both;
+//! optionally `reflection_se`, `transmission_se` (one standard deviation) and `r_lo_mm`, `r_hi_mm` (edges: the values
+//! are means over contiguous rings from 0, and `r_mm` only informs). Lines that start with `#` are comments.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -22,7 +22,8 @@ const COLUMNS: [&str; 7] =
 /// Rings in a file touch if their edges agree to this share: edges are printed with four decimals or six digits.
 const EDGE_TOLERANCE: f64 = 1e-5;
 
-/// No light comes back more than once; coarse samples of a profile that peaks at the centre may integrate to a little more.
+/// No light comes back more than once; coarse samples of a profile that peaks at the centre may integrate to a little
+/// more.
 const MOST_ENERGY: f64 = 1.05;
 
 /// What a profile file holds; at least one of the two.
@@ -76,8 +77,8 @@ impl ProfileFile {
             .map_err(|source| OpticsError::File { file: path.to_path_buf(), source })
     }
 
-    /// The text of the file. Where both profiles are given they share the radii of the reflection; ring edges and standard
-    /// errors are written if known. Six significant digits, which is below the noise of 10⁹ photons.
+    /// The text of the file. Where both profiles are given they share the radii of the reflection; ring edges and
+    /// standard errors are written if known. Six significant digits, which is below the noise of 10⁹ photons.
     pub fn to_csv(&self, comment: &str) -> String {
         let profiles =
             [(&self.reflection, REFLECTION, REFLECTION_ERROR), (&self.transmission, TRANSMISSION, TRANSMISSION_ERROR)];

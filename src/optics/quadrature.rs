@@ -1,16 +1,17 @@
 //! Integrals over a radial profile.
 //!
-//! What is interpolated is g(r) = r·f(r), the energy per mm of radius over 2π: it stays finite where f grows like 1/r, so no
-//! energy is lost at the centre (a discrete Hankel transform of the point samples loses 5% at 78 µm spacing). Between
-//! samples g is a polynomial of degree 3 or less: a cubic Hermite curve through point samples, with parabolic slopes, or a line per
-//! ring that keeps the ring's energy exactly. Every integral of g against a smooth kernel is then a sum over Gauss–Legendre nodes.
+//! What is interpolated is g(r) = r·f(r), the energy per mm of radius over 2π: it stays finite where f grows like 1/r,
+//! so no energy is lost at the centre (a discrete Hankel transform of the point samples loses 5% at 78 µm spacing).
+//! Between samples g is a polynomial of degree 3 or less: a cubic Hermite curve through point samples, with parabolic
+//! slopes, or a line per ring that keeps the ring's energy exactly. Every integral of g against a smooth kernel is then
+//! a sum over Gauss–Legendre nodes.
 
 use std::f64::consts::TAU;
 
 use crate::numeric::quadrature::GAUSS_4;
 
-/// Largest advance of the kernel's phase (radians) over one application of the rule: a cubic times a quarter wave leaves the
-/// 4-point rule an error under 1e-8 of the interval's energy.
+/// Largest advance of the kernel's phase (radians) over one application of the rule: a cubic times a quarter wave
+/// leaves the 4-point rule an error under 1e-8 of the interval's energy.
 const MAX_PHASE: f64 = 1.5;
 
 /// A polynomial piece of g = r·f on [start, end], in t = r − start.
@@ -43,8 +44,8 @@ pub(super) struct Density {
 }
 
 impl Density {
-    /// Through point samples at ascending radii, the first > 0, at least 3 of them. The centre continues the parabola of
-    /// the first three samples of g, which gives g(0) = lim r·f whether f is regular or grows like 1/r.
+    /// Through point samples at ascending radii, the first > 0, at least 3 of them. The centre continues the parabola
+    /// of the first three samples of g, which gives g(0) = lim r·f whether f is regular or grows like 1/r.
     pub(super) fn from_points(r: &[f64], f: &[f64]) -> Self {
         let g: Vec<f64> = r.iter().zip(f).map(|(r, f)| r * f).collect();
         let last = r.len() - 1;
@@ -73,8 +74,8 @@ impl Density {
         Self { pieces }
     }
 
-    /// Over rings: g's mean in each is its energy over 2π and its width; the slope comes from the neighbours' means, limited so
-    /// that no line turns negative in a ring whose mean is not.
+    /// Over rings: g's mean in each is its energy over 2π and its width; the slope comes from the neighbours' means,
+    /// limited so that no line turns negative in a ring whose mean is not.
     pub(super) fn from_rings(edges: &[f64], means: &[f64]) -> Self {
         let middle = |i: usize| 0.5 * (edges[i] + edges[i + 1]);
         let g = |i: usize| means[i] * middle(i); // f̄ π(b² − a²) / (2π (b − a))

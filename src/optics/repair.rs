@@ -1,8 +1,9 @@
 //! Transmission spectra below the noise.
 //!
-//! T̂(k) of a slab of thickness h falls like e^(−hk), while the noise of a measured or simulated profile is level: beyond some k
-//! the transform is noise of either sign. The paper (§5.3) truncates negative coefficients to 0; but T = 0 breaks the closed form
-//! of Kubelka and Munk and its halving limit alike (γh = asinh(βR/T)). Here ln T̂ is continued instead.
+//! T̂(k) of a slab of thickness h falls like e^(−hk), while the noise of a measured or simulated profile is level:
+//! beyond some k the transform is noise of either sign. The paper (§5.3) truncates negative coefficients to 0; but T =
+//! 0 breaks the closed form of Kubelka and Munk and its halving limit alike (γh = asinh(βR/T)). Here ln T̂ is continued
+//! instead.
 
 use super::FrequencyGrid;
 
@@ -33,11 +34,13 @@ pub struct LostInNoise {
     pub significant: usize,
 }
 
+impl crate::blame::Blamed for LostInNoise {}
+
 /// Continues ln T̂(k) as a line in k from where T̂ drops into noise; leaves a clean spectrum alone and returns `None`.
 ///
-/// `noise` is the standard deviation of each coefficient. Without it the noise is judged by the spectrum itself: T̂ must
-/// fall with k, so the first coefficient that is not positive or rises gives it away, and the level is the root mean square
-/// from there on. *Fails* where T̂ truly rises with k, which no slab under a diffuse source does.
+/// `noise` is the standard deviation of each coefficient. Without it the noise is judged by the spectrum itself: T̂
+/// must fall with k, so the first coefficient that is not positive or rises gives it away, and the level is the root
+/// mean square from there on. *Fails* where T̂ truly rises with k, which no slab under a diffuse source does.
 ///
 /// # Errors
 /// [`LostInNoise`] if there is nothing to continue from.
@@ -77,7 +80,8 @@ fn first_lost(values: &[f64], noise: Option<&[f64]>) -> Option<usize> {
     let betrayed = (0..values.len()).find(|&i| values[i] <= 0.0 || (i > 0 && values[i] > values[i - 1]))?;
     let rest = &values[betrayed..];
     let level = (rest.iter().map(|value| value * value).sum::<f64>() / rest.len() as f64).sqrt();
-    // A rise while still well above the level leaves nothing quiet before it: the betrayed coefficient is then the first lost.
+    // A rise while still well above the level leaves nothing quiet before it: the betrayed coefficient is then the
+    // first lost.
     let quiet = values[..betrayed].iter().position(|value| *value <= SIGNIFICANT * level);
     Some(quiet.unwrap_or(betrayed))
 }

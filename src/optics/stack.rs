@@ -1,8 +1,8 @@
 //! Layers over a core: what is searched for, predicted, printed and reported.
 //!
-//! One shape for all of them, by what stands for a resin: its [`ResinId`] where a set is at hand, its name in files and reports, its
-//! coefficients in the models. In one line of text, layers of names are `white:0.5,support:1.0,black:0.5`, from the observer down; what lies
-//! below them stands elsewhere.
+//! One shape for all of them, by what stands for a resin: its [`ResinId`] where a set is at hand, its name in files and
+//! reports, its coefficients in the models. In one line of text, layers of names are `white:0.5,support:1.0,black:0.5`,
+//! from the observer down; what lies below them stands elsewhere.
 
 use std::{fmt, str::FromStr};
 
@@ -107,7 +107,8 @@ impl<R: PartialEq> Stack<R> {
     }
 }
 
-/// Layers that a text may name, mm: 0.1 µm, far below the 14 µm a printer can do, to twice the longest tray of any PolyJet machine.
+/// Layers that a text may name, mm: 0.1 µm, far below the 14 µm a printer can do, to twice the longest tray of any
+/// PolyJet machine.
 pub(crate) const LAYER: Range = Range::new("a thickness in mm", 1e-4, 2000.0);
 
 /// What is wrong with a stack's text.
@@ -128,8 +129,10 @@ pub enum StackError {
     },
 }
 
-/// Layers of `name:thickness-in-mm`, separated by commas, top first, over nothing. Blanks around names and numbers are allowed;
-/// a name may hold colons, the last one counts. Thicknesses are 0.0001 to 2000 mm. Whether the resins exist is
+impl crate::blame::Blamed for StackError {}
+
+/// Layers of `name:thickness-in-mm`, separated by commas, top first, over nothing. Blanks around names and numbers are
+/// allowed; a name may hold colons, the last one counts. Thicknesses are 0.0001 to 2000 mm. Whether the resins exist is
 /// not checked.
 ///
 /// ```

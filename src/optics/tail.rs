@@ -1,7 +1,7 @@
 //! The light beyond the last sample.
 //!
-//! Far from the source light is diffuse and its profile falls like e^(−κr) (times a slow power of r, which a fit over a limited
-//! range absorbs into κ). Cutting a profile at 5 mm loses 22% of the synthetic support's reflection.
+//! Far from the source light is diffuse and its profile falls like e^(−κr) (times a slow power of r, which a fit over a
+//! limited range absorbs into κ). Cutting a profile at 5 mm loses 22% of the synthetic support's reflection.
 
 use super::RadialProfile;
 use super::profile::ring_areas;
@@ -35,7 +35,8 @@ pub enum Tail {
         /// Its share of the energy, sampled range and tail together.
         share: f64,
     },
-    /// The outer samples are no falling exponential, or too few or too faint to tell: the profile is cut where they end.
+    /// The outer samples are no falling exponential, or too few or too faint to tell: the profile is cut where they
+    /// end.
     Cut {
         /// Where the samples end, mm.
         from_mm: f64,
@@ -73,8 +74,8 @@ impl Tail {
     }
 }
 
-/// Energy to be expected beyond the reach, if it goes on falling as from the samples [first, last) to those from `last` on; no
-/// more than the latter hold if that is next to nothing.
+/// Energy to be expected beyond the reach, if it goes on falling as from the samples [first, last) to those from `last`
+/// on; no more than the latter hold if that is next to nothing.
 fn beyond_reach(profile: &RadialProfile, first: usize, last: usize) -> f64 {
     let outermost = outer_energy(profile, last);
     let before = outer_energy(profile, first) - outermost;

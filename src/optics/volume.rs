@@ -21,9 +21,9 @@ pub const MAX_COEFFICIENT_PER_MM: f64 = 1e5;
 /// Diamond has 2.4; nothing that is printed comes near.
 pub const MAX_REFRACTIVE_INDEX: f64 = 3.0;
 
-/// How far a representative slab should reach into the diffuse decay: κ·h. At 4.5 a slab lets through about 1% of what enters
-/// it, which both its R̂ (within 1e-4 of the half-space) and its T̂ (above the noise of 2e6 photons) can be read from. The
-/// paper's slabs have κh = 4.4 (white, 3 mm), 6.0 (black, 0.75 mm) and 1.0 (support, 5.6 mm).
+/// How far a representative slab should reach into the diffuse decay: κ·h. At 4.5 a slab lets through about 1% of what
+/// enters it, which both its R̂ (within 1e-4 of the half-space) and its T̂ (above the noise of 2e6 photons) can be read
+/// from. The paper's slabs have κh = 4.4 (white, 3 mm), 6.0 (black, 0.75 mm) and 1.0 (support, 5.6 mm).
 const REPRESENTATIVE_DECAY: f64 = 4.5;
 /// Thickest representative slab, mm; the paper's thickest is 5.6.
 const REPRESENTATIVE_MAX_MM: f64 = 6.0;
@@ -31,10 +31,12 @@ const REPRESENTATIVE_MAX_MM: f64 = 6.0;
 const REPRESENTATIVE_MAX_REDUCED: f64 = 20.0;
 
 impl VolumeCoefficients {
-    /// Checked coefficients of an index-matched resin; [`VolumeCoefficients::with_refractive_index`] gives it another index.
+    /// Checked coefficients of an index-matched resin; [`VolumeCoefficients::with_refractive_index`] gives it another
+    /// index.
     ///
     /// # Errors
-    /// [`OpticsError::Parameter`] naming the first value that is not finite, negative, absurdly large, or g outside (−1, 1).
+    /// [`OpticsError::Parameter`] naming the first value that is not finite, negative, absurdly large, or g outside
+    /// (−1, 1).
     pub fn new(sigma_s: f64, sigma_a: f64, g: f64) -> Result<Self, OpticsError> {
         let it = Self { sigma_s, sigma_a, g, refractive_index: 1.0 };
         it.check().map(|()| it)

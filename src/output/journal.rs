@@ -1,7 +1,8 @@
 //! The journal of an unfinished run: what is whole in its folder, so that an interrupted job goes on where it stopped.
 //!
-//! One JSON document a line: first the [`Task`], then every file once it stands under its final name, and every slice once all of its
-//! files do. A last line that was cut off does not count. The folder of a finished job has a manifest and no journal.
+//! One JSON document a line: first the [`Task`], then every file once it stands under its final name, and every slice
+//! once all of its files do. A last line that was cut off does not count. The folder of a finished job has a manifest
+//! and no journal.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -62,7 +63,8 @@ pub(super) struct Recorded {
 }
 
 impl Recorded {
-    /// Reads the journal at `path`; `None` if there is none. Lines from the first one on that is no line of a journal are left out.
+    /// Reads the journal at `path`; `None` if there is none. Lines from the first one on that is no line of a journal
+    /// are left out.
     pub(super) fn read(path: &Path) -> io::Result<Option<Self>> {
         let file = match File::open(path) {
             Ok(file) => file,

@@ -1,7 +1,8 @@
-//! The output folder: files appear under their final name only when complete, and nothing of somebody else's is replaced.
+//! The output folder: files appear under their final name only when complete, and nothing of somebody else's is
+//! replaced.
 //!
-//! **In:** files, from any thread. **Out:** an [`OutputFolder`] with a manifest once it is finished, and until then a journal
-//! of what is whole in it.
+//! **In:** files, from any thread. **Out:** an [`OutputFolder`] with a manifest once it is finished, and until then a
+//! journal of what is whole in it.
 
 mod journal;
 
@@ -166,8 +167,8 @@ impl OutputFolder {
         }
     }
 
-    /// Opens `root` for a run, creating it if need be. When an interrupted run is gone on with, also tells the slices whose files may be whole:
-    /// [`Self::keep`] says whether they are.
+    /// Opens `root` for a run, creating it if need be. When an interrupted run is gone on with, also tells the slices
+    /// whose files may be whole: [`Self::keep`] says whether they are.
     ///
     /// # Errors
     /// As [`Self::check`]; [`OutputError::AnotherJob`] when what was begun there is not `task`.
@@ -295,7 +296,8 @@ impl OutputFolder {
         }
         replaces.extend([MANIFEST, TIMINGS].map(String::from));
         if recorded.is_some() {
-            // A run that ended between its manifest and the removal of its journal, or just before it replaced the manifest.
+            // A run that ended between its manifest and the removal of its journal, or just before it replaced the
+            // manifest.
             replaces.insert(JOURNAL.to_owned());
         }
         Ok(Recorded { replaces, ..Recorded::default() })
@@ -356,7 +358,8 @@ impl OutputFolder {
         })
     }
 
-    /// Ends a run: removes the files of the replaced job that were not written again, writes the manifest, then drops the journal.
+    /// Ends a run: removes the files of the replaced job that were not written again, writes the manifest, then drops
+    /// the journal.
     pub fn finish(self, manifest: &[u8]) -> Result<(), OutputError> {
         if self.journal.is_some() {
             lock(&self.replaceable).remove(JOURNAL);

@@ -11,7 +11,8 @@ pub(super) const GRID: Rgb = [0xe3, 0xe6, 0xea];
 /// The page.
 pub(super) const PAPER: Rgb = [0xff, 0xff, 0xff];
 
-// Okabe and Ito's set, told apart with all common kinds of colour vision; yellow is left out, too light for a line on white.
+// Okabe and Ito's set, told apart with all common kinds of colour vision; yellow is left out, too light for a line on
+// white.
 /// A series' colour.
 pub const BLUE: Rgb = [0x00, 0x72, 0xb2];
 /// A series' colour.
@@ -34,7 +35,8 @@ pub const RED: Rgb = [0xc2, 0x41, 0x2d];
 /// Colours for series in their order; more than these cannot be told apart.
 pub const SERIES: [Rgb; 7] = [BLUE, VERMILION, GREEN, PINK, ORANGE, SKY, BLACK];
 
-/// The colour map viridis (Smith and van der Walt 2015, CC0) at `part` of its length, 0 to 1; what lies beyond gets the ends.
+/// The colour map viridis (Smith and van der Walt 2015, CC0) at `part` of its length, 0 to 1; what lies beyond gets the
+/// ends.
 pub fn viridis(part: f64) -> Rgb {
     // Every fifteenth of its length; lines in between are within 3 of 255 of the original.
     const MAP: [Rgb; 16] = [

@@ -1,5 +1,5 @@
-//! Text as outlines of the bundled fonts: subsets of Noto Sans (SIL Open Font License, `font/OFL.txt`) with Latin, Greek,
-//! superscripts and a few signs.
+//! Text as outlines of the bundled fonts: subsets of Noto Sans (SIL Open Font License, `font/OFL.txt`) with Latin,
+//! Greek, superscripts and a few signs.
 
 use std::sync::LazyLock;
 

@@ -24,8 +24,8 @@ impl Label {
         self.line.width
     }
 
-    /// Calls `paint` with column, row and coverage (0 to 255) of every pixel that the text touches. Column 0 is where it
-    /// starts; `height` rows hold all of it if they are 1.2 ems.
+    /// Calls `paint` with column, row and coverage (0 to 255) of every pixel that the text touches. Column 0 is where
+    /// it starts; `height` rows hold all of it if they are 1.2 ems.
     pub fn paint(&self, height: usize, mut paint: impl FnMut(usize, usize, u8)) {
         // Glyphs may reach a little beyond their advance.
         let (columns, rows) = ((self.line.width + self.line.size).ceil() as u32, height as u32);

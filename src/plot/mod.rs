@@ -1,8 +1,8 @@
 //! Plots: one description, drawn as SVG and as PNG with the same look.
 //!
-//! **In:** a [`Figure`] of [`Panel`]s with axes, series, and rasters. **Out:** the bytes of a file, the same for the same
-//! description. Text is drawn as outlines of a bundled font ([`font`], SIL Open Font License), so a plot needs no fonts of the system
-//! and looks the same in every viewer.
+//! **In:** a [`Figure`] of [`Panel`]s with axes, series, and rasters. **Out:** the bytes of a file, the same for the
+//! same description. Text is drawn as outlines of a bundled font ([`font`], SIL Open Font License), so a plot needs no
+//! fonts of the system and looks the same in every viewer.
 //!
 //! ```text
 //!   Figure ──► layout: axis (ticks), legend, font ──► Drawing ──► svg

@@ -172,8 +172,8 @@ impl Raster {
         Self { columns, pixels, x, y, bar: None }
     }
 
-    /// A heat map with its colour bar: `values` row by row from the top. What is not finite, or not above 0 on a logarithmic bar, is
-    /// left white.
+    /// A heat map with its colour bar: `values` row by row from the top. What is not finite, or not above 0 on a
+    /// logarithmic bar, is left white.
     pub fn heat_map(columns: usize, values: &[f64], x: [f64; 2], y: [f64; 2], bar: ColourBar) -> Self {
         let [low, high] = bar.range.map(|value| bar.scale.forward(value));
         let colour = |&value: &f64| {

@@ -1,5 +1,5 @@
-//! A drawing as SVG. Glyphs are defined once and used by name; a name always means the same outline, so that several plots may stand in
-//! one page.
+//! A drawing as SVG. Glyphs are defined once and used by name; a name always means the same outline, so that several
+//! plots may stand in one page.
 
 use std::{
     collections::BTreeSet,

@@ -13,7 +13,8 @@ use crate::voxel::{Lattice, Slab};
 
 /// Slices on the contact sheet.
 const SHEET: usize = 12;
-/// Pixels along the longer side of a slice on the sheet: twice what a sheet of 1920 pixels has room for, for smooth edges.
+/// Pixels along the longer side of a slice on the sheet: twice what a sheet of 1920 pixels has room for, for smooth
+/// edges.
 const SHEET_PIXELS: usize = 900;
 /// Which of the sheet's slices are also drawn large.
 const SINGLES: [usize; 3] = [2, 6, 9];

@@ -1,6 +1,7 @@
 //! The object with a quarter taken out, so that its layers show.
 //!
-//! One ray a pixel first; pixels beside a difference are then replaced by 2×2 rays each. Outlines are drawn between those.
+//! One ray a pixel first; pixels beside a difference are then replaced by 2×2 rays each. Outlines are drawn between
+//! those.
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -1,21 +1,21 @@
 //! Support in slices that do not tell it from the background.
 //!
-//! A printer's slices show the support as background. In a folder we read it back as what the object encloses: first within
-//! each slice, exactly, then in the volume, where a hollow that opens upwards is told from one that does not.
+//! A printer's slices show the support as background. In a folder we read it back as what the object encloses: first
+//! within each slice, exactly, then in the volume, where a hollow that opens upwards is told from one that does not.
 //!
-//! Cells that a hollow's wall crosses keep what they were counted to hold, which moves the wall of an open one by up to half a cell.
-//! It fails where the object is open: support that reaches the surface is taken for background. A closed cavity
-//! of the mesh is taken for support, which is what the printer fills it with.
+//! Cells that a hollow's wall crosses keep what they were counted to hold, which moves the wall of an open one by up to
+//! half a cell. It fails where the object is open: support that reaches the surface is taken for background. A closed
+//! cavity of the mesh is taken for support, which is what the printer fills it with.
 
 use super::{collect::PreviewBuilder, section::plane_axes};
 use crate::disjoint_sets::DisjointSets;
 
-/// Part of a hollow's faces that may look at the outside before the hollow counts as open. A wall thinner than a cell leaks
-/// through a few of them.
+/// Part of a hollow's faces that may look at the outside before the hollow counts as open. A wall thinner than a cell
+/// leaks through a few of them.
 const LEAK: f64 = 0.01;
 
-/// Gives the background pixels that no path of background pixels (over edges, not corners) joins to the image's border the id
-/// `mark`.
+/// Gives the background pixels that no path of background pixels (over edges, not corners) joins to the image's border
+/// the id `mark`.
 pub(super) fn mark_enclosed(ids: &mut [u8], width: usize, mark: u8) {
     // Runs of background, row by row; node 0 is the border.
     struct Run {

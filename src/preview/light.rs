@@ -1,7 +1,7 @@
 //! Soft light from a pyramid of ever coarser coverage.
 //!
-//! Darkening and shadow are cone-traced: coverage is looked up at growing distances in levels whose cells are as large as the
-//! cone is wide there. It is not a light simulation: nothing here predicts how the print will look.
+//! Darkening and shadow are cone-traced: coverage is looked up at growing distances in levels whose cells are as large
+//! as the cone is wide there. It is not a light simulation: nothing here predicts how the print will look.
 
 use glam::DVec3;
 

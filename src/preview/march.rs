@@ -1,9 +1,9 @@
 //! What a ray meets first: the face of the cut, or the surface of the object.
 //!
-//! The surface is where the volume's coverage, trilinear between the cells' centres, is one half. The face is read from the
-//! cuts near the lattice's own resolution, so layers stay sharp however coarse the volume is. The quarter with x > focus and
-//! y < focus is taken out: the one towards the camera. A ray that comes from the camera enters what is left once, so
-//! the quarter ends at one distance.
+//! The surface is where the volume's coverage, trilinear between the cells' centres, is one half. The face is read from
+//! the cuts near the lattice's own resolution, so layers stay sharp however coarse the volume is. The quarter with x >
+//! focus and y < focus is taken out: the one towards the camera. A ray that comes from the camera enters what is left
+//! once, so the quarter ends at one distance.
 
 use glam::{DVec3, Vec3};
 
@@ -134,7 +134,8 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Follows the ray from far along `toward` through `point`: what it meets, and how far on the camera's side of `point`.
+    /// Follows the ray from far along `toward` through `point`: what it meets, and how far on the camera's side of
+    /// `point`.
     pub fn hit(&self, point: DVec3, view: &View) -> Option<(f64, Hit)> {
         let direction = -view.toward;
         // The box, grown by the cell that interpolation reaches beyond it.
@@ -204,8 +205,8 @@ impl<'a> Scene<'a> {
         corners(self.volume.n, (place * self.per_edge).as_vec3(), visit);
     }
 
-    /// Outward unit normal of the surface near a position: the gradient of the smoothed coverage, whose plain gradient would
-    /// show voxels as terraces.
+    /// Outward unit normal of the surface near a position: the gradient of the smoothed coverage, whose plain gradient
+    /// would show voxels as terraces.
     pub fn normal(&self, place: DVec3) -> DVec3 {
         let at = (place * self.per_edge).as_vec3();
         let smooth = |at| trilinear(self.volume.n, at, |cell| f32::from(self.smooth[cell]));

@@ -1,7 +1,7 @@
 //! Pictures of a sliced job, and the page that shows them.
 //!
-//! **In:** every slab of a job as it is streamed ([`PreviewBuilder`]), or the slices of a finished folder ([`from_folder`]).
-//! **Out:** PNG files, and with [`report_html`] a page to read and print.
+//! **In:** every slab of a job as it is streamed ([`PreviewBuilder`]), or the slices of a finished folder
+//! ([`from_folder`]). **Out:** PNG files, and with [`report_html`] a page to read and print.
 //!
 //! | picture | what it shows |
 //! | --- | --- |
@@ -10,8 +10,9 @@
 //! | `preview/cutaway.png` | the object with a quarter taken out, shaded |
 //! | `preview/slice_K.png` | a few slices, large |
 //!
-//! Memory is bounded whatever the job: a [`volume`] of at most 12 M cells (24 MB), and at most 18 [`section`]s of at most 4 MB.
-//! Everything is sampled at positions that the lattice alone decides, so the pictures do not depend on threads or slabs.
+//! Memory is bounded whatever the job: a [`volume`] of at most 12 M cells (24 MB), and at most 18 [`section`]s of at
+//! most 4 MB. Everything is sampled at positions that the lattice alone decides, so the pictures do not depend on
+//! threads or slabs.
 
 mod canvas;
 mod collect;

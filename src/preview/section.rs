@@ -30,8 +30,8 @@ pub(super) fn plane_axes(normal: usize) -> [usize; 2] {
 }
 
 impl Section {
-    /// An empty section with at most `max_pixels` a side. `snap` maps a slice that an upright section crosses to the one
-    /// sampled in its place and must not decrease.
+    /// An empty section with at most `max_pixels` a side. `snap` maps a slice that an upright section crosses to the
+    /// one sampled in its place and must not decrease.
     pub fn new(lattice: &Lattice, normal: usize, index: u32, max_pixels: usize, snap: impl Fn(u32) -> u32) -> Self {
         let [right, up] = plane_axes(normal);
         let size_mm = [right, up].map(|axis| f64::from(lattice.dims[axis]) * lattice.pitch[axis]);

@@ -1,11 +1,11 @@
 //! The whole job in a few million cells.
 //!
-//! Cells tile the lattice exactly and are nearly cubic in mm. Each is sampled at eight voxels and remembers the material of
-//! the first solid one, so that a shell thinner than a cell survives, and how many of the samples are solid, so that the surface
-//! can be placed within the cell.
+//! Cells tile the lattice exactly and are nearly cubic in mm. Each is sampled at eight voxels and remembers the
+//! material of the first solid one, so that a shell thinner than a cell survives, and how many of the samples are
+//! solid, so that the surface can be placed within the cell.
 //!
-//! The eight lie on four rows along x, two on each. As on a rotated grid no two share a coordinate, and the pattern shifts from
-//! cell to cell: a 2×2×2 grid tells only two heights of a surface across an axis, which shows as terraces.
+//! The eight lie on four rows along x, two on each. As on a rotated grid no two share a coordinate, and the pattern
+//! shifts from cell to cell: a 2×2×2 grid tells only two heights of a surface across an axis, which shows as terraces.
 
 use std::ops::Range;
 
@@ -170,8 +170,8 @@ impl Volume {
     }
 }
 
-/// Adds samples, each with its place in the pattern, to a cell. The first solid one names the cell, so that the result depends neither on
-/// the order of slabs nor on how many a cell is spread over.
+/// Adds samples, each with its place in the pattern, to a cell. The first solid one names the cell, so that the result
+/// depends neither on the order of slabs nor on how many a cell is spread over.
 fn merge(id: &mut u8, votes: &mut u8, samples: impl Iterator<Item = (usize, u8)>) {
     for (place, sample) in samples.filter(|&(_, sample)| sample != 0) {
         let rank = (SAMPLES - place) as u8;

@@ -1,7 +1,7 @@
 //! [`closest_point`](super::closest_point) for eight positions, or eight triangles, at once.
 //!
-//! The same products in the same order, all regions worked out and one chosen, so that the compiler turns it into vector code and every
-//! bit is that of the one by one. Thin triangles, which are few, are asked one by one.
+//! The same products in the same order, all regions worked out and one chosen, so that the compiler turns it into
+//! vector code and every bit is that of the one by one. Thin triangles, which are few, are asked one by one.
 
 use glam::DVec3;
 use multiversion::multiversion;
@@ -26,8 +26,8 @@ pub struct Pairs {
 pub struct Found {
     /// Unsigned distance, mm.
     pub distance: Lanes,
-    /// Where the distance rises: the unit vector from the nearest point to the position, per axis; 0 on the triangle itself, where that is
-    /// a subgradient.
+    /// Where the distance rises: the unit vector from the nearest point to the position, per axis; 0 on the triangle
+    /// itself, where that is a subgradient.
     pub gradient: [Lanes; 3],
     thin: [bool; LANES],
 }

@@ -2,23 +2,24 @@
 //!
 //! The distance d(x, T) to a triangle is convex in x. So its tangent plane at the block's centre bounds it from below
 //! everywhere, and the difference between a rival's distance and that plane is convex as well: if it is ≤ 0 at the
-//! block's 8 corners it is ≤ 0 in the whole block, the rival is nearer everywhere, and T cannot win. The plain Lipschitz
-//! rule (keep T if d ≤ d_min + 2r) keeps some twenty times as many.
+//! block's 8 corners it is ≤ 0 in the whole block, the rival is nearer everywhere, and T cannot win. The plain
+//! Lipschitz rule (keep T if d ≤ d_min + 2r) keeps some twenty times as many.
 //!
-//! Guarantee: for every position of the block, the nearest triangle (and every triangle as near within the slack) is kept.
-//! Not guaranteed: that what is kept is minimal; one rival is tried per round, [`ROUNDS`] rounds.
+//! Guarantee: for every position of the block, the nearest triangle (and every triangle as near within the slack) is
+//! kept. Not guaranteed: that what is kept is minimal; one rival is tried per round, [`ROUNDS`] rounds.
 
 use glam::DVec3;
 use multiversion::multiversion;
 
 use super::closest_many::{LANES, Pairs};
 
-/// Triangles are dropped only when beaten by more than this, mm: far above the rounding of a distance, so that ties reach the
-/// comparison that breaks them by index.
+/// Triangles are dropped only when beaten by more than this, mm: far above the rounding of a distance, so that ties
+/// reach the comparison that breaks them by index.
 pub const SLACK: f64 = 1e-7;
 
-/// Rivals tried per block. On the marble rabbit at J750 pitch one leaves 18.1 candidates a brick, a second (the one nearest at the corner
-/// where the first is weakest) 16.4, a third 16.06, a fifth 16.01; from the third on the cull costs more than it saves.
+/// Rivals tried per block. On the marble rabbit at J750 pitch one leaves 18.1 candidates a brick, a second (the one
+/// nearest at the corner where the first is weakest) 16.4, a third 16.06, a fifth 16.01; from the third on the cull
+/// costs more than it saves.
 const ROUNDS: usize = 2;
 
 /// An axis-aligned box of positions.
@@ -82,8 +83,8 @@ impl Planes {
 }
 
 /// Moves the candidates that can be nearest somewhere in `block` from `candidates` to the end of `kept`, in order, and
-/// bounds the distance over the block. `candidates` must hold every triangle that can be nearest, and not be empty. Every triangle
-/// that is within `slack` mm, at least [`SLACK`], of being nearest is kept as well.
+/// bounds the distance over the block. `candidates` must hold every triangle that can be nearest, and not be empty.
+/// Every triangle that is within `slack` mm, at least [`SLACK`], of being nearest is kept as well.
 pub fn cull(
     triangles: &[[DVec3; 3]],
     block: &BlockBox,
@@ -141,8 +142,8 @@ pub fn cull(
     DepthRange { min: lowest.max(0.0), max: highest }
 }
 
-/// Drops every candidate that is behind `rival`, whose distances at the corners are `ceiling`, by more than `slack` mm everywhere.
-/// Returns the one that is furthest before it at some corner.
+/// Drops every candidate that is behind `rival`, whose distances at the corners are `ceiling`, by more than `slack` mm
+/// everywhere. Returns the one that is furthest before it at some corner.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
 fn drop_beaten(planes: &[Planes], alive: &mut [bool], rival: usize, ceiling: &[f64; 8], slack: f64) -> Option<usize> {
     let mut weakest = (f64::NEG_INFINITY, None);

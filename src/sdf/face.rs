@@ -1,7 +1,8 @@
 //! Foot points on the face of a triangle, in single precision within one brick.
 //!
-//! Where a position projects into a triangle, the nearest point's weights are affine in the position, so that two dot products replace
-//! [`closest_point`](super::closest_point). Where it does not for certain, or where rounding could tell in the weights, there is no answer.
+//! Where a position projects into a triangle, the nearest point's weights are affine in the position, so that two dot
+//! products replace [`closest_point`](super::closest_point). Where it does not for certain, or where rounding could
+//! tell in the weights, there is no answer.
 
 use glam::{DVec3, Vec3};
 
@@ -15,7 +16,8 @@ pub struct Face {
 }
 
 impl Face {
-    /// Weights nearer to the triangle's border than this have no answer. Rounding is below (1 + [`Self::STEEPEST`]) · 2⁻²².
+    /// Weights nearer to the triangle's border than this have no answer. Rounding is below (1 + [`Self::STEEPEST`]) ·
+    /// 2⁻²².
     const MARGIN: f32 = 1e-5;
     /// Most that a weight may change from the brick's centre to its corner.
     const STEEPEST: f64 = 16.0;
@@ -33,7 +35,8 @@ impl Face {
         }
     }
 
-    /// Weights of the second and third corner at the point nearest to `offset` from the brick's centre, if it lies on the face for certain.
+    /// Weights of the second and third corner at the point nearest to `offset` from the brick's centre, if it lies on
+    /// the face for certain.
     #[inline(always)]
     pub fn weights(&self, offset: Vec3) -> Option<[f32; 2]> {
         let [v, w]: [f32; 2] = std::array::from_fn(|i| self.at_centre[i] + self.gradient[i].dot(offset));

@@ -1,7 +1,7 @@
 //! Distance on the grid: from voxel centre to the centre of the nearest surface voxel, with that voxel's index.
 //!
-//! What Hašan et al. 2010 (section 7.2) lay their layers by, after Saito and Toriwaki 1994. The squared distance separates into the
-//! axes, so three passes of one-dimensional transforms find its minimum exactly:
+//! What Hašan et al. 2010 (section 7.2) lay their layers by, after Saito and Toriwaki 1994. The squared distance
+//! separates into the axes, so three passes of one-dimensional transforms find its minimum exactly:
 //!
 //! ```text
 //!   columns   nearest surface voxel of each column          (SurfaceVoxels)
@@ -9,10 +9,11 @@
 //!   rows in x the same over the result of the second pass   pitches enter as positions in mm
 //! ```
 //!
-//! A **surface voxel** is one the surface passes through. Every surface point lies in such a voxel, and every such voxel
-//! holds a surface point, each within half a voxel's diagonal h of the centre. So this distance differs from the exact one by at most
-//! h, whatever the surface; at J750 pitch that is 49 µm, more than half of a 78 µm layer. On planes along the axes the
-//! error is at most half a pitch, either way; on slanted ones the distance is mostly too short.
+//! A **surface voxel** is one the surface passes through. Every surface point lies in such a voxel, and every such
+//! voxel holds a surface point, each within half a voxel's diagonal h of the centre. So this distance differs from the
+//! exact one by at most h, whatever the surface; at J750 pitch that is 49 µm, more than half of a 78 µm layer. On
+//! planes along the axes the error is at most half a pitch, either way; on slanted ones the distance is mostly too
+//! short.
 //!
 //! Fails to be exact only by rounding: two features as near within about 10⁻¹² of the squared reach are a tie.
 
@@ -61,8 +62,8 @@ struct Parabola {
 }
 
 impl FeatureWindow {
-    /// Computes the nearest feature of each of the `size` voxels from `first` on. `nearest(x, y, z)` is the slice of the feature in
-    /// column (x, y) that is nearest to slice z. Exact wherever the nearest feature is within `reach`.
+    /// Computes the nearest feature of each of the `size` voxels from `first` on. `nearest(x, y, z)` is the slice of
+    /// the feature in column (x, y) that is nearest to slice z. Exact wherever the nearest feature is within `reach`.
     pub fn compute(
         &mut self,
         pitch: DVec3,

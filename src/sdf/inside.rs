@@ -5,14 +5,14 @@
 //! **winding number**, and a position is inside where it is at least 1. So nested shells wound outwards are one solid,
 //! inner shells wound inwards are cavities, and overlapping shells are their union.
 //!
-//! The count is combinatorially exact: a vertex is either above a plane (z ≥ plane) or below, an edge crosses iff its ends
-//! differ, and the crossing point of an edge is computed from the same end by both of its triangles, bit for bit. Hence
-//! the directed polygons always close and every row's crossings sum to 0, whatever the rounding. Needs a surface without
-//! boundary: [`crate::mesh::Solid`] brings caps that close its holes.
+//! The count is combinatorially exact: a vertex is either above a plane (z ≥ plane) or below, an edge crosses iff its
+//! ends differ, and the crossing point of an edge is computed from the same end by both of its triangles, bit for bit.
+//! Hence the directed polygons always close and every row's crossings sum to 0, whatever the rounding. Needs a surface
+//! without boundary: [`crate::mesh::Solid`] brings caps that close its holes.
 //!
-//! Where a vertex lies exactly in the plane or a crossing exactly on the row, both readings of "above" are taken and the
-//! union kept, so that the surface itself (depth 0) is inside. A tip or a ridge that only touches the row has no crossing in
-//! either reading; vertices and edges on the row are inside by themselves.
+//! Where a vertex lies exactly in the plane or a crossing exactly on the row, both readings of "above" are taken and
+//! the union kept, so that the surface itself (depth 0) is inside. A tip or a ridge that only touches the row has no
+//! crossing in either reading; vertices and edges on the row are inside by themselves.
 
 use std::sync::Arc;
 

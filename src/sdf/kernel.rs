@@ -1,11 +1,11 @@
 //! Nearest of a few triangles for the 512 voxels of a brick.
 //!
-//! Single precision, in coordinates relative to the brick's centre, without branches, so that the compiler turns it into
-//! vector code; built for several instruction sets and chosen at run time. Nothing is contracted or reordered, so
+//! Single precision, in coordinates relative to the brick's centre, without branches, so that the compiler turns it
+//! into vector code; built for several instruction sets and chosen at run time. Nothing is contracted or reordered, so
 //! every instruction set gives the same bits.
 //!
-//! A voxel's distance is the one to the triangle's plane where the voxel projects into the triangle, else the least of the
-//! distances to its three edges. [`BrickSurface::error`] bounds the rounding error; who needs more (a depth near a
+//! A voxel's distance is the one to the triangle's plane where the voxel projects into the triangle, else the least of
+//! the distances to its three edges. [`BrickSurface::error`] bounds the rounding error; who needs more (a depth near a
 //! layer boundary) asks [`super::closest_point`] again in double precision.
 
 use glam::{DVec3, Vec3};
@@ -62,12 +62,14 @@ impl Default for BrickSurface {
     }
 }
 
-/// Rounding of the kernel in units of the largest coordinate's last place. Against double precision the worst of 28 million distances to
-/// triangles of all shapes, slivers 60 mm long among them, is 3.1 units; what [`MARGIN_ULPS`] takes for outside can add 2·3·√3.
+/// Rounding of the kernel in units of the largest coordinate's last place. Against double precision the worst of 28
+/// million distances to triangles of all shapes, slivers 60 mm long among them, is 3.1 units; what [`MARGIN_ULPS`]
+/// takes for outside can add 2·3·√3.
 const ERROR_ULPS: f32 = 16.0;
 
-/// Rounding of a distance from an edge within the triangle's plane, in units of the last place of the furthest corner's distance.
-/// Without it, voxels beyond the tip of a sliver pass for inside, and the way to the tip is lost: 0.04 mm were seen.
+/// Rounding of a distance from an edge within the triangle's plane, in units of the last place of the furthest corner's
+/// distance. Without it, voxels beyond the tip of a sliver pass for inside, and the way to the tip is lost: 0.04 mm
+/// were seen.
 const MARGIN_ULPS: f32 = 3.0;
 
 /// A triangle made ready for one brick.
@@ -140,8 +142,8 @@ impl Prepared {
         self.lift(i, [qx, qy, along, across], z)
     }
 
-    /// Completes what is known of a position's x and y: its place relative to an edge's start, and its products with the edge and with
-    /// the normal inwards as far as they depend on x and y.
+    /// Completes what is known of a position's x and y: its place relative to an edge's start, and its products with
+    /// the edge and with the normal inwards as far as they depend on x and y.
     #[inline(always)]
     fn lift(&self, i: usize, [qx, qy, along, across]: [f32; 4], z: f32) -> EdgeSight {
         let qz = z - self.corner[i].z;
@@ -196,9 +198,9 @@ pub fn nearest_in_brick(
     nearest_in_parts(triangles, candidates, centre, offsets, out, |_| true, |_, _, _| false);
 }
 
-/// The same for the parts of the brick that are `wanted` and that `settle` leaves. It is given a part, the positions in `candidates` of all
-/// that can be nearest in it, and the distances there, and returns whether that is all one needs to know. Voxels of other parts keep what
-/// they had.
+/// The same for the parts of the brick that are `wanted` and that `settle` leaves. It is given a part, the positions in
+/// `candidates` of all that can be nearest in it, and the distances there, and returns whether that is all one needs to
+/// know. Voxels of other parts keep what they had.
 pub fn nearest_in_parts(
     triangles: &[[DVec3; 3]],
     candidates: &[u32],

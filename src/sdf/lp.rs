@@ -1,22 +1,24 @@
-//! The Lp-averaged distance of Peng, Kristjansson and Zorin 2004 (*Interactive modeling of topologically complex geometric detail*),
-//! which Hašan et al. 2010 (section 7.2) propose for creases.
+//! The Lp-averaged distance of Peng, Kristjansson and Zorin 2004 (*Interactive modeling of topologically complex
+//! geometric detail*), which Hašan et al. 2010 (section 7.2) propose for creases.
 //!
 //! ```text
 //!   d_p(x) = ( (p − 2)/2π · ∫_S |x − y|^−p dA(y) )^(−1/(p − 2))         p > 2
 //! ```
 //!
-//! The factor makes it the distance to a plane: ∫ (h² + r²)^(−p/2) dA = 2π h^(2−p)/(p − 2). Off the surface it is smooth, so its level sets
-//! round the creases that the exact distance has wherever two surface points are nearest.
+//! The factor makes it the distance to a plane: ∫ (h² + r²)^(−p/2) dA = 2π h^(2−p)/(p − 2). Off the surface it is
+//! smooth, so its level sets round the creases that the exact distance has wherever two surface points are nearest.
 //!
-//! **Against the exact distance d.** Inside a convex body, p ≥ 3, (2(p − 2))^(−1/(p−2)) ≤ d_p/d ≤ ((p − 1)/(p − 2))^(1/(p−2)), 0.66 to 1.03
-//! for p = 8; a sphere's centre takes the lower bound. In general nothing bounds the ratio: a thin spike that
-//! points at x is near, but has no area. What always holds is the way d_p varies: within r < d(x) of x every |x − y| changes
-//! by at most the factor 1 ± r/d, hence d_p by at most (1 ± r/d)^(p/(p−2)) ([`LpField::range_within`]).
+//! **Against the exact distance d.** Inside a convex body, p ≥ 3, (2(p − 2))^(−1/(p−2)) ≤ d_p/d ≤ ((p − 1)/(p −
+//! 2))^(1/(p−2)), 0.66 to 1.03 for p = 8; a sphere's centre takes the lower bound. In general nothing bounds the ratio:
+//! a thin spike that points at x is near, but has no area. What always holds is the way d_p varies: within r < d(x) of
+//! x every |x − y| changes by at most the factor 1 ± r/d, hence d_p by at most (1 ± r/d)^(p/(p−2))
+//! ([`LpField::range_within`]).
 //!
-//! **How it is computed.** Pieces of surface, far ones whole subtrees, near ones triangles bisected as often as needed, count by their
-//! moments ([`super::lp_kernel`]). Bricks of voxels are halved along with the pieces: what is far enough for all voxels of a cube is summed
-//! for all of them at once, the rest is left to its octants. The relative error stays below [`RELATIVE_ERROR`] in the tests;
-//! it is not proven for surfaces whose area near x is much less than a plane's.
+//! **How it is computed.** Pieces of surface, far ones whole subtrees, near ones triangles bisected as often as needed,
+//! count by their moments ([`super::lp_kernel`]). Bricks of voxels are halved along with the pieces: what is far enough
+//! for all voxels of a cube is summed for all of them at once, the rest is left to its octants. The relative error
+//! stays below [`RELATIVE_ERROR`] in the tests; it is not proven for surfaces whose area near x is much less than a
+//! plane's.
 
 use glam::{DVec3, Vec3};
 
@@ -30,22 +32,24 @@ use crate::voxel::{BRICK, BRICK_VOXELS, Lattice};
 /// Relative error of the distance that the choice of pieces aims at. 1 µm per mm of depth.
 pub const RELATIVE_ERROR: f64 = 1e-3;
 
-/// Factor on the admissible spread of a piece. At 300 positions in and around a box and a ball the error then stays below 1e-3 for p = 2.5
-/// to 40 (the ignored accuracy test); 3.2 exceeds it.
+/// Factor on the admissible spread of a piece. At 300 positions in and around a box and a ball the error then stays
+/// below 1e-3 for p = 2.5 to 40 (the ignored accuracy test); 3.2 exceeds it.
 const SPREAD_FACTOR: f64 = 2.5;
 
 /// Beside a corner |x − y|^−p falls by e over a p-th of the distance; a piece may spread over this much of that.
 const STEEPEST: f64 = 0.8;
 
-/// Most of [`LpField`]'s growth: beyond p = 14 surface further away may be taken ever coarser on a plane, but not beside an edge.
+/// Most of [`LpField`]'s growth: beyond p = 14 surface further away may be taken ever coarser on a plane, but not
+/// beside an edge.
 const MOST_GROWTH: f64 = 2.0;
 
-/// A piece must be this many of its radii away, so that its Taylor series converges; nearer ones are bisected. 1.2 and 2 cost more time.
+/// A piece must be this many of its radii away, so that its Taylor series converges; nearer ones are bisected. 1.2 and
+/// 2 cost more time.
 const SEPARATION: f64 = 1.5;
 
-/// A piece nearer to a cube than this many of the cube's radii is left to its octants rather than bisected further, by the cube's edge
-/// of 1, 2, 4, 8 voxels. Octants may take pieces as coarse as their own greater gap allows, but eight voxels make better use of a vector
-/// than one, hence the small value there.
+/// A piece nearer to a cube than this many of the cube's radii is left to its octants rather than bisected further, by
+/// the cube's edge of 1, 2, 4, 8 voxels. Octants may take pieces as coarse as their own greater gap allows, but eight
+/// voxels make better use of a vector than one, hence the small value there.
 const LEAVE: [f64; 4] = [0.0, 0.5, 1.0, 2.0];
 
 /// Triangles that would need as many cuts per edge are bisected first: nearer parts need more than further ones.
@@ -124,7 +128,8 @@ struct Scene<'a> {
 impl LpField {
     /// The distance with exponent `exponent` > 2 to `triangles`, at least one.
     pub fn new(triangles: &[[DVec3; 3]], exponent: f64) -> Self {
-        // The first term left out is at most p(p + 1)(p + 2)/6 · (spread/ρ)³ of the piece, and an error of F is divided by p − 2.
+        // The first term left out is at most p(p + 1)(p + 2)/6 · (spread/ρ)³ of the piece, and an error of F is divided
+        // by p − 2.
         let third = exponent * (exponent + 1.0) * (exponent + 2.0) / 6.0;
         let spread = (SPREAD_FACTOR * (RELATIVE_ERROR * (exponent - 2.0) / third).cbrt()).min(STEEPEST / exponent);
         // Surface at ρ counts for (d/ρ)^(p−2) as much as at d. Half of that is used: the area near x may be small.
@@ -143,8 +148,8 @@ impl LpField {
         f64::from(scratch.sum[0])
     }
 
-    /// Replaces the exact distances of a brick around `centre` by d_p where `mask` says so. The rounding error becomes that of
-    /// single precision.
+    /// Replaces the exact distances of a brick around `centre` by d_p where `mask` says so. The rounding error becomes
+    /// that of single precision.
     pub fn fill_brick(
         &self,
         triangles: &[[DVec3; 3]],
@@ -171,7 +176,8 @@ impl LpField {
         surface.error = 0.0;
     }
 
-    /// Bounds d_p within `radius` of a position whose d_p and exact distance are given; `None` if the surface may be met.
+    /// Bounds d_p within `radius` of a position whose d_p and exact distance are given; `None` if the surface may be
+    /// met.
     pub fn range_within(&self, averaged: f64, exact: f64, radius: f64) -> Option<(f64, f64)> {
         let power = self.exponent / (self.exponent - 2.0);
         let margin = 2.0 * RELATIVE_ERROR;
@@ -234,8 +240,8 @@ impl LpField {
         scratch.pending.truncate(start);
     }
 
-    /// Into how many parts each edge of a piece must be cut, for positions whose exact distance is at most `furthest`; `gap` is the
-    /// distance of the piece's centroid. A part of the n-th size can be nearer by `radius` (1 − 1/n).
+    /// Into how many parts each edge of a piece must be cut, for positions whose exact distance is at most `furthest`;
+    /// `gap` is the distance of the piece's centroid. A part of the n-th size can be nearer by `radius` (1 − 1/n).
     fn cuts(&self, spread: f64, radius: f64, gap: f64, furthest: f64) -> u32 {
         let mut limit = self.spread;
         // The power is needed for few.

@@ -6,8 +6,8 @@
 //!   ∫ |x − y|^−p dA ≈ r^−p · ( A + p/(2 r²) · ( (p + 2) · rᵀHr / r² − tr H ) )
 //! ```
 //!
-//! Single precision, without branches, for several instruction sets with the same bits (see [`super::kernel`]). What is summed is
-//! (d/r)^p with d the position's exact distance, so that nothing overflows, whatever p.
+//! Single precision, without branches, for several instruction sets with the same bits (see [`super::kernel`]). What is
+//! summed is (d/r)^p with d the position's exact distance, so that nothing overflows, whatever p.
 
 use glam::{DVec3, Vec3};
 use multiversion::multiversion;
@@ -46,8 +46,8 @@ impl Sources {
         self.patch(moments, exponent);
     }
 
-    /// Adds a triangle as `n`² equal ones: cut along lines parallel to its edges they are all translates or mirror images of
-    /// each other, so they have the same second moments.
+    /// Adds a triangle as `n`² equal ones: cut along lines parallel to its edges they are all translates or mirror
+    /// images of each other, so they have the same second moments.
     pub fn add_triangle(&mut self, corners: &[Vec3; 3], n: u32, exponent: f64) {
         let mut moments = Moments::of_triangle(&corners.map(|c| c.as_dvec3()));
         let share = 1.0 / f64::from(n * n);
@@ -190,8 +190,8 @@ fn whole_power<const N: u32>(t: f32) -> f32 {
     product
 }
 
-/// t^e for t > 0, as 2^(e·log₂ t), with a relative error below 2·10⁻⁷·(1 + |e·log₂ t|); 0 for what is too small. Our own, because
-/// the standard library's differs from system to system and stays scalar.
+/// t^e for t > 0, as 2^(e·log₂ t), with a relative error below 2·10⁻⁷·(1 + |e·log₂ t|); 0 for what is too small. Our
+/// own, because the standard library's differs from system to system and stays scalar.
 #[inline(always)]
 fn power(t: f32, e: f32) -> f32 {
     // log₂: the mantissa m is brought to [√½, √2), log m = 2 atanh((m − 1)/(m + 1)).

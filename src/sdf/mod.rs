@@ -1,7 +1,7 @@
 //! Depth and nearest surface point at any position.
 //!
-//! **In:** a [`crate::mesh::Solid`]. **Out:** the nearest triangle point (exact with respect to the triangles, at any depth) and the
-//! sign (inside or outside, by integer winding numbers along voxel rows).
+//! **In:** a [`crate::mesh::Solid`]. **Out:** the nearest triangle point (exact with respect to the triangles, at any
+//! depth) and the sign (inside or outside, by integer winding numbers along voxel rows).
 //!
 //! | file | what it does |
 //! | --- | --- |

@@ -99,8 +99,8 @@ pub enum Content {
     Pair(u32),
 }
 
-/// Builds the hierarchy over `triangles`, at least one: node 0 is the root, a pair's first node follows it. Halves by the
-/// median of centroids along the longer side of their box; the same for the same triangles.
+/// Builds the hierarchy over `triangles`, at least one: node 0 is the root, a pair's first node follows it. Halves by
+/// the median of centroids along the longer side of their box; the same for the same triangles.
 pub fn build_hierarchy(triangles: &[[DVec3; 3]]) -> Vec<Node> {
     let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
     let mut nodes = Vec::with_capacity(2 * triangles.len());

@@ -1,8 +1,9 @@
 //! The convex cull once more, for the parts of a brick: which of its candidates can be nearest there.
 //!
-//! What [`super::cull`](mod@super::cull) does for boxes in double precision, here in single precision for eight parts at once, by the
-//! kernel's own distances. A candidate is dropped where a rival is nearer by more than all rounding together, so that the kernel would
-//! not have chosen it: what it finds is the same bits as without this, with less than half the comparisons.
+//! What [`super::cull`](mod@super::cull) does for boxes in double precision, here in single precision for eight parts
+//! at once, by the kernel's own distances. A candidate is dropped where a rival is nearer by more than all rounding
+//! together, so that the kernel would not have chosen it: what it finds is the same bits as without this, with less
+//! than half the comparisons.
 
 use multiversion::multiversion;
 
@@ -22,12 +23,13 @@ pub const PART_COLUMNS: usize = BRICK * PART_ROWS;
 /// Slices of a part.
 pub const PART_SLICES: usize = BRICK / ACROSS[1];
 
-/// A distance below this share of a part's radius has no direction to rely on. Above it, rounding of the nearest point turns the tangent
-/// plane by less than 2 / [`FLAT`] times the kernel's error at the part's corners.
+/// A distance below this share of a part's radius has no direction to rely on. Above it, rounding of the nearest point
+/// turns the tangent plane by less than 2 / [`FLAT`] times the kernel's error at the part's corners.
 const FLAT: f32 = 0.125;
 
-/// What rounding can do to the comparison of a rival with a tangent plane, in units of the kernel's error: 2 / [`FLAT`] by the plane's
-/// direction, and one for each of the distance at the centre, the rival's at the corner, and both that the kernel compares.
+/// What rounding can do to the comparison of a rival with a tangent plane, in units of the kernel's error: 2 / [`FLAT`]
+/// by the plane's direction, and one for each of the distance at the centre, the rival's at the corner, and both that
+/// the kernel compares.
 const SLACK: f32 = 2.0 / FLAT + 4.0;
 
 /// An eighth of a brick: 8 × 2 × 4 voxels.
@@ -154,8 +156,8 @@ fn lay(prepared: &[Prepared], frame: &Frame, error: f32, out: &mut [Planes]) -> 
             let distance = squared.sqrt();
             let steep = distance > least;
             let scale = if steep { 1.0 / distance } else { 0.0 };
-            // Another point of the triangle that is as near within twice the error may pass for the nearest. The true one lies at a right
-            // angle to it or more, so the direction is off by at most √(2 · 2 error / distance).
+            // Another point of the triangle that is as near within twice the error may pass for the nearest. The true
+            // one lies at a right angle to it or more, so the direction is off by at most √(2 · 2 error / distance).
             let turned = distance - radius * (4.0 * error / distance).sqrt();
             // Distances change by no more than the way.
             value[part] = if steep { turned } else { distance - radius };
@@ -177,8 +179,8 @@ fn lay(prepared: &[Prepared], frame: &Frame, error: f32, out: &mut [Planes]) -> 
     rivals
 }
 
-/// Writes the candidates that `rival` does not beat everywhere in a part by more than `slack` to `kept`. Returns how many, and least and
-/// greatest distance.
+/// Writes the candidates that `rival` does not beat everywhere in a part by more than `slack` to `kept`. Returns how
+/// many, and least and greatest distance.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
 fn cull(
     rival: &Prepared,

@@ -1,7 +1,7 @@
 //! The surface voxels near a slab, column by column, ready for the distance transform.
 //!
-//! Within the slab one bit per voxel; above and below only the nearest surface voxel of each column counts. So the memory is
-//! that of the slab's bits, whatever the depth that is asked for and the height of the object.
+//! Within the slab one bit per voxel; above and below only the nearest surface voxel of each column counts. So the
+//! memory is that of the slab's bits, whatever the depth that is asked for and the height of the object.
 
 use std::ops::Range;
 
@@ -95,7 +95,8 @@ impl SurfaceVoxels {
         [self.low, self.low + IVec2::new(self.size[0] as i32, self.size[1] as i32)]
     }
 
-    /// The slice of the surface voxel of column (x, y), within [`Self::bounds`], that is nearest to slice `z` of the slab.
+    /// The slice of the surface voxel of column (x, y), within [`Self::bounds`], that is nearest to slice `z` of the
+    /// slab.
     #[inline]
     pub fn nearest(&self, x: i32, y: i32, z: i32) -> Option<i32> {
         let column = (x - self.low.x) as usize + self.size[0] * (y - self.low.y) as usize;

@@ -1,13 +1,14 @@
 //! Closest point of a triangle: Ericson, *Real-Time Collision Detection* (2005), section 5.1.5.
 //!
-//! The seven Voronoi regions of a triangle are told apart by signs of dot products. Needs a triangle with area. The products cancel
-//! as the square of height over length, so thin triangles are projected in a frame along their longest edge instead. A distance
-//! is off by at most 10⁻⁶ mm on triangles 60 mm long, however thin; by 10⁻¹³ mm on those that are not.
+//! The seven Voronoi regions of a triangle are told apart by signs of dot products. Needs a triangle with area. The
+//! products cancel as the square of height over length, so thin triangles are projected in a frame along their longest
+//! edge instead. A distance is off by at most 10⁻⁶ mm on triangles 60 mm long, however thin; by 10⁻¹³ mm on those that
+//! are not.
 
 use glam::DVec3;
 
-/// Height over longest edge below which a triangle is thin. Worst errors over 60 mm by Ericson's products alone: at 10⁻³ 3e-14 mm, at
-/// 10⁻⁵ 1e-5 mm, at 10⁻⁷ 0.15 mm, at 10⁻⁹ 24 mm.
+/// Height over longest edge below which a triangle is thin. Worst errors over 60 mm by Ericson's products alone: at
+/// 10⁻³ 3e-14 mm, at 10⁻⁵ 1e-5 mm, at 10⁻⁷ 0.15 mm, at 10⁻⁹ 24 mm.
 pub(super) const THIN: f64 = 1e-3;
 
 /// The point of a triangle nearest to a position.
@@ -73,7 +74,8 @@ fn closest_barycentric(p: DVec3, a: DVec3, b: DVec3, c: DVec3) -> [f64; 3] {
     [1.0 - v - w, v, w]
 }
 
-/// The same for a thin triangle: in the plane with x along the longest edge a point of it is (x, y), the third corner (foot, height).
+/// The same for a thin triangle: in the plane with x along the longest edge a point of it is (x, y), the third corner
+/// (foot, height).
 #[cold]
 fn thin_barycentric(p: DVec3, corners: [DVec3; 3]) -> [f64; 3] {
     let edges: [DVec3; 3] = std::array::from_fn(|i| corners[(i + 1) % 3] - corners[i]);
@@ -91,7 +93,8 @@ fn thin_barycentric(p: DVec3, corners: [DVec3; 3]) -> [f64; 3] {
     if weights.iter().all(|weight| *weight >= 0.0) {
         return weights;
     }
-    // It projects next to the triangle after all: the nearest point of the edges. (Not a number, without height: likewise.)
+    // It projects next to the triangle after all: the nearest point of the edges. (Not a number, without height:
+    // likewise.)
     let mut best = (f64::INFINITY, [1.0, 0.0, 0.0]);
     for i in 0..3 {
         let t = ((p - corners[i]).dot(edges[i]) / length(i)).clamp(0.0, 1.0);

@@ -1,9 +1,9 @@
-//! Which cells of the lattice a triangle passes through: separating axes, after Akenine-Möller, *Fast 3D triangle-box overlap
-//! testing* (2001).
+//! Which cells of the lattice a triangle passes through: separating axes, after Akenine-Möller, *Fast 3D triangle-box
+//! overlap testing* (2001).
 //!
-//! A triangle and a box are apart iff one of 13 axes tells them apart: the box's 3, the triangle's normal, and the 9 products of an
-//! edge with a box axis. Boxes of cells are halved as long as they touch, so a large triangle costs about as many tests as it
-//! has cells.
+//! A triangle and a box are apart iff one of 13 axes tells them apart: the box's 3, the triangle's normal, and the 9
+//! products of an edge with a box axis. Boxes of cells are halved as long as they touch, so a large triangle costs
+//! about as many tests as it has cells.
 //!
 //! Guarantee: every cell that holds a point of the triangle is found, a point on a face counting for both sides. A cell
 //! further than [`SLACK`] from the triangle is never found.
@@ -58,8 +58,8 @@ pub fn cell_centre(lattice: &Lattice, cell: IVec3) -> DVec3 {
     lattice.origin + (cell.as_dvec3() + 0.5) * lattice.pitch
 }
 
-/// Visits the cells among `within` that `triangle` passes through. A box of cells is looked into only if `keep` says so; it gets
-/// the cells' centres' range, low and high, mm.
+/// Visits the cells among `within` that `triangle` passes through. A box of cells is looked into only if `keep` says
+/// so; it gets the cells' centres' range, low and high, mm.
 pub fn for_cells(
     lattice: &Lattice,
     triangle: &[DVec3; 3],

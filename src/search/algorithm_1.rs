@@ -1,8 +1,8 @@
 //! Algorithm 1 of Hašan et al. 2010 as printed: the reference the faster search is held against.
 //!
-//! Two things differ from the page. The too-dark bound uses 1 − R̂∩, as Algorithm 1 has it and equation 6 demands; section
-//! 6.3's text misprints 1 − R̂∪. And the objective counts the core under the stacking and keeps the resins' limits, neither
-//! of which the paper's bounds mind: the core is one more layer, and a limit only removes stackings.
+//! Two things differ from the page. The too-dark bound uses 1 − R̂∩, as Algorithm 1 has it and equation 6 demands;
+//! section 6.3's text misprints 1 − R̂∪. And the objective counts the core under the stacking and keeps the resins'
+//! limits, neither of which the paper's bounds mind: the core is one more layer, and a limit only removes stackings.
 
 use super::{BlockTable, Match, SearchError, SearchTarget};
 use crate::optics::{Composite, KubelkaMunk, ResinId};

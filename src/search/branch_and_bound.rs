@@ -6,8 +6,8 @@
 //!    ([`super::envelope`]).
 //! 3. A child is bounded before it is composed, and children are visited in the order of their bounds.
 //! 4. The last two blocks are sought together, in a tree of boxes ([`super::endings`]).
-//! 5. No iterative deepening: in that order the search meets good stackings early enough. Evidence: searching short stackings
-//!    first saves no time, see docs/performance.md.
+//! 5. No iterative deepening: in that order the search meets good stackings early enough. Evidence: searching short
+//!    stackings first saves no time, see docs/performance.md.
 //!
 //! Depth-first, on one stack of preallocated spectra; a whole search allocates nothing per node.
 
@@ -65,8 +65,8 @@ pub(super) fn match_target(table: &BlockTable, target: &SearchTarget) -> Result<
     Ok(best.swap_remove(0))
 }
 
-/// The `count` best stackings for `target`, best first, all different: for a judge more exact than Kubelka–Munk to choose
-/// from. Fewer where the space holds fewer. `proven` means that none is missing.
+/// The `count` best stackings for `target`, best first, all different: for a judge more exact than Kubelka–Munk to
+/// choose from. Fewer where the space holds fewer. `proven` means that none is missing.
 ///
 /// # Errors
 /// As [`match_target`].
@@ -79,8 +79,8 @@ pub(super) fn match_candidates(
 }
 
 /// The best stacking of each of the `count` best sequences of resins, best first: starts for refining. The sequence is
-/// that of the blocks, so two may differ in a last layer of the core's own resin only, which is not listed. `proven` means that
-/// no sequence is missing.
+/// that of the blocks, so two may differ in a last layer of the core's own resin only, which is not listed. `proven`
+/// means that no sequence is missing.
 ///
 /// # Errors
 /// As [`match_target`].
@@ -199,7 +199,8 @@ impl<'a> Search<'a> {
         (node.total + units <= self.table.options().units && run <= limits[resin].most).then_some(run)
     }
 
-    /// Looks at everything below `node`, whose spectra are `stacks[node.level]` and whose objective is at least `bound`.
+    /// Looks at everything below `node`, whose spectra are `stacks[node.level]` and whose objective is at least
+    /// `bound`.
     fn expand(&mut self, node: Node, bound: f64) {
         let remaining = self.table.options().depth - node.level;
         let table = self.table;

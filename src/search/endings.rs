@@ -1,10 +1,11 @@
 //! Every way to end a stacking in at most two blocks, in a tree of boxes: the last two levels of the search at once.
 //!
-//! Two levels from the bottom the resins' freedom is small: a few thousand endings, each a spectrum of its reflection on the core. The
-//! envelope ([`super::envelope`]) lets every coefficient of every channel choose resins of its own, which in colour is nearly
-//! everything between black and white. A box around a few like endings is far smaller, and the same bound holds for it: nothing
-//! in the box reflects less than its darkest or more than its brightest, coefficient by coefficient. So under a partial stacking the
-//! tree is descended, nearer box first, and whole boxes of endings are dropped at once.
+//! Two levels from the bottom the resins' freedom is small: a few thousand endings, each a spectrum of its reflection
+//! on the core. The envelope ([`super::envelope`]) lets every coefficient of every channel choose resins of its own,
+//! which in colour is nearly everything between black and white. A box around a few like endings is far smaller, and
+//! the same bound holds for it: nothing in the box reflects less than its darkest or more than its brightest,
+//! coefficient by coefficient. So under a partial stacking the tree is descended, nearer box first, and whole boxes of
+//! endings are dropped at once.
 
 use super::BlockTable;
 use crate::optics::ResinId;
@@ -12,8 +13,8 @@ use crate::optics::ResinId;
 /// Endings in a box that is not divided further: a box costs two looks at an ending, and memory. Not tuned.
 const LEAF: usize = 4;
 
-/// More endings than this are not listed: 90 blocks have 8,100, and 20,000 in three channels take 120 MB. The search then goes on block
-/// by block.
+/// More endings than this are not listed: 90 blocks have 8,100, and 20,000 in three channels take 120 MB. The search
+/// then goes on block by block.
 const MOST: usize = 20_000;
 
 /// One way to end.

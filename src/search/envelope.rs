@@ -1,19 +1,19 @@
 //! How bright, and how dark, whatever lies under a partial stacking can be: the remaining-thickness bound.
 //!
-//! A half-space of the core covered by any stack of resins of total thickness h reflects R(h), and growing the stack from
-//! below by a sheet dh of resin i changes it, per coefficient, by Kubelka and Munk's
+//! A half-space of the core covered by any stack of resins of total thickness h reflects R(h), and growing the stack
+//! from below by a sheet dh of resin i changes it, per coefficient, by Kubelka and Munk's
 //!
 //! ```text
 //!   dR/dh = f_i(R) = S_i (R² + 1) − 2 (K_i + S_i) R,      K_i + S_i = α_i S_i
 //! ```
 //!
-//! so the brightest stack of thickness ≤ h is the solution of dR/dh = max(0, maxᵢ f_i(R)) and the darkest that of
-//! dR/dh = min(0, minᵢ f_i(R)) (the comparison theorem for scalar equations). Two of the parabolas cross at most once in (0, 1),
-//! since the product of their crossings is 1, so the solution runs through a few stretches of one resin each, and along
-//! each it is the closed form of that resin's slab: no step size, no quadrature error.
+//! so the brightest stack of thickness ≤ h is the solution of dR/dh = max(0, maxᵢ f_i(R)) and the darkest that of dR/dh
+//! = min(0, minᵢ f_i(R)) (the comparison theorem for scalar equations). Two of the parabolas cross at most once in (0,
+//! 1), since the product of their crossings is 1, so the solution runs through a few stretches of one resin each, and
+//! along each it is the closed form of that resin's slab: no step size, no quadrature error.
 //!
-//! The bound is exact for a single coefficient; it lets every coefficient choose resins of its own, and ignores depth and
-//! limits, which only makes it looser.
+//! The bound is exact for a single coefficient; it lets every coefficient choose resins of its own, and ignores depth
+//! and limits, which only makes it looser.
 
 use crate::optics::KubelkaMunk;
 

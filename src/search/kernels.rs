@@ -1,8 +1,8 @@
 //! The inner loops: one partial stacking against one block, over all coefficients.
 //!
 //! Everything is laid out as lanes, lane = coefficient · channels + channel, padded with lanes of weight 0 to a whole
-//! number of chunks. The sums are kept in chunk order and rounding never depends on the processor's vector width, so every
-//! machine finds the same stacking. A sum that passes `limit` ends early and is returned as it stands.
+//! number of chunks. The sums are kept in chunk order and rounding never depends on the processor's vector width, so
+//! every machine finds the same stacking. A sum that passes `limit` ends early and is returned as it stands.
 
 use multiversion::multiversion;
 
@@ -80,7 +80,8 @@ pub(super) fn bound(stack: &Stack, block: &Block, darkest: &[f64], brightest: &[
         for (j, term) in terms.iter_mut().enumerate() {
             let i = start + j;
             let through = t[i] * t[i];
-            // The block over r reflects a/b; the stack over that reflects R∪ + T² (a/b)/(1 − R∩ a/b) = R∪ + T² a/(b − R∩ a).
+            // The block over r reflects a/b; the stack over that reflects R∪ + T² (a/b)/(1 − R∩ a/b) = R∪ + T² a/(b −
+            // R∩ a).
             let over = |r: f64| {
                 let a = r_block[i] + det[i] * r;
                 let b = 1.0 - r_block[i] * r;

@@ -137,12 +137,12 @@ impl Matcher {
         Ok(Self { table, refiner })
     }
 
-    /// The best stacking of each target, in parallel; the answers do not depend on the number of threads. A target is a step of
-    /// the stage that `watch` hears.
+    /// The best stacking of each target, in parallel; the answers do not depend on the number of threads. A target is a
+    /// step of the stage that `watch` hears.
     ///
     /// # Errors
-    /// The first in the order of the targets: one unlike the resins, limits that leave no stacking, a node budget too small to find
-    /// one, no layers of whole steps; [`SearchError::Stopped`].
+    /// The first in the order of the targets: one unlike the resins, limits that leave no stacking, a node budget too
+    /// small to find one, no layers of whole steps; [`SearchError::Stopped`].
     pub fn match_targets(&self, targets: &[SearchTarget], watch: &dyn Watch) -> Result<Vec<Found>, SearchError> {
         let mut found = Vec::with_capacity(targets.len());
         for batch in targets.chunks(BATCH) {
@@ -162,8 +162,8 @@ impl Matcher {
         Ok(found)
     }
 
-    /// The best stacking of whole units by Algorithm 1 of Hašan et al. 2010 as printed: slow, for checks and comparisons. Ignores
-    /// `max_nodes`.
+    /// The best stacking of whole units by Algorithm 1 of Hašan et al. 2010 as printed: slow, for checks and
+    /// comparisons. Ignores `max_nodes`.
     ///
     /// # Errors
     /// A target unlike the resins; limits that leave no stacking.

@@ -11,10 +11,10 @@
 //! ```
 //!
 //! # Limits
-//! A resin lies nowhere above its min-depth; every layer of it (adjacent blocks joined) is at least min-mm and at most max-mm
-//! thick. They are kept in whole units, rounded to the safe side. The half-space of the core starts below the last layer and
-//! keeps its resin's min-depth; a last layer of the core's own resin merges into it, so it is exempt from min-mm and max-mm
-//! and is not listed in the result.
+//! A resin lies nowhere above its min-depth; every layer of it (adjacent blocks joined) is at least min-mm and at most
+//! max-mm thick. They are kept in whole units, rounded to the safe side. The half-space of the core starts below the
+//! last layer and keeps its resin's min-depth; a last layer of the core's own resin merges into it, so it is exempt
+//! from min-mm and max-mm and is not listed in the result.
 
 mod algorithm_1;
 mod branch_and_bound;

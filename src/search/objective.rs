@@ -1,5 +1,5 @@
-//! What counts as alike: the objective of Hašan et al. 2010, equation 5, and two others. All are weighted sums of squares over the
-//! coefficients, so that bounds, fits and clusters hold for each of them.
+//! What counts as alike: the objective of Hašan et al. 2010, equation 5, and two others. All are weighted sums of
+//! squares over the coefficients, so that bounds, fits and clusters hold for each of them.
 //!
 //! With coefficients R̂_i, i < n, at evenly spaced frequencies from 0, per channel:
 //!
@@ -9,9 +9,9 @@
 //! | spatial | ∝ k_i Δk | by Parseval ∫ (R − R_t)² dA = (1/2π) ∫ (R̂ − R̂_t)² k dk |
 //! | relative | 1 / mean_j R̂_t,j² | a channel's error as a share of its target |
 //!
-//! The first, the albedo's, counts `dc_weight` times. A coefficient speaks for the ring of the frequency plane within half a step of it. At
-//! k = 0 that is a disc, an eighth of the first ring's area: small, but not the nothing that k dk would have. Spatial weights are
-//! scaled to 1 on average.
+//! The first, the albedo's, counts `dc_weight` times. A coefficient speaks for the ring of the frequency plane within
+//! half a step of it. At k = 0 that is a disc, an eighth of the first ring's area: small, but not the nothing that k dk
+//! would have. Spatial weights are scaled to 1 on average.
 
 use super::SearchTarget;
 
@@ -36,8 +36,8 @@ pub struct Objective {
     pub dc_weight: f64,
 }
 
-/// Root mean square of the coefficients below which a channel's target counts as black: relative errors there are taken as shares of this.
-/// It is the order of what the models are off by (docs/accuracy.md).
+/// Root mean square of the coefficients below which a channel's target counts as black: relative errors there are taken
+/// as shares of this. It is the order of what the models are off by (docs/accuracy.md).
 pub(crate) const BLACK_RMS: f64 = 1e-3;
 
 impl Default for Objective {

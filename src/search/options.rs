@@ -13,7 +13,8 @@ pub struct SearchOptions {
     pub max_thickness_mm: f64,
     /// n: the thickness is a multiple of h₀ = `max_thickness_mm`/n; 64 in the paper.
     pub units: usize,
-    /// Most blocks in a stacking; 6 in the paper. A layer of u·h₀ takes as many blocks as u has binary ones: 63 h₀ takes six.
+    /// Most blocks in a stacking; 6 in the paper. A layer of u·h₀ takes as many blocks as u has binary ones: 63 h₀
+    /// takes six.
     pub depth: usize,
     /// What is minimised.
     pub objective: Objective,

@@ -135,8 +135,8 @@ impl BlockTable {
 
     /// Whether a stacking of `total` units whose last layer is `run` units of `resin` may end there.
     ///
-    /// A last layer of the core's resin is the core's: it is exempt from min-mm and max-mm, and the stacking without it is
-    /// the one that counts. So it never ends one.
+    /// A last layer of the core's resin is the core's: it is exempt from min-mm and max-mm, and the stacking without it
+    /// is the one that counts. So it never ends one.
     pub(super) fn may_end(&self, resin: usize, run: usize, total: usize) -> bool {
         self.options.core != Some(ResinId(resin)) && run >= self.limits[resin].least && self.core_may_start(total)
     }

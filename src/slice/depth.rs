@@ -1,8 +1,8 @@
 //! The distances that layers can be laid by: exact, on the grid, Lp-averaged.
 //!
-//! Materials are decided on the measure alone; the surface point they come from is the one nearest to the voxel (exact, Lp)
-//! or to the surface voxel nearest to it (grid). For a whole box the exact depth range is known (see [`crate::sdf::cull`]); each measure
-//! says what follows for its own.
+//! Materials are decided on the measure alone; the surface point they come from is the one nearest to the voxel (exact,
+//! Lp) or to the surface voxel nearest to it (grid). For a whole box the exact depth range is known (see
+//! [`crate::sdf::cull`]); each measure says what follows for its own.
 
 use std::{collections::HashMap, ops::Range, sync::Arc};
 
@@ -98,8 +98,8 @@ impl Measure {
         Self::Grid { bound: lattice.pitch.length() / 2.0 + SLACK }
     }
 
-    /// By how much a triangle may be further than the nearest one and still lend a voxel its layers, mm: the surface voxel is at
-    /// most `bound` further than the surface, and its nearest triangle at most `bound` from it.
+    /// By how much a triangle may be further than the nearest one and still lend a voxel its layers, mm: the surface
+    /// voxel is at most `bound` further than the surface, and its nearest triangle at most `bound` from it.
     pub(super) fn slack(&self) -> f64 {
         if let Self::Grid { bound } = self { 2.0 * bound + SLACK } else { SLACK }
     }
@@ -137,7 +137,8 @@ impl ObjectField {
         }
     }
 
-    /// Distance to the nearest centre of a surface voxel: it is within `exact` + `bound`, its triangles `bound` further.
+    /// Distance to the nearest centre of a surface voxel: it is within `exact` + `bound`, its triangles `bound`
+    /// further.
     fn grid_depth(&self, p: DVec3, exact: f64, bound: f64) -> f64 {
         let reach = DVec3::splat(exact + bound);
         let within = Cells::around(&self.lattice, p - reach, p + reach);
@@ -177,8 +178,8 @@ impl ObjectField {
         }
     }
 
-    /// What the measure can be where the exact distance is in `exact`; `None` if that takes too long to tell. `candidates` hold the
-    /// nearest triangles.
+    /// What the measure can be where the exact distance is in `exact`; `None` if that takes too long to tell.
+    /// `candidates` hold the nearest triangles.
     pub(super) fn measured(
         &self,
         exact: DepthRange,
@@ -205,7 +206,8 @@ impl ObjectField {
         }
     }
 
-    /// Measures the masked voxels of the brick at `brick` of a block with these masks by the grid; the triangle of each goes to `triangles`, at the voxel's place.
+    /// Measures the masked voxels of the brick at `brick` of a block with these masks by the grid; the triangle of each
+    /// goes to `triangles`, at the voxel's place.
     pub(super) fn measure_grid(&self, site: Site<'_>, brick: [usize; 3], masks: &[Mask], scratch: &mut LeafScratch) {
         let LeafScratch { measure, surface, .. } = scratch;
         if let Some(reach) = measure.unopened.take() {

@@ -61,8 +61,8 @@ impl Bricks {
 
 /// What is laid where a descent ends. Masks are those of the whole block, one per brick.
 pub(super) trait Leaves {
-    /// Prepares for a block with these bounds, `nearest` mm from the surface at its centre; false if all of it is certain
-    /// to lie below the layers.
+    /// Prepares for a block with these bounds, `nearest` mm from the surface at its centre; false if all of it is
+    /// certain to lie below the layers.
     fn enter(&mut self, bounds: &BlockBox, nearest: f64) -> bool;
 
     /// The one material of some bricks, if that is certain: their exact depths are in `range`, and `candidates` hold

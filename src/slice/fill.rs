@@ -117,7 +117,8 @@ impl ObjectField {
         self.uv_at(triangle, [v as f32, w as f32])
     }
 
-    /// Texture coordinates where the second and third corner of a triangle weigh `v` and `w`; 0 where the layers need none.
+    /// Texture coordinates where the second and third corner of a triangle weigh `v` and `w`; 0 where the layers need
+    /// none.
     #[inline(always)]
     fn uv_at(&self, triangle: u32, [v, w]: [f32; 2]) -> Vec2 {
         let Some(&[a, b, c]) = self.uvs.get(triangle as usize) else { return Vec2::ZERO };
@@ -134,8 +135,8 @@ impl ObjectField {
         self.inside.fill(first, slices);
     }
 
-    /// Writes this object's voxels into the block whose first voxel is `first`; `slab` has been prepared for this object.
-    /// Voxels that another object has taken stay.
+    /// Writes this object's voxels into the block whose first voxel is `first`; `slab` has been prepared for this
+    /// object. Voxels that another object has taken stay.
     pub fn fill_block(&self, first: [u32; 3], slab: &SlabField, block: &mut Block, scratch: &mut FillScratch) {
         let FillScratch { descent, leaf } = scratch;
         let mut leaves = VoxelLeaves { field: self, site: Site { first, slab }, block, scratch: leaf };
@@ -150,8 +151,8 @@ impl ObjectField {
         whole.lay(&slab.runs, &mut leaves, descent);
     }
 
-    /// Finds the nearest triangle of the masked voxels. Parts that are certain to be one material get their ids and leave the mask;
-    /// if that is all of them and one id, it is returned.
+    /// Finds the nearest triangle of the masked voxels. Parts that are certain to be one material get their ids and
+    /// leave the mask; if that is all of them and one id, it is returned.
     fn nearest(
         &self,
         candidates: &[u32],

@@ -18,8 +18,8 @@ pub struct RowBuffers {
 
 /// Encodes slice `k` of `slab` as a 32-bit RGBA PNG, adding to `counts` how often every id occurs.
 ///
-/// Fast compression with the Up filter: most rows equal the one above. That writes 0.8 to 1 G voxels/s on a core; without
-/// the filter the files are 25 times as large.
+/// Fast compression with the Up filter: most rows equal the one above. That writes 0.8 to 1 G voxels/s on a core;
+/// without the filter the files are 25 times as large.
 pub fn encode_rgba(
     slab: &Slab,
     k: u32,

@@ -1,7 +1,8 @@
 //! The printer's lattice, and sparse bricks of material ids on it.
 //!
-//! **In:** an extent in mm and a pitch per axis, often a [`Printer`]'s. **Out:** a [`Lattice`] that places voxel centres, and a
-//! [`Slab`] that holds the material of every voxel between two heights as 8×8×8 bricks, most of them one uniform tile.
+//! **In:** an extent in mm and a pitch per axis, often a [`Printer`]'s. **Out:** a [`Lattice`] that places voxel
+//! centres, and a [`Slab`] that holds the material of every voxel between two heights as 8×8×8 bricks, most of them one
+//! uniform tile.
 
 mod lattice;
 mod printer;

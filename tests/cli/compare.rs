@@ -36,7 +36,8 @@ fn an_even_slab_prints_as_predicted() {
         keys(&stage(&found, "printed")["differences"][0]),
         ["bias", "rms", "relative_rms", "correlation", "noise"]
     );
-    // Under even light the printed slab has the albedo of its stacking, to a standard error of 0.002 and what lies beyond 1.2 mm.
+    // Under even light the printed slab has the albedo of its stacking, to a standard error of 0.002 and what lies
+    // beyond 1.2 mm.
     let against = |name: &str, other: &str| {
         let pairs = stage(&found, name)["against"].as_array().unwrap();
         pairs.iter().find(|pair| pair[0] == other).unwrap()[1][0]["bias"].as_f64().unwrap()
@@ -84,7 +85,8 @@ fn what_does_not_fit_is_refused() {
     refused(&["out", "--map", "factored"], &["slice_3.png: found"]);
 }
 
-/// From the 4D data to two prints, side by side: the job with the paper's settings and the refined one, as `factor` writes them.
+/// From the 4D data to two prints, side by side: the job with the paper's settings and the refined one, as `factor`
+/// writes them.
 #[test]
 fn a_dataset_and_two_jobs_are_compared() {
     let bench = crate::factor::bench();

@@ -1,4 +1,5 @@
-//! Jobs whose target was factored from a measured BSSRDF: on a slab layered from its top, and on a mesh with texture coordinates.
+//! Jobs whose target was factored from a measured BSSRDF: on a slab layered from its top, and on a mesh with texture
+//! coordinates.
 
 use std::fs;
 

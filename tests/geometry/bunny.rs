@@ -1,4 +1,5 @@
-//! The 60 mm bunny against brute force: nearest of all triangles, winding number by solid angles, at the pitch of a J750.
+//! The 60 mm bunny against brute force: nearest of all triangles, winding number by solid angles, at the pitch of a
+//! J750.
 //!
 //! A stack of 125 layers of 0.04 mm makes the material of a voxel say its depth.
 
@@ -69,7 +70,8 @@ fn piped_distance(surface: &Surface, lattice: &Lattice, offsets: &BrickOffsets, 
     f64::from(found.distance[x + 8 * y + 64 * z])
 }
 
-/// Distance to the nearest of all triangles; those whose bounding sphere is further than one already seen are only looked at.
+/// Distance to the nearest of all triangles; those whose bounding sphere is further than one already seen are only
+/// looked at.
 struct Nearest(Vec<([DVec3; 3], DVec3, f64)>);
 
 impl Nearest {

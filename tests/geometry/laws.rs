@@ -10,8 +10,8 @@ use lumislice::{
 };
 use proptest::prelude::*;
 
-/// Distance to a triangle by searching it: the distance to the segment that is parallel to one edge is convex in how far away that
-/// segment is. No cross products, hence no cancellation however thin the triangle is.
+/// Distance to a triangle by searching it: the distance to the segment that is parallel to one edge is convex in how
+/// far away that segment is. No cross products, hence no cancellation however thin the triangle is.
 fn distance_by_search(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let to_segment = |t: f64| {
         let (from, to) = (a + (c - a) * t, b + (c - b) * t);

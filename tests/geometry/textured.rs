@@ -68,7 +68,8 @@ fn random_limits(random: &mut Random) -> Vec<ResinLimit> {
     limits
 }
 
-/// Strips of quads with texture coordinates thrown anywhere: charts that share edges, overlap, wrap around, repeat, turn over.
+/// Strips of quads with texture coordinates thrown anywhere: charts that share edges, overlap, wrap around, repeat,
+/// turn over.
 fn patchwork(random: &mut Random, quads: usize, pages: usize) -> (TriangleMesh, Vec<u16>) {
     let (mut mesh, mut page_of) = (TriangleMesh::default(), Vec::new());
     let mut page = 0;
@@ -353,7 +354,8 @@ fn noisy_box(high: DVec3, size: u32) -> (Solid, TexturedLayers) {
     (solid, layers)
 }
 
-/// Every voxel against the nearest triangle of all and the texels there: uniform tiles, certain stretches and lookups agree.
+/// Every voxel against the nearest triangle of all and the texels there: uniform tiles, certain stretches and lookups
+/// agree.
 #[test]
 fn voxels_are_what_the_nearest_texels_say() {
     let high = DVec3::new(3.0, 2.6, 2.2);

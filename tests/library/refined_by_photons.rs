@@ -1,9 +1,10 @@
-//! Whether refined stackings keep their promise: targets are Monte Carlo profiles of random stackings and the slabs of Hašan et al. 2010,
-//! section 8.2, and Monte Carlo judges what is found.
+//! Whether refined stackings keep their promise: targets are Monte Carlo profiles of random stackings and the slabs of
+//! Hašan et al. 2010, section 8.2, and Monte Carlo judges what is found.
 //!
-//! The judge has noise of its own: light near the centre counts alike at all frequencies, so that two runs of one stacking differ by
-//! 3e-6 on average at 2e7 photons. A stacking is therefore judged by several independent runs R_1 … R_K. The mean over pairs i ≠ j of
-//! Σ w (R_i − R_t)(R_j − R_t) has no noise in its mean, and leaving out each run in turn tells its standard error.
+//! The judge has noise of its own: light near the centre counts alike at all frequencies, so that two runs of one
+//! stacking differ by 3e-6 on average at 2e7 photons. A stacking is therefore judged by several independent runs R_1 …
+//! R_K. The mean over pairs i ≠ j of Σ w (R_i − R_t)(R_j − R_t) has no noise in its mean, and leaving out each run in
+//! turn tells its standard error.
 
 use std::time::Instant;
 
@@ -13,7 +14,8 @@ use lumislice::{
     watch::Unwatched,
 };
 
-/// A small generator of random numbers in [0, 1), after Steele, Lea and Flood 2014: the targets must not change with a library's version.
+/// A small generator of random numbers in [0, 1), after Steele, Lea and Flood 2014: the targets must not change with a
+/// library's version.
 struct SplitMix(u64);
 
 impl SplitMix {

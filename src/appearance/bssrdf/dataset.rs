@@ -1,9 +1,10 @@
 //! A measured BSSRDF: what light comes out around every texel when that texel alone is lit.
 //!
-//! A dataset is a folder with `dataset.toml` beside its arrays, or one `.npz`; `docs/formats.md` has both forms. Images are oriented as
-//! pictures are: row 0 on top, and the same in a response window, whose middle pixel is the lit texel itself. Values are per mm² for
-//! unit flux into the lit texel, so the sum over a window times the area of a pixel is a part of the albedo. NaN is a
-//! value that is missing. What is negative stays: it is noise about zero, and cutting it off would add light.
+//! A dataset is a folder with `dataset.toml` beside its arrays, or one `.npz`; `docs/formats.md` has both forms. Images
+//! are oriented as pictures are: row 0 on top, and the same in a response window, whose middle pixel is the lit texel
+//! itself. Values are per mm² for unit flux into the lit texel, so the sum over a window times the area of a pixel is a
+//! part of the albedo. NaN is a value that is missing. What is negative stays: it is noise about zero, and cutting it
+//! off would add light.
 
 use std::{
     fs::File,

@@ -1,9 +1,10 @@
-//! Responses in a multi-layer OpenEXR file: one layer per row of texels, from the top row down in the order of the file, holding that
-//! row's windows side by side. A layer is `columns · window columns` wide and `window rows` high; its channels are `Y`, or `R`, `G`, `B`, or
-//! any others in alphabetical order; half or float. Millions of small layers, one per texel, are what no program writes or reads.
+//! Responses in a multi-layer OpenEXR file: one layer per row of texels, from the top row down in the order of the
+//! file, holding that row's windows side by side. A layer is `columns · window columns` wide and `window rows` high;
+//! its channels are `Y`, or `R`, `G`, `B`, or any others in alphabetical order; half or float. Millions of small
+//! layers, one per texel, are what no program writes or reads.
 //!
-//! The file is unpacked once into a temporary file, block by block; what is in memory is the rows that are not complete yet, one if
-//! the file was written row by row.
+//! The file is unpacked once into a temporary file, block by block; what is in memory is the rows that are not complete
+//! yet, one if the file was written row by row.
 
 use std::{collections::BTreeMap, fs::File, io::BufReader, path::Path};
 

@@ -4,16 +4,17 @@
 //!   R(xᵢ, xₒ) ≈ √(P(xᵢ, r) P(xₒ, r))          ln R = ln g(r) + ½ (q(xᵢ, r) + q(xₒ, r)),   q = ln(P/g)
 //! ```
 //!
-//! g is the mean response at each distance that occurs in a window, so the 1/r at the centre and the fall with distance are
-//! in it and q is smooth; q is one number per texel and ring. The paper takes logarithms and solves a sparse least-squares problem.
-//! The logarithm of a noisy value near zero is wrong on average, and dropping such values is wrong too: what stays is too bright. So this
-//! is the same problem as a generalised linear model with a logarithmic link (McCullagh and Nelder 1989, chapter 2.5): in every
-//! round the residual is (D − R̂)/R̂, whose mean is right whatever the noise, with weight R̂²/V(R̂); the first round uses a bounded
-//! stand-in for ln(D/R̂). At its rest Σ weight·residual is 0 for every texel and ring; where light is strong that is the
-//! paper's answer.
+//! g is the mean response at each distance that occurs in a window, so the 1/r at the centre and the fall with distance
+//! are in it and q is smooth; q is one number per texel and ring. The paper takes logarithms and solves a sparse
+//! least-squares problem. The logarithm of a noisy value near zero is wrong on average, and dropping such values is
+//! wrong too: what stays is too bright. So this is the same problem as a generalised linear model with a logarithmic
+//! link (McCullagh and Nelder 1989, chapter 2.5): in every round the residual is (D − R̂)/R̂, whose mean is right
+//! whatever the noise, with weight R̂²/V(R̂); the first round uses a bounded stand-in for ln(D/R̂). At its rest Σ
+//! weight·residual is 0 for every texel and ring; where light is strong that is the paper's answer.
 //!
-//! V = floor² + gain·R̂ + (relative·R̂)². Floor and gain come from the dataset if it knows them. The relative part is what equation
-//! 7 itself misses, which no measurement gives: it is estimated from the residuals of every round, and so is the floor if not known.
+//! V = floor² + gain·R̂ + (relative·R̂)². Floor and gain come from the dataset if it knows them. The relative part is
+//! what equation 7 itself misses, which no measurement gives: it is estimated from the residuals of every round, and so
+//! is the floor if not known.
 
 use super::{
     BssrdfError, Dataset,
@@ -98,15 +99,17 @@ pub struct Factors {
 const FIRST_DIFFERENCE: f32 = 1.0;
 /// Precision of ln(P/g) itself, next to nothing: for texels nobody measured.
 const RIDGE: f32 = 1e-3;
-/// Evidence: `scripts/factor-check`. At 0.1 the grains of the stone set were smoothed away, 10.4% error where SciPy's least squares, with no
-/// smoothness, reaches 6.3%; at 0.3 it is 6.5%, at 1 6.5%. The others change by 0.02% or less, and exact data with 1% noise come back as well.
+/// Evidence: `scripts/factor-check`. At 0.1 the grains of the stone set were smoothed away, 10.4% error where SciPy's
+/// least squares, with no smoothness, reaches 6.3%; at 0.3 it is 6.5%, at 1 6.5%. The others change by 0.02% or less,
+/// and exact data with 1% noise come back as well.
 const ROUGHNESS: f64 = 0.3;
-/// Where ln P moves no more after fewer rounds than this, they end: 9 on the largest patch with 1% noise, 4 on those from Monte Carlo.
+/// Where ln P moves no more after fewer rounds than this, they end: 9 on the largest patch with 1% noise, 4 on those
+/// from Monte Carlo.
 const MAX_ROUNDS: usize = 16;
 /// A round that changes ln P by less than this, root mean square, is the last.
 const REST: f64 = 1e-3;
-/// Conjugate gradients go this far in a round: the next one has other weights. At 0.01 the far rings, whose part of the residual is small, took
-/// rounds of their own.
+/// Conjugate gradients go this far in a round: the next one has other weights. At 0.01 the far rings, whose part of the
+/// residual is small, took rounds of their own.
 const CG_TOLERANCE: f64 = 1e-3;
 const CG_STEPS: usize = 100;
 /// Largest change of ln P in a round.
@@ -122,7 +125,8 @@ const MAX_NEGATIVE: f64 = 0.25;
 /// Energy of windows that no surface gives back, on the mean of all texels.
 const MAX_ENERGY: f64 = 1.05;
 
-/// Factors one channel of a dataset. `watch` hears a stage for every pass over the data: "reading", a round of the fit, "checking".
+/// Factors one channel of a dataset. `watch` hears a stage for every pass over the data: "reading", a round of the fit,
+/// "checking".
 ///
 /// # Errors
 /// Files that cannot be read, data that are no BSSRDF, an option out of range, [`BssrdfError::Stopped`].

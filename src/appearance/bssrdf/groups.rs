@@ -1,9 +1,9 @@
 //! Profiles in clusters, by the search's own distance.
 //!
-//! The search compares Hankel coefficients on the default grid, the first one weighted. A profile is a vector of ring energies E, its
-//! coefficients are H E with H the mean of J₀(kr) over each ring, so the squared distance is a quadratic form of rank 30 or less:
-//! (E − E′)ᵀ G (E − E′), G = Hᵀ W H. In the eigenvectors of G it is a plain square in as many dimensions, and k-means is as many times
-//! faster than on 128 coefficients.
+//! The search compares Hankel coefficients on the default grid, the first one weighted. A profile is a vector of ring
+//! energies E, its coefficients are H E with H the mean of J₀(kr) over each ring, so the squared distance is a
+//! quadratic form of rank 30 or less: (E − E′)ᵀ G (E − E′), G = Hᵀ W H. In the eigenvectors of G it is a plain square
+//! in as many dimensions, and k-means is as many times faster than on 128 coefficients.
 
 use faer::{Mat, Side};
 use rayon::prelude::*;

@@ -1,6 +1,7 @@
-//! Responses as a folder of images, one per lit texel: `X_Y.png` or `X_Y.exr` shows the whole patch while the texel in column X, row Y
-//! alone is lit. A window of the header's `window` is cut out around it; what lies beyond the image, and texels without an image, are
-//! missing. Values are linear: a PNG's white is `full-scale-per-mm2`, an EXR's values count as they are.
+//! Responses as a folder of images, one per lit texel: `X_Y.png` or `X_Y.exr` shows the whole patch while the texel in
+//! column X, row Y alone is lit. A window of the header's `window` is cut out around it; what lies beyond the image,
+//! and texels without an image, are missing. Values are linear: a PNG's white is `full-scale-per-mm2`, an EXR's values
+//! count as they are.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
@@ -151,7 +152,8 @@ impl Picture {
         [self.columns, self.rows, self.planes.len()]
     }
 
-    /// Copies the window around a texel into `values`, `[channel][row][column]`; what lies beyond the image is left alone.
+    /// Copies the window around a texel into `values`, `[channel][row][column]`; what lies beyond the image is left
+    /// alone.
     fn cut(&self, [x, y]: [usize; 2], [width, height]: [usize; 2], values: &mut [f32]) {
         for (plane, window) in self.planes.iter().zip(values.chunks_mut(width * height)) {
             for (row, line) in window.chunks_mut(width).enumerate() {

@@ -1,7 +1,8 @@
 //! The inner loops of the factorisation, over a stretch of texels in a row and one pixel of their windows.
 //!
-//! R̂ = g·eᵢ·eₒ with g the global profile at the pixel's distance and e = √(P/g) of the lit and the lit-up texel. The variance of a
-//! measurement is V = floor² + gain·R̂ + (relative·R̂)², the weight of a difference of logarithms is R̂²/V.
+//! R̂ = g·eᵢ·eₒ with g the global profile at the pixel's distance and e = √(P/g) of the lit and the lit-up texel. The
+//! variance of a measurement is V = floor² + gain·R̂ + (relative·R̂)², the weight of a difference of logarithms is
+//! R̂²/V.
 
 use multiversion::multiversion;
 
@@ -108,7 +109,8 @@ pub fn differences(data: &[f32], lit: &[f32], seen: &[f32], global: f32, at: usi
     }
 }
 
-/// The coupling of a stretch of texels with those that one window pixel sees: ¼·weight·availability·(pᵢ + pₒ) added to `out`.
+/// The coupling of a stretch of texels with those that one window pixel sees: ¼·weight·availability·(pᵢ + pₒ) added to
+/// `out`.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 pub fn couple(
     lit: &[f32],

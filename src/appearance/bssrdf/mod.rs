@@ -1,7 +1,7 @@
 //! Heterogeneous materials: from a measured BSSRDF to a local profile per texel, and clusters of them.
 //!
-//! **In:** a [`Dataset`], response windows around every texel of a flat patch. **Out:** [`Factors`], a profile P(x, r) per texel with
-//! R(xᵢ, xₒ) ≈ √(P(xᵢ, r) P(xₒ, r)) (Hašan et al. 2010, section 7.1).
+//! **In:** a [`Dataset`], response windows around every texel of a flat patch. **Out:** [`Factors`], a profile P(x, r)
+//! per texel with R(xᵢ, xₒ) ≈ √(P(xᵢ, r) P(xₒ, r)) (Hašan et al. 2010, section 7.1).
 //!
 //! ```text
 //!   dataset.toml + .npy ──► Dataset ──► survey ──► global profile g(r)

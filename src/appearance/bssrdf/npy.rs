@@ -1,8 +1,8 @@
 //! NumPy's `.npy` files: the header, and values as `f32`.
 //!
-//! Format version 1.0 to 3.0 of `numpy.lib.format`: six bytes of magic, version, length of a header that is the literal of a Python
-//! dictionary with `descr`, `fortran_order` and `shape`, then the values. Read here are C-ordered arrays of `f2`, `f4`, `f8`, `u1`
-//! and `b1` in either byte order: everything a response can sensibly be stored as.
+//! Format version 1.0 to 3.0 of `numpy.lib.format`: six bytes of magic, version, length of a header that is the literal
+//! of a Python dictionary with `descr`, `fortran_order` and `shape`, then the values. Read here are C-ordered arrays of
+//! `f2`, `f4`, `f8`, `u1` and `b1` in either byte order: everything a response can sensibly be stored as.
 
 use std::io::{self, Read};
 

@@ -1,7 +1,8 @@
-//! A dataset in one `.npz`, as `numpy.savez` writes it: the arrays `responses` and, where known, `albedo` and `mask`; the numbers
-//! `pitch_mm`, `noise_floor_per_mm2`, `noise_gain_per_mm2`.
+//! A dataset in one `.npz`, as `numpy.savez` writes it: the arrays `responses` and, where known, `albedo` and `mask`;
+//! the numbers `pitch_mm`, `noise_floor_per_mm2`, `noise_gain_per_mm2`.
 //!
-//! An archive cannot be read from the middle where it is compressed, so the responses are unpacked into a temporary file once.
+//! An archive cannot be read from the middle where it is compressed, so the responses are unpacked into a temporary
+//! file once.
 
 use std::{
     fs::File,

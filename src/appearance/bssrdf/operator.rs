@@ -1,10 +1,10 @@
 //! The normal equations of the factorisation without a matrix, and conjugate gradients on them.
 //!
-//! A measurement ties two unknowns of one ring together, ½(qᵢ + qₒ); so a ring's normal matrix is a sum over the ring's window pixels of
-//! shifted copies of the image, weighted by what the model says the weights are. Nothing per pair is stored. Rings are coupled by
-//! the prior alone: small second differences along r, very small first ones, so that what lies under the noise floor goes on as
-//! what lies above it. The system is well conditioned (a ring's average over its neighbours is at least −0.4), and Jacobi's
-//! preconditioner takes care of the weights.
+//! A measurement ties two unknowns of one ring together, ½(qᵢ + qₒ); so a ring's normal matrix is a sum over the ring's
+//! window pixels of shifted copies of the image, weighted by what the model says the weights are. Nothing per pair is
+//! stored. Rings are coupled by the prior alone: small second differences along r, very small first ones, so that what
+//! lies under the noise floor goes on as what lies above it. The system is well conditioned (a ring's average over its
+//! neighbours is at least −0.4), and Jacobi's preconditioner takes care of the weights.
 
 use rayon::prelude::*;
 

@@ -1,5 +1,5 @@
-//! Passes over the data: bands of rows in parallel, each read by itself and summed in the order of the bands, so that memory is a few
-//! rows and the sums do not depend on threads.
+//! Passes over the data: bands of rows in parallel, each read by itself and summed in the order of the bands, so that
+//! memory is a few rows and the sums do not depend on threads.
 
 use std::ops::Range;
 
@@ -267,7 +267,8 @@ impl Source<'_> {
     }
 }
 
-/// A measurement beyond the patch, where another material may lie, counts this much of one within: it decides where nothing else does.
+/// A measurement beyond the patch, where another material may lie, counts this much of one within: it decides where
+/// nothing else does.
 const OUTSIDE_WEIGHT: f32 = 0.01;
 
 fn variance_of(variance: Variance, r: f32) -> f32 {

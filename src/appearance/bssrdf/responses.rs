@@ -81,7 +81,8 @@ pub struct RowReader<'a> {
 const BLOCK: usize = 16;
 
 impl RowReader<'_> {
-    /// Reads the windows of one row of texels into `out`, window pixel by window pixel: `out[pixel · columns + column]`.
+    /// Reads the windows of one row of texels into `out`, window pixel by window pixel: `out[pixel · columns +
+    /// column]`.
     ///
     /// # Errors
     /// [`BssrdfError::Read`].

@@ -1,9 +1,9 @@
 //! The pixels of a response window, in rings around the lit texel.
 //!
-//! Ring b holds the pixels whose distance rounds to b pixels; it stands for as much area as it has pixels on an endless grid, so its
-//! edges are √(N·pitch²/π) with N pixels up to it. Ring 0 is the lit pixel itself, a disc of one pixel's area: its value is a mean
-//! over that pixel, which is all a camera can know of the 1/r there. Σ mean · area over all rings is then the sum over pixels,
-//! exactly, and the albedo loses nothing.
+//! Ring b holds the pixels whose distance rounds to b pixels; it stands for as much area as it has pixels on an endless
+//! grid, so its edges are √(N·pitch²/π) with N pixels up to it. Ring 0 is the lit pixel itself, a disc of one pixel's
+//! area: its value is a mean over that pixel, which is all a camera can know of the 1/r there. Σ mean · area over all
+//! rings is then the sum over pixels, exactly, and the albedo loses nothing.
 
 /// A pixel of the window.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,8 +39,9 @@ pub struct Rings {
     pub counts: Vec<usize>,
 }
 
-/// A ring is kept while the window holds this share of its pixels. A few pixels in the corners of a window tie each texel to a few others
-/// only, and profiles that alternate between them go unseen: with a share of 0.2, noise of 1% became an error of 9%.
+/// A ring is kept while the window holds this share of its pixels. A few pixels in the corners of a window tie each
+/// texel to a few others only, and profiles that alternate between them go unseen: with a share of 0.2, noise of 1%
+/// became an error of 9%.
 const MIN_COVERAGE: f64 = 0.5;
 
 impl Rings {

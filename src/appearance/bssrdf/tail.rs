@@ -1,15 +1,16 @@
 //! The light beyond the window, fitted to the total albedo.
 //!
-//! Far from the source light is diffuse and its profile falls like e^(−κr)/rᵐ⁺¹ (m between 0 and 1 from a thin slab to a half-space:
-//! Farrell, Patterson and Wilson 1992). The tail goes on from the last rings by value and slope, and its energy is what the albedo
-//! leaves over:
+//! Far from the source light is diffuse and its profile falls like e^(−κr)/rᵐ⁺¹ (m between 0 and 1 from a thin slab to
+//! a half-space: Farrell, Patterson and Wilson 1992). The tail goes on from the last rings by value and slope, and its
+//! energy is what the albedo leaves over:
 //!
 //! ```text
 //!   r f(r) = r_c P_c (r_c/r)ᵐ e^(−κ(r − r_c)),      κ + m/r_c = s,      2π∫ f r dr = A − window
 //! ```
 //!
-//! With the slope s fixed, energy falls as κ grows, so bisection finds κ; m may turn negative where the window holds more than its
-//! slope tells. A texel without a measured albedo gets the m of a half-space; that is a guess, and marked as one.
+//! With the slope s fixed, energy falls as κ grows, so bisection finds κ; m may turn negative where the window holds
+//! more than its slope tells. A texel without a measured albedo gets the m of a half-space; that is a guess, and marked
+//! as one.
 //!
 //! The rings of all texels have the same edges, so that profiles can be averaged and grouped.
 
@@ -80,8 +81,8 @@ impl TailRings {
         self.edges_mm.len() - 1
     }
 
-    /// Energies of the tail's rings behind a profile of the window's rings (per mm²); `left` is what its albedo leaves over,
-    /// if known.
+    /// Energies of the tail's rings behind a profile of the window's rings (per mm²); `left` is what its albedo leaves
+    /// over, if known.
     pub fn tail(&self, profile: &[f64], left: Option<f64>) -> (Vec<f64>, TailKind) {
         if left.is_some_and(|left| !(left > 0.0)) {
             return (vec![0.0; self.len()], TailKind::None);

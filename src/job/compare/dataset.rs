@@ -6,8 +6,8 @@ use crate::appearance::{
     mirrored, spread,
 };
 
-/// Radiosity under each of `lights`: every lit texel spreads its light over its window. What a window puts beyond the patch is mirrored, as
-/// equation 7 has it; what the measured albedo leaves for beyond the window is spread evenly.
+/// Radiosity under each of `lights`: every lit texel spreads its light over its window. What a window puts beyond the
+/// patch is mirrored, as equation 7 has it; what the measured albedo leaves for beyond the window is spread evenly.
 pub(super) fn radiosity(
     dataset: &Dataset,
     channel: Channel,

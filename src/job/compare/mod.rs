@@ -1,8 +1,9 @@
-//! Does the printed slab look as promised? What each step from a measured BSSRDF to a print costs in appearance (Hašan et al.
-//! 2010, figure 7).
+//! Does the printed slab look as promised? What each step from a measured BSSRDF to a print costs in appearance (Hašan
+//! et al. 2010, figure 7).
 //!
-//! **In:** what `lumislice factor` wrote, finished jobs of slabs printed from it, and the dataset itself if it is at hand. **Out:** a [`Comparison`]: every stage
-//! under even light, a shadow edge and a projected spot, as pictures and numbers.
+//! **In:** what `lumislice factor` wrote, finished jobs of slabs printed from it, and the dataset itself if it is at
+//! hand. **Out:** a [`Comparison`]: every stage under even light, a shadow edge and a projected spot, as pictures and
+//! numbers.
 //!
 //! | stage | light by |
 //! | --- | --- |

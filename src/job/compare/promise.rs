@@ -9,8 +9,9 @@ use crate::{
     watch::{StopOnly, Unwatched, Watch},
 };
 
-/// How well the stackings of a job fit the clusters they stand for. Objectives are the paper's, Σ (R̂ − R̂_t)² over coefficients and channels,
-/// whatever the job itself minimised, so that jobs can be compared; a target is a cluster's profile, scaled as its job scaled it.
+/// How well the stackings of a job fit the clusters they stand for. Objectives are the paper's, Σ (R̂ − R̂_t)² over
+/// coefficients and channels, whatever the job itself minimised, so that jobs can be compared; a target is a cluster's
+/// profile, scaled as its job scaled it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct JobFit {
     /// The job's name.

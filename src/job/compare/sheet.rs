@@ -1,4 +1,5 @@
-//! The comparison sheet: pictures of every stage under every light, false-colour differences, and a page with the numbers.
+//! The comparison sheet: pictures of every stage under every light, false-colour differences, and a page with the
+//! numbers.
 
 use std::fmt::Write as _;
 

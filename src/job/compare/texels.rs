@@ -5,8 +5,8 @@ use std::{fs::File, io::Read, path::Path};
 use super::CompareError;
 use crate::appearance::{TexelRings, bssrdf::NpyHeader};
 
-/// Reads `profiles.npy`, `[row][column][channel][ring]` per mm² over rings between `edges_mm`, and returns for each texel the light within each edge of `rings`
-/// and the albedo. `weights` say how the channels are mixed.
+/// Reads `profiles.npy`, `[row][column][channel][ring]` per mm² over rings between `edges_mm`, and returns for each
+/// texel the light within each edge of `rings` and the albedo. `weights` say how the channels are mixed.
 pub(super) fn within(
     path: &Path,
     shape: [usize; 3],
@@ -44,7 +44,8 @@ pub(super) fn within(
     Ok(values.chunks(channels * own).map(texel).unzip())
 }
 
-/// For each edge of `to` the share of each of the rings between `from` that lies within it; those that lie beyond are left out.
+/// For each edge of `to` the share of each of the rings between `from` that lies within it; those that lie beyond are
+/// left out.
 fn shares(from: &[f64], to: &[f64]) -> Vec<Vec<(usize, f64)>> {
     let share = |edge: &f64, ring: usize| {
         let [low, high] = [from[ring] * from[ring], from[ring + 1] * from[ring + 1]];

@@ -1,4 +1,5 @@
-//! `lumislice factor`: a measured BSSRDF becomes a folder of local profiles, clusters and pictures, which a job prints from.
+//! `lumislice factor`: a measured BSSRDF becomes a folder of local profiles, clusters and pictures, which a job prints
+//! from.
 
 mod pictures;
 mod record;

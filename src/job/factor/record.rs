@@ -1,5 +1,5 @@
-//! `factored.json`: what was factored, how well, and what is measured and what fitted. A target is made of a few of its fields, and a record that
-//! another program wrote may leave the others out.
+//! `factored.json`: what was factored, how well, and what is measured and what fitted. A target is made of a few of its
+//! fields, and a record that another program wrote may leave the others out.
 
 use std::path::{Component, Path};
 

@@ -39,7 +39,8 @@ pub(super) fn paper(dc_weight: f64) -> String {
     )
 }
 
-/// The same with all that was found since: layers of any thickness, fitted in the transport model to targets that the resins can reach.
+/// The same with all that was found since: layers of any thickness, fitted in the transport model to targets that the
+/// resins can reach.
 pub(super) fn refined(dc_weight: f64) -> String {
     job(
         REFINED,

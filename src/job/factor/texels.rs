@@ -64,7 +64,8 @@ impl Texels {
                 for ((energy, p), area) in window.iter_mut().zip(&profile).zip(&areas) {
                     *energy = p * area;
                 }
-                // What the texel sends out around it: its neighbours have their part in it, so it is not the energy of its profile.
+                // What the texel sends out around it: its neighbours have their part in it, so it is not the energy of
+                // its profile.
                 let whole = (0..rings.len()).all(|ring| factors.availability.at(ring, texel) > WHOLE);
                 let within = if whole { factors.energy[texel] } else { window.iter().sum() };
                 let albedo = albedo(texel);
@@ -106,7 +107,8 @@ impl Texels {
         texel * stride..(texel + 1) * stride
     }
 
-    /// Gives texels that were not measured the profile of the nearest one that was, by steps to neighbours; how many there are.
+    /// Gives texels that were not measured the profile of the nearest one that was, by steps to neighbours; how many
+    /// there are.
     pub(super) fn adopt_missing(&mut self, dataset: &Dataset) -> usize {
         let (width, texels) = (dataset.width, dataset.texels());
         let mut done: Vec<bool> = (0..texels).map(|texel| dataset.is_present(texel)).collect();

@@ -188,8 +188,8 @@ impl Job {
         Err(JobError::UnknownName { place: self.place(key), key: key.to_owned(), kind, found: excerpt(name), hint })
     }
 
-    /// Where `key` (as `output.mesh-pitch-mm` or `object[0].mesh`) stands in the job file; for one that the job leaves to
-    /// its default the nearest table around it, else the file's start.
+    /// Where `key` (as `output.mesh-pitch-mm` or `object[0].mesh`) stands in the job file; for one that the job leaves
+    /// to its default the nearest table around it, else the file's start.
     pub fn place(&self, key: &str) -> Place {
         let mut around = key;
         loop {

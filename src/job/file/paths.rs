@@ -34,8 +34,8 @@ impl InputPath {
         }
     }
 
-    /// The path, as a manifest may show it, of a file that this one names: relative to where this one is shown, or only its name where it
-    /// lies elsewhere.
+    /// The path, as a manifest may show it, of a file that this one names: relative to where this one is shown, or only
+    /// its name where it lies elsewhere.
     pub fn beside(&self, companion: &Path) -> String {
         let shown = self.shown();
         let folder = Path::new(&shown).parent().unwrap_or(Path::new(""));

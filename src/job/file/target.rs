@@ -11,7 +11,8 @@ use crate::optics::Stack;
 pub enum TargetSpec {
     /// The same layers everywhere; nothing is optimised.
     Stacking {
-        /// Layers of 0.0001 to 2000 mm, at least one. Not bound by `max-thickness-mm` nor by the limits, which are the search's.
+        /// Layers of 0.0001 to 2000 mm, at least one. Not bound by `max-thickness-mm` nor by the limits, which are the
+        /// search's.
         stack: Stack<String>,
     },
     /// The same profile everywhere.

@@ -4,8 +4,8 @@ use super::PreparedObject;
 use crate::job::{DepthFrom, Job, JobError};
 use crate::voxel::Lattice;
 
-/// Refuses objects that are shorter than a voxel along every axis, most likely for want of a unit: of such an object next to nothing
-/// is printed. Those that are so along some axis only are told in `warnings`.
+/// Refuses objects that are shorter than a voxel along every axis, most likely for want of a unit: of such an object
+/// next to nothing is printed. Those that are so along some axis only are told in `warnings`.
 pub(super) fn tiny_objects(
     job: &Job,
     objects: &[PreparedObject],
@@ -28,8 +28,8 @@ pub(super) fn tiny_objects(
     Ok(())
 }
 
-/// Counts layers thinner than a voxel is long along an axis: on faces that look along it such a layer comes out thicker than it should be, or
-/// not at all. Layers laid from the top look along z only. `None` if there are none.
+/// Counts layers thinner than a voxel is long along an axis: on faces that look along it such a layer comes out thicker
+/// than it should be, or not at all. Layers laid from the top look along z only. `None` if there are none.
 pub(super) fn thin_layers(job: &Job, objects: &[PreparedObject], lattice: &Lattice) -> Option<String> {
     let axes = ['x', 'y', 'z'].into_iter().zip(lattice.pitch.to_array());
     let mut pitches: Vec<f64> = axes.clone().map(|(_, pitch)| pitch).collect();

@@ -72,7 +72,8 @@ impl FactoredMap {
         Ok(Self { pitch_mm, ring_edges_mm, width, height, channels, labels, profiles, record: path })
     }
 
-    /// Hankel transforms by cluster and channel of `channels`, over `grid`: one channel serves all, three serve one by their luminance.
+    /// Hankel transforms by cluster and channel of `channels`, over `grid`: one channel serves all, three serve one by
+    /// their luminance.
     ///
     /// # Errors
     /// Numbers of channels that are neither alike nor of these.

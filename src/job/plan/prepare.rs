@@ -268,7 +268,8 @@ pub(super) fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
     Ok(draft)
 }
 
-/// Simulates the resins that come without profiles, and fits coefficients to those that come with nothing else if the job's model asks for them.
+/// Simulates the resins that come without profiles, and fits coefficients to those that come with nothing else if the
+/// job's model asks for them.
 pub(super) fn finish_materials(draft: MaterialDraft, job: &Job, watch: &dyn Watch) -> Result<MaterialSet, RunError> {
     let mut file = match draft {
         MaterialDraft::Ready(set) => return Ok(set),

@@ -81,7 +81,8 @@ impl GamutMapEntry {
 pub struct SearchEntry {
     /// Σ w (R̂ − R̂_t)² over coefficients and channels, with the weights of the job's objective.
     pub objective: f64,
-    /// Its root per coefficient: the error of a coefficient, or its share of the target's where the objective is relative.
+    /// Its root per coefficient: the error of a coefficient, or its share of the target's where the objective is
+    /// relative.
     pub rms: f64,
     /// No stacking of the searched space is better than this.
     pub bound: f64,
@@ -89,8 +90,8 @@ pub struct SearchEntry {
     pub proven: bool,
     /// Partial stackings looked at.
     pub nodes: u64,
-    /// What the transport model says; `None` where stackings are judged by Kubelka–Munk. Objective, bound and proof are then those of
-    /// the stacking of whole units that was refined.
+    /// What the transport model says; `None` where stackings are judged by Kubelka–Munk. Objective, bound and proof are
+    /// then those of the stacking of whole units that was refined.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transport: Option<TransportEntry>,
 }

@@ -88,8 +88,9 @@ fn reflection(context: &TargetContext<'_>, stacking: &Stack) -> Result<Vec<Vec<f
 const FINEST_STEP_MM: f64 = 0.025;
 
 impl Job {
-    /// The layers that the stackings of an object may have: by transport at least as thick as a voxel is long in any direction that a surface
-    /// faces, unless the job says otherwise; by Kubelka–Munk whole slices, though not finer than tells anything apart.
+    /// The layers that the stackings of an object may have: by transport at least as thick as a voxel is long in any
+    /// direction that a surface faces, unless the job says otherwise; by Kubelka–Munk whole slices, though not finer
+    /// than tells anything apart.
     pub fn layer_options(&self, object: usize) -> RefineOptions {
         let pitch = self.printer.pitch_mm;
         let from_top = self.objects.get(object).is_some_and(|object| object.depth_from == DepthFrom::Top);

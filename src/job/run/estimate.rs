@@ -28,8 +28,8 @@ pub struct Estimate {
     pub warnings: Vec<String>,
 }
 
-/// Voxels of the coarse lattice that stands for the job's. At 4 M a 60 mm object is sampled every 0.4 mm, and volumes are
-/// within a few percent for layers down to half of that.
+/// Voxels of the coarse lattice that stands for the job's. At 4 M a 60 mm object is sampled every 0.4 mm, and volumes
+/// are within a few percent for layers down to half of that.
 const SAMPLES: f64 = 4e6;
 /// Least memory of a process with its code and buffers, bytes.
 const BASE_MEMORY: u64 = 24 << 20;

@@ -53,8 +53,8 @@ pub struct Finished {
 
 /// Slices a prepared job into `folder`.
 ///
-/// With [`Existing::Resume`] the slices that an interrupted run of the same job left whole are kept; where pictures are asked for, their voxels
-/// are reckoned again. A finished folder of the same job is left as it is.
+/// With [`Existing::Resume`] the slices that an interrupted run of the same job left whole are kept; where pictures are
+/// asked for, their voxels are reckoned again. A finished folder of the same job is left as it is.
 ///
 /// # Errors
 /// [`RunError::Output`] when the folder may not or cannot be written, [`RunError::Stopped`] when asked to stop; in both

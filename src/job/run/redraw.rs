@@ -49,8 +49,8 @@ impl Blamed for RedrawError {
     }
 }
 
-/// Draws the pictures of the finished job in `folder` again from its slices, with the page that shows them, and lists them in the
-/// manifest. Returns their paths relative to the folder.
+/// Draws the pictures of the finished job in `folder` again from its slices, with the page that shows them, and lists
+/// them in the manifest. Returns their paths relative to the folder.
 ///
 /// # Errors
 /// [`RedrawError`]; before anything is replaced unless writing itself fails.

@@ -1,7 +1,7 @@
 //! Re-reads a finished folder and checks it against its manifest.
 //!
-//! **In:** the folder. **Out:** a [`Verification`]: every [`Finding`] is one thing that is not as the manifest has it. The manifest is not
-//! trusted: nothing outside the folder is read, and what it claims bounds no memory.
+//! **In:** the folder. **Out:** a [`Verification`]: every [`Finding`] is one thing that is not as the manifest has it.
+//! The manifest is not trusted: nothing outside the folder is read, and what it claims bounds no memory.
 //!
 //! | file | what it does |
 //! | --- | --- |

@@ -1,8 +1,9 @@
 //! The material meshes: whole, closed and of the size the manifest says.
 //!
-//! A mesh is closed and consistently oriented if every edge is walked once each way. That is tested in constant memory: to a sum goes a
-//! 128-bit hash of every edge as it is walked, and from it the hash of the same edge walked back. The sum is 0 for a closed mesh, and
-//! for any other one with a chance of 2⁻¹²⁸. Vertices are the same if their coordinates are.
+//! A mesh is closed and consistently oriented if every edge is walked once each way. That is tested in constant memory:
+//! to a sum goes a 128-bit hash of every edge as it is walked, and from it the hash of the same edge walked back. The
+//! sum is 0 for a closed mesh, and for any other one with a chance of 2⁻¹²⁸. Vertices are the same if their coordinates
+//! are.
 
 use std::{
     fs::File,
@@ -19,7 +20,8 @@ use crate::job::MeshRecord;
 const HEADER: usize = 80;
 /// Bytes per triangle.
 const RECORD: usize = 50;
-/// STL rounds coordinates to 24 bits: the volume of a mesh as thin as 1/1000 of its distance from the origin keeps four digits.
+/// STL rounds coordinates to 24 bits: the volume of a mesh as thin as 1/1000 of its distance from the origin keeps four
+/// digits.
 const VOLUME_TOLERANCE: f64 = 1e-3;
 
 pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, result: &mut Verification) -> Result<(), VerifyError> {
@@ -98,7 +100,8 @@ fn compare(record: &MeshRecord, file: File) -> Result<(), String> {
     Ok(())
 }
 
-/// A hash of a directed edge: two rounds of splitmix64 (Steele, Lea and Flood 2014) per 64 bits, chained over the coordinates.
+/// A hash of a directed edge: two rounds of splitmix64 (Steele, Lea and Flood 2014) per 64 bits, chained over the
+/// coordinates.
 fn hash(from: [f32; 3], to: [f32; 3]) -> u128 {
     let chain = |seed: u64| {
         from.iter().chain(&to).fold(seed, |state, coordinate| {

@@ -1,16 +1,18 @@
-//! Do the exposures fit together? For every two, the pixels well exposed in both tell the true ratio of their times and the
-//! shift between them; a network of such links tells which exposure is odd.
+//! Do the exposures fit together? For every two, the pixels well exposed in both tell the true ratio of their times and
+//! the shift between them; a network of such links tells which exposure is odd.
 
 use super::{Sensor, Survey};
 use crate::measure::frame::Plane;
 
-/// Well exposed: from this share of the range up to saturation. Below, noise and black level count; a twentieth of 14 bits is 800.
+/// Well exposed: from this share of the range up to saturation. Below, noise and black level count; a twentieth of 14
+/// bits is 800.
 const WELL_EXPOSED: f64 = 0.05;
 /// Fewest shared pixels that make a link: their median ratio is good to half a percent.
 const MIN_SHARED: usize = 24;
 /// A link is no better than this (of its ratio): flicker, shutter.
 const LINK_FLOOR: f64 = 0.003;
-/// Off by more, an exposure is mislabelled: the slips are thirds of a stop (26%); nominal times are off by 7% at most (1/15 is 1/16).
+/// Off by more, an exposure is mislabelled: the slips are thirds of a stop (26%); nominal times are off by 7% at most
+/// (1/15 is 1/16).
 const MISLABELLED: f64 = 0.12;
 /// Off by more (and five standard deviations) it is used at the measured time.
 const OFF_LABEL: f64 = 0.015;

@@ -1,8 +1,9 @@
 //! Exposures into radiance: the mean of all unsaturated values over their times, weighted by what noise leaves of them.
 //!
-//! A value x of an exposure of t seconds has the variance (L t / gain + read noise²)/t² as an estimate of the radiance L. Weights
-//! that use the value itself for L favour values that happened to be low; here L comes from the longer exposures merged before,
-//! whose noise is independent. That leaves less than 1e-3 of bias at 100 electrons (a test holds it).
+//! A value x of an exposure of t seconds has the variance (L t / gain + read noise²)/t² as an estimate of the radiance
+//! L. Weights that use the value itself for L favour values that happened to be low; here L comes from the longer
+//! exposures merged before, whose noise is independent. That leaves less than 1e-3 of bias at 100 electrons (a test
+//! holds it).
 
 use rayon::prelude::*;
 

@@ -1,8 +1,8 @@
 //! A bracket of exposures becomes one plane of radiance.
 //!
-//! **In:** pictures of one scene with their exposure times. **Out:** radiance in DN/s and its variance for every pixel, with what
-//! was noticed. Every picture is decoded twice: [`survey`] looks at a window around the light to check labels, alignment and
-//! noise, then [`merge`] adds all pixels up.
+//! **In:** pictures of one scene with their exposure times. **Out:** radiance in DN/s and its variance for every pixel,
+//! with what was noticed. Every picture is decoded twice: [`survey`] looks at a window around the light to check
+//! labels, alignment and noise, then [`merge`] adds all pixels up.
 
 mod consistency;
 mod merge;
@@ -45,7 +45,8 @@ fn for_each(
     Ok(())
 }
 
-/// Refuses a picture of which a good part is not numbers, as floating-point files can have it; a few such pixels are only not used.
+/// Refuses a picture of which a good part is not numbers, as floating-point files can have it; a few such pixels are
+/// only not used.
 fn require_numbers(file: &std::path::Path, plane: &Plane) -> Result<(), MeasureError> {
     let bad = plane.values.par_iter().filter(|value| !value.is_finite()).count();
     if bad as f64 > MAX_NO_NUMBERS * plane.values.len() as f64 {

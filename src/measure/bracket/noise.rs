@@ -98,7 +98,8 @@ fn border(plane: &Plane) -> Vec<f32> {
     all.filter(|(x, y)| !inside(*x, *y)).map(|(x, y)| plane.at(x, y)).collect()
 }
 
-/// Mean, and standard deviation by differences of neighbours in a row, both without outliers; the latter at least that of rounding.
+/// Mean, and standard deviation by differences of neighbours in a row, both without outliers; the latter at least that
+/// of rounding.
 fn level_and_noise(values: &[f32], width: usize, rounding: f64) -> (f64, f64) {
     let step = (rounding / ROUNDING).sqrt();
     let mut sorted: Vec<f64> = values.iter().map(|value| f64::from(*value)).filter(|value| value.is_finite()).collect();

@@ -11,7 +11,8 @@ const WINDOW: usize = 512;
 /// The brightest spot is the brightest square of this side, so that a hot pixel is none.
 const SPOT: usize = 6;
 
-/// Largest values that agree to this share of the range are a ceiling, if one exposure is longer than the other by a factor.
+/// Largest values that agree to this share of the range are a ceiling, if one exposure is longer than the other by a
+/// factor.
 const SAME_CEILING: f64 = 0.02;
 const LONGER: f64 = 1.2;
 
@@ -68,7 +69,8 @@ impl Survey {
         self.windows.iter().map(|window| window.top).fold(f32::MIN, f32::max)
     }
 
-    /// Whether values are whole numbers, as sensors give them; else the file is of floating point, and its numbers of any size.
+    /// Whether values are whole numbers, as sensors give them; else the file is of floating point, and its numbers of
+    /// any size.
     pub fn whole_numbers(&self) -> bool {
         self.windows.iter().all(|window| window.plane.values.iter().all(|value| value.fract() == 0.0 || value.is_nan()))
     }

@@ -1,7 +1,8 @@
 //! Pictures as planes of numbers proportional to light.
 //!
-//! **In:** a file: 16-bit PNG or TIFF, EXR and, with the feature `raw`, a camera's raw file. **Out:** its [`Header`] without
-//! decoding it, or the planes asked for. Eight bits and JPEG are refused: their values are coarse, curved and lossy.
+//! **In:** a file: 16-bit PNG or TIFF, EXR and, with the feature `raw`, a camera's raw file. **Out:** its [`Header`]
+//! without decoding it, or the planes asked for. Eight bits and JPEG are refused: their values are coarse, curved and
+//! lossy.
 
 mod container;
 mod exif;

@@ -1,5 +1,5 @@
-//! Camera raw files through rawler. A pixel of a plane is a cell of 2 × 2 sensor pixels: half the sensor's columns and rows, no
-//! colour guessed from neighbours.
+//! Camera raw files through rawler. A pixel of a plane is a cell of 2 × 2 sensor pixels: half the sensor's columns and
+//! rows, no colour guessed from neighbours.
 
 use std::path::Path;
 

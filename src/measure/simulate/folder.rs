@@ -45,8 +45,8 @@ impl Default for Laboratory {
     }
 }
 
-/// Photographs a resin and writes pictures and `capture.toml` into a folder; returns the path of the latter. Scene and truth are
-/// given for reflection and transmission.
+/// Photographs a resin and writes pictures and `capture.toml` into a folder; returns the path of the latter. Scene and
+/// truth are given for reflection and transmission.
 ///
 /// # Errors
 /// What the disk says.

@@ -1,11 +1,13 @@
-//! What reaches the camera: the profile, blurred by the spot and the pixels, seen at an angle, with light that has no business there.
+//! What reaches the camera: the profile, blurred by the spot and the pixels, seen at an angle, with light that has no
+//! business there.
 
 use rayon::prelude::*;
 
 use crate::measure::Aperture;
 use crate::optics::RadialProfile;
 
-/// Pixels within so many widths of a square spot are averaged point by point; farther out, and of a disc, its blur is round.
+/// Pixels within so many widths of a square spot are averaged point by point; farther out, and of a disc, its blur is
+/// round.
 const NEAR_WIDTHS: f64 = 4.0;
 /// Points a side in a near pixel and across the spot: 144 × 169 pairs, of which neighbours are a micrometre apart.
 const PIXEL_POINTS: usize = 12;
@@ -33,7 +35,8 @@ pub struct Truth {
 impl Truth {
     /// Through the samples of a profile that are well above their own noise; `pole` if it grows like 1/r at the centre.
     pub fn new(profile: &RadialProfile, pole: bool) -> Self {
-        // A ring's mean of c/r is c over its middle radius, not over its mean radius by area: a third less in the innermost ring.
+        // A ring's mean of c/r is c over its middle radius, not over its mean radius by area: a third less in the
+        // innermost ring.
         let middle = |edges: &[f64]| edges.windows(2).map(|edge| 0.5 * (edge[0] + edge[1])).collect();
         let radii: Vec<f64> = match profile.ring_edges() {
             Some(edges) if pole => middle(edges),
@@ -138,8 +141,8 @@ impl Defects {
 }
 
 impl Scene {
-    /// The paper's camera, 44 µm a pixel, over a square field that reaches to 1e-6 of the innermost light, but no farther than
-    /// `farthest_mm`.
+    /// The paper's camera, 44 µm a pixel, over a square field that reaches to 1e-6 of the innermost light, but no
+    /// farther than `farthest_mm`.
     pub fn around(truth: &Truth, spot: Aperture, farthest_mm: f64) -> Self {
         const MM_PER_PIXEL: f64 = 0.044;
         let reach = (1.35 * truth.radius_of(1e-6, MM_PER_PIXEL)).max(NEAREST_MM).min(farthest_mm);
@@ -226,8 +229,8 @@ impl Tilt {
         Self { direction, sine_over_distance: angle.sin() / distance_mm, cosine: angle.cos() }
     }
 
-    /// Place on the sample, in its plane, of a place in the picture: a point s along the tilt is s·sin t nearer to the lens, and
-    /// seen at s·cos t · D/(D − s·sin t).
+    /// Place on the sample, in its plane, of a place in the picture: a point s along the tilt is s·sin t nearer to the
+    /// lens, and seen at s·cos t · D/(D − s·sin t).
     fn on_sample(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let along = x * self.direction[0] + y * self.direction[1];
         let across = y * self.direction[0] - x * self.direction[1];

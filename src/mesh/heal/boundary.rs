@@ -1,9 +1,10 @@
 //! The boundary of a surface, as closed loops.
 //!
-//! The boundary is a chain: every undirected edge counts the triangles that run along it one way minus those that run the other.
-//! It closes by itself (the boundary of a boundary is nothing), at every vertex as much comes in as goes out, so walking along it
-//! never strands. Whenever the walk meets itself the loop just closed is cut off; the loops are therefore simple,
-//! and holes that touch in a vertex come apart. This holds for flipped, doubled and non-manifold triangles alike.
+//! The boundary is a chain: every undirected edge counts the triangles that run along it one way minus those that run
+//! the other. It closes by itself (the boundary of a boundary is nothing), at every vertex as much comes in as goes
+//! out, so walking along it never strands. Whenever the walk meets itself the loop just closed is cut off; the loops
+//! are therefore simple, and holes that touch in a vertex come apart. This holds for flipped, doubled and non-manifold
+//! triangles alike.
 
 use std::collections::HashMap;
 

@@ -1,8 +1,8 @@
 //! Triangles that pass through each other.
 //!
-//! Counted are pairs without a common corner where an edge of one properly pierces the other. Contact, coplanar overlap and folds
-//! between neighbours do not count. Signs of volumes decide, in f64 with a tolerance: what grazes within rounding is
-//! contact. Inside and outside do not depend on this count, it only goes into the report.
+//! Counted are pairs without a common corner where an edge of one properly pierces the other. Contact, coplanar overlap
+//! and folds between neighbours do not count. Signs of volumes decide, in f64 with a tolerance: what grazes within
+//! rounding is contact. Inside and outside do not depend on this count, it only goes into the report.
 
 use std::time::Duration;
 

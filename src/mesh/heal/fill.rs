@@ -1,9 +1,9 @@
 //! Caps for boundary loops.
 //!
-//! Loops are triangulated with least total area by dynamic programming over all sub-loops (Barequet and Sharir, *Filling gaps in the boundary
-//! of a polyhedron*, CAGD 1995), which fills a flat loop without overlap, convex or not. The method is cubic;
-//! loops beyond [`MAX_EXACT`] corners, and whatever comes after [`BUDGET`] is spent, get a fan around their centroid,
-//! which has the right boundary too but may fold over itself if the loop is not star-shaped.
+//! Loops are triangulated with least total area by dynamic programming over all sub-loops (Barequet and Sharir,
+//! *Filling gaps in the boundary of a polyhedron*, CAGD 1995), which fills a flat loop without overlap, convex or not.
+//! The method is cubic; loops beyond [`MAX_EXACT`] corners, and whatever comes after [`BUDGET`] is spent, get a fan
+//! around their centroid, which has the right boundary too but may fold over itself if the loop is not star-shaped.
 
 use glam::DVec3;
 use rayon::prelude::*;

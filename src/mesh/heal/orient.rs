@@ -1,8 +1,8 @@
 //! Agreement between neighbours: breadth-first over edges with exactly two triangles.
 //!
-//! Two triangles agree if they run along their common edge in opposite directions. A patch is what such edges connect; within
-//! it the fewer triangles give way, so the orientation that most of the file has survives. A patch that cannot be oriented (a
-//! Möbius strip) keeps edges where neighbours disagree; their boundary is capped like any other.
+//! Two triangles agree if they run along their common edge in opposite directions. A patch is what such edges connect;
+//! within it the fewer triangles give way, so the orientation that most of the file has survives. A patch that cannot
+//! be oriented (a Möbius strip) keeps edges where neighbours disagree; their boundary is capped like any other.
 
 use super::edges::{Edges, direction, triangle_of};
 use super::{HealthReport, TriangleMesh};

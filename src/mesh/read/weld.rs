@@ -51,8 +51,8 @@ impl Table {
     }
 }
 
-/// Mixes the coordinates' bits as splitmix64 does (Steele, Lea, Flood 2014), one round a coordinate: grids, whose low bits
-/// are all zero, must spread over the low bits of the result.
+/// Mixes the coordinates' bits as splitmix64 does (Steele, Lea, Flood 2014), one round a coordinate: grids, whose low
+/// bits are all zero, must spread over the low bits of the result.
 fn hash(p: DVec3) -> u64 {
     let mut h = 0u64;
     for c in p.to_array() {

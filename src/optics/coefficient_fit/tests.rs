@@ -1,4 +1,5 @@
-//! Profiles traced by photons through known coefficients go in; the same coefficients, or at least their predictions, must come out.
+//! Profiles traced by photons through known coefficients go in; the same coefficients, or at least their predictions,
+//! must come out.
 
 use super::*;
 use crate::optics::{

@@ -1,7 +1,8 @@
 //! Built-in sets: material files compiled in, with profiles simulated once and stored.
 //!
 //! None is a measurement of a printer's resin, and each says so in its provenance. `cargo run --release -p tools --bin
-//! regenerate_builtin` writes the stored profiles anew; they depend on nothing but coefficients, thickness, photons and seed.
+//! regenerate_builtin` writes the stored profiles anew; they depend on nothing but coefficients, thickness, photons and
+//! seed.
 
 use std::path::Path;
 

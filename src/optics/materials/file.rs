@@ -25,8 +25,9 @@
 //! thickness-mm = 1.0
 //! ```
 //!
-//! Coefficients and profiles may both be given: Kubelka–Munk parameters then come from the profiles, of the first slab if there are several, and
-//! whoever needs coefficients has them. Where only profiles are given, [`MaterialFile::fit`] finds coefficients for all slabs together.
+//! Coefficients and profiles may both be given: Kubelka–Munk parameters then come from the profiles, of the first slab
+//! if there are several, and whoever needs coefficients has them. Where only profiles are given, [`MaterialFile::fit`]
+//! finds coefficients for all slabs together.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -97,7 +98,8 @@ impl MaterialFile {
     /// Reads and checks a file and the profiles it names; quick.
     ///
     /// # Errors
-    /// [`OpticsError::File`] for a file that cannot be read, [`OpticsError::Entry`] for the first thing in it that is not acceptable.
+    /// [`OpticsError::File`] for a file that cannot be read, [`OpticsError::Entry`] for the first thing in it that is
+    /// not acceptable.
     pub fn read(path: &Path) -> Result<Self, OpticsError> {
         let text =
             std::fs::read_to_string(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?;
@@ -144,8 +146,9 @@ impl MaterialFile {
         Ok(file)
     }
 
-    /// Fits coefficients to the resins that are given by profiles only: those in `names`, or all. Some seconds a resin. The answer is one line for each
-    /// resin that stays without, because none fit; the set's warnings will have them too. `watch` hears the stage "coefficients".
+    /// Fits coefficients to the resins that are given by profiles only: those in `names`, or all. Some seconds a resin.
+    /// The answer is one line for each resin that stays without, because none fit; the set's warnings will have them
+    /// too. `watch` hears the stage "coefficients".
     ///
     /// # Errors
     /// [`OpticsError::Stopped`].

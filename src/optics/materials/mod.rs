@@ -1,8 +1,8 @@
 //! Resins and the sets they come in.
 //!
 //! A set is read from a TOML file (`file.rs`) or is built in (`builtin.rs`); either way every resin ends up with the
-//! Kubelka–Munk parameters of each channel over the default [`FrequencyGrid`], read off a slab of representative thickness
-//! (`spectra.rs`) that was measured or is simulated from volume coefficients (`simulate.rs`).
+//! Kubelka–Munk parameters of each channel over the default [`FrequencyGrid`], read off a slab of representative
+//! thickness (`spectra.rs`) that was measured or is simulated from volume coefficients (`simulate.rs`).
 
 mod builtin;
 mod file;
@@ -22,7 +22,7 @@ pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
 pub use simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, SimulatedProfile};
 pub use slabs::SlabPlan;
-#[cfg(feature = "measure")]
+#[cfg(any(test, feature = "measure"))]
 pub(crate) use spectra::ResinSpectrum;
 pub use spectra::SpectrumError;
 
@@ -56,8 +56,8 @@ pub struct Resin {
     pub print_as_background: bool,
     /// What light does in it, by the set's channels.
     pub channels: Vec<ResinChannel>,
-    /// Refractive index, as in the coefficients. The Kubelka–Munk parameters of simulated slabs are index-matched whatever it is; those of
-    /// measured ones have the surfaces of the measured slab in them.
+    /// Refractive index, as in the coefficients. The Kubelka–Munk parameters of simulated slabs are index-matched
+    /// whatever it is; those of measured ones have the surfaces of the measured slab in them.
     pub refractive_index: f64,
     /// Free text of the file.
     pub notes: String,

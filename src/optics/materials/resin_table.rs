@@ -166,7 +166,8 @@ impl Draft {
         })
     }
 
-    /// Fits coefficients to the profiles of every channel, if there are none and each channel's are good enough; else says why not.
+    /// Fits coefficients to the profiles of every channel, if there are none and each channel's are good enough; else
+    /// says why not.
     pub(super) fn fit(&mut self, channels: &[String]) -> Result<(), String> {
         let (None, Some(profiles)) = (&self.volume, &self.profiles) else { return Ok(()) };
         let mut fits = Vec::with_capacity(channels.len());

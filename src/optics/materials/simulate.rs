@@ -26,8 +26,8 @@ pub struct SimulatedProfile {
     pub(in crate::optics) result: MonteCarloResult,
 }
 
-/// Simulates a slab, index-matched whatever the resin's refractive index: what Kubelka–Munk parameters are read from must not have the
-/// slab's own surfaces in it. `watch` hears of the photons about every million.
+/// Simulates a slab, index-matched whatever the resin's refractive index: what Kubelka–Munk parameters are read from
+/// must not have the slab's own surfaces in it. `watch` hears of the photons about every million.
 ///
 /// # Errors
 /// As [`MonteCarlo::run_with`].

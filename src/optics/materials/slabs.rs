@@ -1,6 +1,7 @@
 //! The slabs a material file's resins are simulated as, and the file that uses the result.
 //!
-//! Profiles that were simulated once and stored make a set that loads at once and never changes; the built-in sets are such.
+//! Profiles that were simulated once and stored make a set that loads at once and never changes; the built-in sets are
+//! such.
 
 use std::fmt::Write as _;
 
@@ -38,8 +39,8 @@ impl SlabPlan {
 }
 
 impl MaterialFile {
-    /// The slabs of all resins that have coefficients, in the order of the file, channel by channel. Every slab has a seed of its
-    /// own: `first_seed` and up, by default the file's.
+    /// The slabs of all resins that have coefficients, in the order of the file, channel by channel. Every slab has a
+    /// seed of its own: `first_seed` and up, by default the file's.
     pub fn slab_plans(&self, first_seed: Option<u64>) -> Vec<SlabPlan> {
         let first_seed = first_seed.unwrap_or(self.first_seed);
         let mut plans = Vec::new();
@@ -72,8 +73,8 @@ impl MaterialFile {
         if stem.trim().is_empty() { "materials".to_owned() } else { stem.trim().to_owned() }
     }
 
-    /// The text of a material file whose resins are those of `plans`, with the planned profiles beside it; the others have no
-    /// coefficients or were left out of the plans.
+    /// The text of a material file whose resins are those of `plans`, with the planned profiles beside it; the others
+    /// have no coefficients or were left out of the plans.
     pub fn toml_with(&self, plans: &[SlabPlan]) -> String {
         let mut text = format!("name = {}\n", quoted(&self.name));
         // Writing to a String cannot fail.
@@ -125,7 +126,8 @@ mod tests {
     use crate::optics::{MaterialSet, regenerate_builtin};
     use crate::watch::Unwatched;
 
-    /// What `regenerate_builtin` stores for a set and what its plans simulate are the same profiles under the same names.
+    /// What `regenerate_builtin` stores for a set and what its plans simulate are the same profiles under the same
+    /// names.
     #[test]
     fn plans_of_built_in_sets_are_the_stored_profiles() {
         const PHOTONS: u64 = 64;

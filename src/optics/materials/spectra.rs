@@ -5,8 +5,8 @@ use crate::optics::{
     repair_transmission,
 };
 
-/// R̂ + T̂ may exceed 1 by this much in a measurement; the pair is then scaled to 1. Two separate albedo measurements against a
-/// grey card are no better than a percent.
+/// R̂ + T̂ may exceed 1 by this much in a measurement; the pair is then scaled to 1. Two separate albedo measurements
+/// against a grey card are no better than a percent.
 pub const MEASURED_EXCESS: f64 = 0.01;
 
 /// What a slab's profiles say about its resin.

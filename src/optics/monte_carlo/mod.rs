@@ -1,14 +1,14 @@
 //! Multi-layer Monte Carlo: the referee that shares no equation with the Hankel models.
 //!
-//! Photons random-walk through plane layers as in Wang, Jacques and Zheng 1995 (MCML), with the phase function of Henyey and
-//! Greenstein 1941. Where refractive indices differ, air's 1 included, Fresnel's reflectance decides by chance between reflection and
-//! refraction. **In:** layers, an optional half-space below them, the light at the origin of the top. **Out:** total reflection and
-//! transmission and their radial profiles, each with a standard error; what the top surface reflects before any light has entered, the
-//! glint, is kept apart.
+//! Photons random-walk through plane layers as in Wang, Jacques and Zheng 1995 (MCML), with the phase function of
+//! Henyey and Greenstein 1941. Where refractive indices differ, air's 1 included, Fresnel's reflectance decides by
+//! chance between reflection and refraction. **In:** layers, an optional half-space below them, the light at the origin
+//! of the top. **Out:** total reflection and transmission and their radial profiles, each with a standard error; what
+//! the top surface reflects before any light has entered, the glint, is kept apart.
 //!
-//! *Guaranteed:* estimates without bias; the same bytes for the same seed whatever the number of threads, because photons
-//! come in batches of fixed size, each with a random stream of its own, summed in their order.
-//! *Not covered:* polarisation, time of flight; lateral inhomogeneity is [`voxels`]' task, which is index-matched.
+//! *Guaranteed:* estimates without bias; the same bytes for the same seed whatever the number of threads, because
+//! photons come in batches of fixed size, each with a random stream of its own, summed in their order. *Not covered:*
+//! polarisation, time of flight; lateral inhomogeneity is [`voxels`]' task, which is index-matched.
 
 pub(crate) mod photon;
 mod rings;
@@ -44,8 +44,8 @@ pub enum Light {
 /// A simulation to be run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MonteCarlo {
-    /// From the lit top down, thicknesses finite and ≥ 0; layers of no thickness change nothing. Without a core, what leaves the last layer
-    /// is transmitted.
+    /// From the lit top down, thicknesses finite and ≥ 0; layers of no thickness change nothing. Without a core, what
+    /// leaves the last layer is transmitted.
     pub stack: Stack<VolumeCoefficients>,
     /// The source.
     pub light: Light,

@@ -5,9 +5,9 @@ use rand_xoshiro::rand_core::Rng;
 
 use super::Estimate;
 
-/// Weight under which a photon plays roulette, with survivors raised to [`REVIVED`]: a compromise in favour of faint transmission;
-/// on 3 mm of white 1/(σ² s) is 6.6e6 for R and 5.0e8 for T; at 0.01 and 0.1 they are 6.2e6 and 5.0e8, at 0.2 and 0.5
-/// 6.3e6 and 4.0e8, at 0.5 and 1 (nearly analog) 9.5e6 and 2.5e8. Thin slabs do not care.
+/// Weight under which a photon plays roulette, with survivors raised to [`REVIVED`]: a compromise in favour of faint
+/// transmission; on 3 mm of white 1/(σ² s) is 6.6e6 for R and 5.0e8 for T; at 0.01 and 0.1 they are 6.2e6 and 5.0e8, at
+/// 0.2 and 0.5 6.3e6 and 4.0e8, at 0.5 and 1 (nearly analog) 9.5e6 and 2.5e8. Thin slabs do not care.
 pub(crate) const FAINT: f64 = 0.05;
 /// Weight a survivor of the roulette is raised to.
 pub(crate) const REVIVED: f64 = 0.25;
@@ -27,8 +27,9 @@ impl Direction {
         Self { x: ratio * self.x, y: ratio * self.y, z: cosine.copysign(self.z) }
     }
 
-    /// This direction turned by a polar angle of the given cosine, at an azimuth given as (cos φ, sin φ). The frame around
-    /// the old direction is that of Duff et al. 2017, *Building an Orthonormal Basis, Revisited*: no pole, no branch.
+    /// This direction turned by a polar angle of the given cosine, at an azimuth given as (cos φ, sin φ). The frame
+    /// around the old direction is that of Duff et al. 2017, *Building an Orthonormal Basis, Revisited*: no pole, no
+    /// branch.
     #[inline]
     pub(crate) fn turned(self, cosine: f64, (cos_phi, sin_phi): (f64, f64)) -> Self {
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
@@ -78,7 +79,8 @@ pub(crate) fn uniform(rng: &mut Xoshiro256PlusPlus) -> f64 {
     (rng.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
 }
 
-/// (cos φ, sin φ) of a uniform azimuth by von Neumann's rejection from the disc: arithmetic only, so the same on every machine.
+/// (cos φ, sin φ) of a uniform azimuth by von Neumann's rejection from the disc: arithmetic only, so the same on every
+/// machine.
 #[inline]
 pub(crate) fn azimuth(rng: &mut Xoshiro256PlusPlus) -> (f64, f64) {
     loop {

@@ -29,8 +29,9 @@ impl RingEdges {
         Self(step(0.0, 0.01, 200).chain(step(2.0, 0.05, 160)).chain(step(10.0, 0.5, 141)).collect())
     }
 
-    /// About 200 rings to 80 mm, 10 µm wide to 0.4 mm and growing with r beyond: those of the built-in profiles. They give
-    /// the Hankel coefficients of closed-form pairs up to 20 rad/mm as well as [`RingEdges::fine`] does, within 1e-5 (a test holds this).
+    /// About 200 rings to 80 mm, 10 µm wide to 0.4 mm and growing with r beyond: those of the built-in profiles. They
+    /// give the Hankel coefficients of closed-form pairs up to 20 rad/mm as well as [`RingEdges::fine`] does, within
+    /// 1e-5 (a test holds this).
     pub fn growing() -> Self {
         const GROWTH: f64 = 1.035;
         const LAST_MM: f64 = 80.0;

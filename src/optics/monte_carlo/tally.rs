@@ -1,7 +1,7 @@
 //! Sums over photons, from which means and standard errors follow.
 //!
-//! A photon leaves the stack once at most, so the contributions to one sum are independent between photons, and the second
-//! moment gives the standard error without batches: var = (⟨w²⟩ − ⟨w⟩²)/(N − 1).
+//! A photon leaves the stack once at most, so the contributions to one sum are independent between photons, and the
+//! second moment gives the standard error without batches: var = (⟨w²⟩ − ⟨w⟩²)/(N − 1).
 
 use super::photon::Moments;
 use super::{MonteCarloResult, RingEdges};

@@ -1,7 +1,7 @@
 //! One photon's random walk.
 //!
-//! Absorption is carried as a weight (implicit capture): a photon loses the absorbed share σa/σt at every event instead of
-//! dying by chance, so every exit scores a smooth weight and the profiles' far tails, where one photon in 10⁵ would
+//! Absorption is carried as a weight (implicit capture): a photon loses the absorbed share σa/σt at every event instead
+//! of dying by chance, so every exit scores a smooth weight and the profiles' far tails, where one photon in 10⁵ would
 //! survive, are filled by many small weights. Weights below [`FAINT`] play roulette, which ends the walk without bias.
 
 use rand_xoshiro::Xoshiro256PlusPlus;

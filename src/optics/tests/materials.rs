@@ -1,4 +1,5 @@
-//! Material files: what is good is read, what is not is named with its line; built-in sets are what their coefficients say.
+//! Material files: what is good is read, what is not is named with its line; built-in sets are what their coefficients
+//! say.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 

@@ -1,5 +1,5 @@
-//! Against reference values of independent programs. They are not part of the crate: `LUMISLICE_SHARED` names their folder
-//! (`../shared` beside the crate by default), and without it these tests say so and pass.
+//! Against reference values of independent programs. They are not part of the crate: `LUMISLICE_SHARED` names their
+//! folder (`../shared` beside the crate by default), and without it these tests say so and pass.
 
 use std::path::PathBuf;
 

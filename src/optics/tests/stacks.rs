@@ -1,4 +1,5 @@
-//! The transport model against our own photons: thin layers, and stacks of support over white over black. Proofs of minutes.
+//! The transport model against our own photons: thin layers, and stacks of support over white over black. Proofs of
+//! minutes.
 
 use super::reference::{BLACK, SUPPORT, WHITE, rms};
 use crate::optics::{

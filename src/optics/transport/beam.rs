@@ -1,8 +1,8 @@
 //! Diffuse light that goes straight through.
 //!
-//! A stack lets through ∫ e^{−Σ τ/μ} J₀(k Σ h tanθ) 2μ dμ of a diffuse point source at spatial frequency k, less what its boundaries
-//! reflect, in the unit of the flux that enters; Σ is over the layers, each with its own μ and θ. Few directions sample this badly where kh is
-//! large.
+//! A stack lets through ∫ e^{−Σ τ/μ} J₀(k Σ h tanθ) 2μ dμ of a diffuse point source at spatial frequency k, less what
+//! its boundaries reflect, in the unit of the flux that enters; Σ is over the layers, each with its own μ and θ. Few
+//! directions sample this badly where kh is large.
 
 use std::f64::consts::PI;
 
@@ -131,7 +131,8 @@ mod tests {
         Directions::new([], TransportOptions { polar: 2, orders: 1 })
     }
 
-    /// Without extinction the light spreads as 1/(r² + h²)²; its transform is x K₁(x), Abramowitz and Stegun 9.6.25, x = kh.
+    /// Without extinction the light spreads as 1/(r² + h²)²; its transform is x K₁(x), Abramowitz and Stegun 9.6.25, x
+    /// = kh.
     #[test]
     fn nothing_in_the_way() {
         for (x, x_k1) in

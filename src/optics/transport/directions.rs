@@ -1,13 +1,14 @@
 //! Discrete directions of a hemisphere.
 //!
-//! In the polar angle: nodes at p = n sinθ, which Snell's law keeps from medium to medium, so that a boundary couples no two of them. The range of p
-//! is cut at every refractive index there is, air's 1 included, for at each of them one medium begins to reflect all light. On each piece the nodes are
-//! Gauss's in the cosine μ of the rarest medium that light on it can travel in: Fresnel's coefficients and the other media's
-//! cosines are smooth in that one, while in a denser medium's they start as a square root. Where all indices are one this is double-Gauss quadrature
-//! (Sykes 1951). A node carries the same étendue n² μ dμ everywhere.
+//! In the polar angle: nodes at p = n sinθ, which Snell's law keeps from medium to medium, so that a boundary couples
+//! no two of them. The range of p is cut at every refractive index there is, air's 1 included, for at each of them one
+//! medium begins to reflect all light. On each piece the nodes are Gauss's in the cosine μ of the rarest medium that
+//! light on it can travel in: Fresnel's coefficients and the other media's cosines are smooth in that one, while in a
+//! denser medium's they start as a square root. Where all indices are one this is double-Gauss quadrature (Sykes 1951).
+//! A node carries the same étendue n² μ dμ everywhere.
 //!
-//! In the azimuth: the cosines cos(mφ), of which a source without a preferred azimuth is the zeroth. Light that varies as
-//! e^{ikx} couples order m to m ± 1 by a factor i; in L_m = i^m L′_m the equations are real.
+//! In the azimuth: the cosines cos(mφ), of which a source without a preferred azimuth is the zeroth. Light that varies
+//! as e^{ikx} couples order m to m ± 1 by a factor i; in L_m = i^m L′_m the equations are real.
 
 use super::{TransportOptions, rays::Ray, scattering::Scattering};
 use crate::numeric::quadrature::gauss_legendre;
@@ -84,9 +85,9 @@ impl Directions {
         self.nodes.len() * self.orders + 1
     }
 
-    /// Legendre terms of a phase function: where all indices are one, as many as the nodes integrate exactly against each other, so that no
-    /// light is lost. One term more would be conserved too, but its forward peak falls between the nodes: R̂ rms doubles (support 1 mm: 1.9e-4
-    /// to 3.2e-4 at 6 × 8).
+    /// Legendre terms of a phase function: where all indices are one, as many as the nodes integrate exactly against
+    /// each other, so that no light is lost. One term more would be conserved too, but its forward peak falls between
+    /// the nodes: R̂ rms doubles (support 1 mm: 1.9e-4 to 3.2e-4 at 6 × 8).
     pub(super) fn terms(&self) -> usize {
         2 * self.nodes.len() - 1
     }
@@ -183,7 +184,8 @@ mod tests {
         }
     }
 
-    /// Egan and Hilgeman 1979: 0.0918 of diffuse light from outside and 0.5964 from inside; 0.091779 and 0.596346 by a fine rule.
+    /// Egan and Hilgeman 1979: 0.0918 of diffuse light from outside and 0.5964 from inside; 0.091779 and 0.596346 by a
+    /// fine rule.
     #[test]
     fn five_angles_know_the_diffuse_reflectance() {
         let directions = Directions::new([1.5], options(5, 1));

@@ -1,11 +1,13 @@
 //! A boundary between media, over directions.
 //!
-//! Refraction keeps a node and its azimuth, so that a boundary is one reflectance per unknown, the same from both sides.
+//! Refraction keeps a node and its azimuth, so that a boundary is one reflectance per unknown, the same from both
+//! sides.
 
 use super::directions::{AIR, Directions};
 use crate::optics::fresnel::refraction;
 
-/// Share of the flux in every unknown that a boundary between media of indices `above` and `below` reflects; `None` where they are one.
+/// Share of the flux in every unknown that a boundary between media of indices `above` and `below` reflects; `None`
+/// where they are one.
 pub(super) fn reflectances(directions: &Directions, above: f64, below: f64) -> Option<Vec<f64>> {
     if above == below {
         return None;
@@ -24,7 +26,8 @@ pub(super) fn reflectances(directions: &Directions, above: f64, below: f64) -> O
     Some(orders.chain([vertical]).collect())
 }
 
-/// What the top surface of a stack whose first layer has refractive index `first` reflects of unit light with these fluxes.
+/// What the top surface of a stack whose first layer has refractive index `first` reflects of unit light with these
+/// fluxes.
 pub(super) fn glint(directions: &Directions, first: f64, source: impl Iterator<Item = f64>) -> f64 {
     let reflected = |reflectances: Vec<f64>| reflectances.iter().zip(source).map(|(share, flux)| share * flux).sum();
     reflectances(directions, AIR, first).map_or(0.0, reflected)

@@ -1,9 +1,9 @@
 //! Light in a stack by the transport equation, at every spatial frequency on its own.
 //!
-//! What Kubelka–Munk lacks is direction. Here light has as many as the accuracy needs, its lateral course e^{ikx} couples them, and a slab's
-//! reflection and transmission are matrices over them; equations 3 and 4 of Hašan et al. 2010 compose those as they compose
-//! scalars. Resins have the phase function of Henyey and Greenstein; where refractive indices differ, air's 1 included, boundaries
-//! reflect after Fresnel and bend light after Snell.
+//! What Kubelka–Munk lacks is direction. Here light has as many as the accuracy needs, its lateral course e^{ikx}
+//! couples them, and a slab's reflection and transmission are matrices over them; equations 3 and 4 of Hašan et al.
+//! 2010 compose those as they compose scalars. Resins have the phase function of Henyey and Greenstein; where
+//! refractive indices differ, air's 1 included, boundaries reflect after Fresnel and bend light after Snell.
 //!
 //! ```text
 //!   VolumeCoefficients ──► Scattering ──► Generator(k) ──► Modes, Interface ──► from the base up ──► R̂(k), T̂(k)
@@ -48,11 +48,13 @@ pub struct TransportOptions {
 }
 
 impl TransportOptions {
-    /// 6 × 5: R̂ within 2.5e-4 rms of Monte Carlo from 0 to 20 rad/mm, 1e-3 for stacks of layers below 0.1 mm (docs/accuracy.md), at a third of the default's cost.
+    /// 6 × 5: R̂ within 2.5e-4 rms of Monte Carlo from 0 to 20 rad/mm, 1e-3 for stacks of layers below 0.1 mm
+    /// (docs/accuracy.md), at a third of the default's cost.
     pub const REFLECTION: Self = Self { polar: 6, orders: 5 };
 
-    /// As many directions as R̂ needs to be within about `accuracy` rms from 0 to 20 rad/mm, 1e-3 to 1e-4; below that more, which no reference
-    /// has judged. What takes most is light that turns once in a thin layer on another resin. A pencil beam gets four polar angles more.
+    /// As many directions as R̂ needs to be within about `accuracy` rms from 0 to 20 rad/mm, 1e-3 to 1e-4; below that
+    /// more, which no reference has judged. What takes most is light that turns once in a thin layer on another resin.
+    /// A pencil beam gets four polar angles more.
     pub fn for_accuracy(accuracy: f64, light: Light) -> Self {
         let (polar, orders) = match accuracy {
             _ if accuracy >= 1e-3 => (6, 5),
@@ -65,7 +67,8 @@ impl TransportOptions {
 }
 
 impl Default for TransportOptions {
-    /// 10 × 6: R̂ of any stack of docs/accuracy.md within 3e-4 rms of Monte Carlo from 0 to 20 rad/mm, T̂ of thin layers within 2e-3.
+    /// 10 × 6: R̂ of any stack of docs/accuracy.md within 3e-4 rms of Monte Carlo from 0 to 20 rad/mm, T̂ of thin
+    /// layers within 2e-3.
     fn default() -> Self {
         Self { polar: 10, orders: 6 }
     }
@@ -121,7 +124,8 @@ impl Transport<'_> {
         TransportSpectra { reflection, transmission }
     }
 
-    /// Share of the light that the top surface reflects like a mirror before any has entered; the same at every frequency.
+    /// Share of the light that the top surface reflects like a mirror before any has entered; the same at every
+    /// frequency.
     pub fn glint(&self) -> f64 {
         let layers = self.stack.pairs().filter(|(_, mm)| *mm > 0.0);
         let indices = layers.map(|(volume, _)| volume).chain(&self.stack.core);
@@ -132,8 +136,8 @@ impl Transport<'_> {
         glint(&directions, first, source.iter().copied())
     }
 
-    /// The layers that are there, neighbours of one resin as one: what is taken by quadrature over a layer must not depend on how it was
-    /// written.
+    /// The layers that are there, neighbours of one resin as one: what is taken by quadrature over a layer must not
+    /// depend on how it was written.
     fn merged(&self) -> Vec<(VolumeCoefficients, f64)> {
         let mut merged: Vec<(VolumeCoefficients, f64)> = Vec::new();
         for (&volume, mm) in self.stack.pairs().filter(|(_, mm)| *mm > 0.0) {

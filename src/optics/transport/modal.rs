@@ -1,8 +1,8 @@
 //! Many stacks of the same resins, with derivatives: the transport equation in each resin's own modes.
 //!
-//! [`super::slab`] doubles every slab anew. A search asks for thousands of stacks of few resins, so here what depends on the resins alone is
-//! reckoned once ([`super::modes`]). Through a layer h thick ρ ← e^{−Λh} ρ e^{−Λh}, and boundaries do the rest; a half-space has ρ = 0. Only falling
-//! exponentials occur, and ∂ρ/∂h = −(Λρ + ρΛ).
+//! [`super::slab`] doubles every slab anew. A search asks for thousands of stacks of few resins, so here what depends
+//! on the resins alone is reckoned once ([`super::modes`]). Through a layer h thick ρ ← e^{−Λh} ρ e^{−Λh}, and
+//! boundaries do the rest; a half-space has ρ = 0. Only falling exponentials occur, and ∂ρ/∂h = −(Λρ + ρΛ).
 
 use faer::{
     Col, Mat, Row,
@@ -21,8 +21,8 @@ use super::{
 };
 use crate::optics::{Light, VolumeCoefficients};
 
-/// Least absorption per mm: without any, one mode neither grows nor falls, and U and W are singular. Changes an albedo by 1e-5 at most
-/// in stacks of 10 mm of white.
+/// Least absorption per mm: without any, one mode neither grows nor falls, and U and W are singular. Changes an albedo
+/// by 1e-5 at most in stacks of 10 mm of white.
 const LEAST_ABSORPTION: f64 = 1e-8;
 
 /// The reflection of any stack of some resins, in one channel, under diffuse light, without the glint of its surface.
@@ -42,7 +42,8 @@ pub struct ReflectionSlope {
     pub per_mm: Vec<Vec<f64>>,
 }
 
-/// Resins under air, over a half-space of one of them or over air, and the light on them: what holds at every frequency.
+/// Resins under air, over a half-space of one of them or over air, and the light on them: what holds at every
+/// frequency.
 #[derive(Debug)]
 pub(super) struct Setting {
     scattering: Vec<Scattering>,
@@ -85,7 +86,8 @@ struct Bottom {
 }
 
 impl ModalReflection {
-    /// `resins` over a half-space of the resin `base` (an index), or over nothing, at spatial frequencies `k` in rad/mm.
+    /// `resins` over a half-space of the resin `base` (an index), or over nothing, at spatial frequencies `k` in
+    /// rad/mm.
     pub fn new(resins: &[VolumeCoefficients], base: Option<usize>, k: &[f64], options: TransportOptions) -> Self {
         let setting = Setting::new(resins, base, Light::Diffuse, options);
         Self { frequencies: k.par_iter().map(|&k| Frequency::new(&setting, k)).collect(), setting, k: k.to_vec() }

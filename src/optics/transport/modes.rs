@@ -6,22 +6,23 @@
 //! S = U (a + b),   D = W (a − b),   U = V,   W = (A − B) V Λ⁻¹,   a(z) = e^{−Λz} a(0),   b(z) = e^{Λz} b(0):
 //! ```
 //!
-//! a falls on its way down, b on its way up: L⁺ = E a + H b and L⁻ = H a + E b with E = ½(U + W), H = ½(U − W). Below a depth b = ρ a. In air
-//! the modes are the directions (U = W = I). A boundary gives the amplitudes below it and ρ above it as
+//! a falls on its way down, b on its way up: L⁺ = E a + H b and L⁻ = H a + E b with E = ½(U + W), H = ½(U − W). Below a
+//! depth b = ρ a. In air the modes are the directions (U = W = I). A boundary gives the amplitudes below it and ρ above
+//! it as
 //!
 //! ```text
 //! a′ = (N₁ + N₂ρ′)⁻¹ M a,     ρ = C + (P + Qρ′)(N₁ + N₂ρ′)⁻¹ M,
 //! ```
 //!
-//! where, with one refractive index on both sides, X = U⁻¹U′, Z = W⁻¹W′, N₁ = Q = ½(X + Z), N₂ = P = ½(X − Z), M = I and C = 0, and else, with
-//! reflectances F, transmittances T = I − F (diagonal) and K = (E − F H)⁻¹,
+//! where, with one refractive index on both sides, X = U⁻¹U′, Z = W⁻¹W′, N₁ = Q = ½(X + Z), N₂ = P = ½(X − Z), M = I
+//! and C = 0, and else, with reflectances F, transmittances T = I − F (diagonal) and K = (E − F H)⁻¹,
 //!
 //! ```text
 //! C = −K (H − F E),   M = T (E + H C),   P = K T H′,   Q = K T E′,   N₁ = E′ − F H′ − T H P,   N₂ = H′ − F E′ − T H Q.
 //! ```
 //!
-//! Eigenvalues of Q are real or come in conjugate pairs; a pair is kept as a 2 × 2 block, so that everything is real. Where two modes
-//! nearly coincide V is ill-conditioned: the results agree with doubling to 1e-8 on random stacks.
+//! Eigenvalues of Q are real or come in conjugate pairs; a pair is kept as a 2 × 2 block, so that everything is real.
+//! Where two modes nearly coincide V is ill-conditioned: the results agree with doubling to 1e-8 on random stacks.
 
 use faer::{Col, Mat, Row, Scale, linalg::solvers::Solve};
 

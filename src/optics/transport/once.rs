@@ -1,19 +1,21 @@
 //! Light that comes through after one turn.
 //!
-//! Where a thin stack lets much light through, the few directions see waves in T̂ that are not there. What was not scattered and what was
-//! scattered once are integrals, so both are taken exactly, in place of what the directions make of them: the idea of Nakajima and
-//! Tanaka 1988, here for diffuse light too and at every spatial frequency.
+//! Where a thin stack lets much light through, the few directions see waves in T̂ that are not there. What was not
+//! scattered and what was scattered once are integrals, so both are taken exactly, in place of what the directions make
+//! of them: the idea of Nakajima and Tanaka 1988, here for diffuse light too and at every spatial frequency.
 //!
-//! With e^{−ix cosφ} = Σ (2 − δ_m0) (−i)^m J_m(x) cos mφ and the addition theorem of Legendre functions, diffuse light has
+//! With e^{−ix cosφ} = Σ (2 − δ_m0) (−i)^m J_m(x) cos mφ and the addition theorem of Legendre functions, diffuse light
+//! has
 //!
 //! ```text
 //! T̂₁(k) = Σ σs ∫ dz Σ_lm (2l + 1) g_l F_lm F′_lm,   F_lm = n² ∫ p_l^m(μ) v_m e^{−Σ τ/μ} dμ above,   F′_lm = ∫ p_l^m(μ) v′_m e^{−Σ τ/μ} dμ below
 //! v_m = (−1)^m √(2 − δ_m0) J_m(k Σ h tanθ),   v′_m = √(2 − δ_m0) J_m(k Σ h tanθ),
 //! ```
 //!
-//! summed over the layers, with μ and n those of the layer that scatters, Σ over the way to it or from it, and boundaries' transmittances on the way;
-//! for a vertical beam F is ½ e^{−Στ} where m = 0, and 0 elsewhere. To the directions F is a sum over their nodes, and v what their
-//! orders make of it. Light that also turns round at a boundary is left to them.
+//! summed over the layers, with μ and n those of the layer that scatters, Σ over the way to it or from it, and
+//! boundaries' transmittances on the way; for a vertical beam F is ½ e^{−Στ} where m = 0, and 0 elsewhere. To the
+//! directions F is a sum over their nodes, and v what their orders make of it. Light that also turns round at a
+//! boundary is left to them.
 
 use std::f64::consts::SQRT_2;
 
@@ -158,7 +160,8 @@ impl Quadrature {
         Self::new(rays, depths(layers, k_max), terms, terms, false)
     }
 
-    /// F at every Gauss point of every layer, from above; or F′, from below (`backwards`): order after order l from m on.
+    /// F at every Gauss point of every layer, from above; or F′, from below (`backwards`): order after order l from m
+    /// on.
     fn moments(&self, layers: &[(Scattering, f64)], k: f64, backwards: bool) -> Vec<Vec<f64>> {
         let length = (0..self.orders).map(|m| self.terms - m).sum();
         let points: usize = self.depths.iter().map(Vec::len).sum();
@@ -230,7 +233,8 @@ fn waves(phase: f64, backwards: bool, orders: &mut [f64]) {
     }
 }
 
-/// J_0(x) … for x ≥ 0: the recurrence upward where that is stable, else downward from far above (Abramowitz and Stegun 9.12).
+/// J_0(x) … for x ≥ 0: the recurrence upward where that is stable, else downward from far above (Abramowitz and Stegun
+/// 9.12).
 fn bessel(x: f64, values: &mut [f64]) {
     /// Orders above the last one asked for at which the downward recurrence starts.
     const HEADROOM: usize = 22;

@@ -60,7 +60,8 @@ fn crossing(cosine: f64, from: f64, into: f64) -> f64 {
 }
 
 /// Azimuthal orders along a way as the directions see it: v ← e^{−xC} v, x = k z tanθ, with C the orders' coupling and
-/// ρ at its end (see [`super::scattering`]); `backwards`, with C's transpose. By Taylor's series over parts of at most [`PART`]. At most 32 orders.
+/// ρ at its end (see [`super::scattering`]); `backwards`, with C's transpose. By Taylor's series over parts of at most
+/// [`PART`]. At most 32 orders.
 pub(super) fn stream(orders: &mut [f64], x: f64, ratio: f64, backwards: bool) {
     /// Longest part.
     const PART: f64 = 1.0;

@@ -6,13 +6,15 @@
 //! d/dz [L⁺; L⁻] = [−A, B; −B, A] [L⁺; L⁻]      A = σt/μ + i k √(1 − μ²) cosφ / μ − same-side scattering,   B = other-side scattering
 //! ```
 //!
-//! Only A − B and A + B are needed, which hold the Legendre functions of even and of odd l + m. The forward peak that the terms
-//! cannot resolve counts as unscattered: delta-M, Wiscombe 1977, with f = g^terms. Where nodes are not a double-Gauss rule (between media of
-//! different indices), what a direction's discrete phase function lacks to 1 goes straight on too, so that no light is lost.
+//! Only A − B and A + B are needed, which hold the Legendre functions of even and of odd l + m. The forward peak that
+//! the terms cannot resolve counts as unscattered: delta-M, Wiscombe 1977, with f = g^terms. Where nodes are not a
+//! double-Gauss rule (between media of different indices), what a direction's discrete phase function lacks to 1 goes
+//! straight on too, so that no light is lost.
 //!
-//! Of the azimuthal orders the first one left out, M, is not 0 but −ρ times the last: light that left a source along a slanted way has orders that fall
-//! by the ratio ρ = (√(σt′² + κ²) − σt′)/κ, κ = k √(1 − μ²), the Fourier series of 1/(σt′ + iκ cosφ). So 5 orders do what takes 10 with
-//! M = 0 (support 1 mm, 7 polar angles, k from 2 to 20 rad/mm: R̂ within 1e-4).
+//! Of the azimuthal orders the first one left out, M, is not 0 but −ρ times the last: light that left a source along a
+//! slanted way has orders that fall by the ratio ρ = (√(σt′² + κ²) − σt′)/κ, κ = k √(1 − μ²), the Fourier series of
+//! 1/(σt′ + iκ cosφ). So 5 orders do what takes 10 with M = 0 (support 1 mm, 7 polar angles, k from 2 to 20 rad/mm: R̂
+//! within 1e-4).
 
 use faer::Mat;
 
@@ -78,7 +80,8 @@ impl Scattering {
             let pair = move |node: usize| ((order - 1) * nodes + node, order * nodes + node);
             slope.iter().enumerate().map(move |(node, slope)| (pair(node).0, pair(node).1, slope * coupling(order)))
         });
-        // Between orders m and m + 1, in either direction: cos mφ cosφ = ½ cos (m + 1)φ + …, and twice that from order 0.
+        // Between orders m and m + 1, in either direction: cos mφ cosφ = ½ cos (m + 1)φ + …, and twice that from order
+        // 0.
         let share = if directions.orders == 1 { 1.0 } else { coupling(directions.orders) };
         let last =
             slope.iter().enumerate().map(|(node, slope)| ((directions.orders - 1) * nodes + node, slope * share));
@@ -159,7 +162,8 @@ mod tests {
     use super::*;
     use crate::optics::TransportOptions;
 
-    /// p_l^m over μ and φ obeys the addition theorem: Σ_m (2 − δ) p_l^m(μ) p_l^m(μ′) cos mφ = P_l(cos of the angle between).
+    /// p_l^m over μ and φ obeys the addition theorem: Σ_m (2 − δ) p_l^m(μ) p_l^m(μ′) cos mφ = P_l(cos of the angle
+    /// between).
     #[test]
     fn addition_theorem() {
         let (mu, other, phi) = (0.3_f64, 0.8_f64, 1.1_f64);

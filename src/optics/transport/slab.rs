@@ -1,15 +1,17 @@
 //! A slab of one resin: reflection and transmission as matrices over directions, by doubling.
 //!
-//! S = L⁺ + L⁻ and D = L⁺ − L⁻ obey S′ = −(A + B) D and D′ = −(A − B) S. Of light that enters both faces alike, the upper one sees D = Y S,
+//! S = L⁺ + L⁻ and D = L⁺ − L⁻ obey S′ = −(A + B) D and D′ = −(A − B) S. Of light that enters both faces alike, the
+//! upper one sees D = Y S,
 //!
 //! ```text
 //! Y = ½h (A − B) φ(Q),   Q = (½h)² (A + B)(A − B),   φ(q) = tanh √q / √q,
 //! ```
 //!
-//! and of light that enters them with opposite signs S = Z D with Z = ½h φ(Q) (A + B). Then R + T = (I − Y)(I + Y)⁻¹ and
-//! R − T = (Z − I)(Z + I)⁻¹. A layer that absorbs nothing has no net flux in A − B, and R + T = 1 to rounding whatever the directions. As
-//! tanh 2x = 2 tanh x / (1 + tanh² x), twice the thickness has Y ← 2Y (I + ZY)⁻¹ and Z ← 2 (I + ZY)⁻¹ Z: one product, one factorisation and
-//! two solves. T is a difference: it is good to 10⁻¹³ of the light that enters, not of itself.
+//! and of light that enters them with opposite signs S = Z D with Z = ½h φ(Q) (A + B). Then R + T = (I − Y)(I + Y)⁻¹
+//! and R − T = (Z − I)(Z + I)⁻¹. A layer that absorbs nothing has no net flux in A − B, and R + T = 1 to rounding
+//! whatever the directions. As tanh 2x = 2 tanh x / (1 + tanh² x), twice the thickness has Y ← 2Y (I + ZY)⁻¹ and Z ← 2
+//! (I + ZY)⁻¹ Z: one product, one factorisation and two solves. T is a difference: it is good to 10⁻¹³ of the light
+//! that enters, not of itself.
 
 use faer::{
     Mat, Scale,

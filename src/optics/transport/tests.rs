@@ -164,7 +164,8 @@ fn without_scattering_light_goes_straight() {
     assert!(beam.transmission.iter().all(|t| (t - (-1.0_f64).exp()).abs() < 1e-12), "{:?}", beam.transmission);
 }
 
-/// A slab that only absorbs: what one way through leaves, summed over the turns at its faces, over the angles by a fine rule.
+/// A slab that only absorbs: what one way through leaves, summed over the turns at its faces, over the angles by a fine
+/// rule.
 #[test]
 fn a_clear_slab_reflects_at_both_faces() {
     let dye = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.5, g: 0.0, refractive_index: 1.5 };
@@ -189,7 +190,8 @@ fn a_clear_slab_reflects_at_both_faces() {
     }
 }
 
-/// Totals of slabs of refractive index 1.5 by iadpython's adding–doubling, whose own error is 3e-4: `scripts/fresnel-slabs`.
+/// Totals of slabs of refractive index 1.5 by iadpython's adding–doubling, whose own error is 3e-4:
+/// `scripts/fresnel-slabs`.
 #[test]
 fn slabs_in_air_are_those_of_adding_doubling() {
     let mut worst = [0.0_f64; 2];

@@ -12,7 +12,8 @@ use crate::{
     voxel::{BRICK_VOXELS, Lattice},
 };
 
-/// Triangles around the origin, at all distances, of all shapes, with shared corners: the ties that must not change hands.
+/// Triangles around the origin, at all distances, of all shapes, with shared corners: the ties that must not change
+/// hands.
 fn patch(numbers: &mut Numbers, count: usize) -> Vec<[DVec3; 3]> {
     let away = DVec3::splat(0.05 + 2.0 * numbers.next());
     let spread = DVec3::splat(0.1 + numbers.next());

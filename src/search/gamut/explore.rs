@@ -1,11 +1,12 @@
 //! Stackings spread over all that they reach.
 //!
-//! The plane of albedo and log radius is cut into cells, and each cell keeps the simplest stacking that was met in it; new ones come from
-//! changing kept ones (MAP-Elites: Mouret and Clune, *Illuminating search spaces by mapping elites*, 2015). Kept besides are the
-//! stackings of least and greatest radius at every albedo, and of least and greatest albedo at every radius, and half of the changes start from
-//! those, so that the boundary is pushed outwards. Where transport places them, the kept ones are sorted anew by it and a few thousand changes more are
-//! made: what lies at the edge by Kubelka–Munk leaves gaps there. A heuristic: what it reaches can be reached; what it misses is not proven out of reach.
-//! Evidence for its reach: four times as many changes move the boundary by under 1% (`gamut::tests`).
+//! The plane of albedo and log radius is cut into cells, and each cell keeps the simplest stacking that was met in it;
+//! new ones come from changing kept ones (MAP-Elites: Mouret and Clune, *Illuminating search spaces by mapping elites*,
+//! 2015). Kept besides are the stackings of least and greatest radius at every albedo, and of least and greatest albedo
+//! at every radius, and half of the changes start from those, so that the boundary is pushed outwards. Where transport
+//! places them, the kept ones are sorted anew by it and a few thousand changes more are made: what lies at the edge by
+//! Kubelka–Munk leaves gaps there. A heuristic: what it reaches can be reached; what it misses is not proven out of
+//! reach. Evidence for its reach: four times as many changes move the boundary by under 1% (`gamut::tests`).
 
 use std::collections::BTreeMap;
 
@@ -22,8 +23,8 @@ use crate::{
 /// Layers from the top: resin and units.
 pub(super) type Runs = Vec<(usize, usize)>;
 
-/// Cells of the plane: albedo 0 to 1, and the table's radii in even steps of their logarithm. At least two to a column of [`super::Boundary`], or
-/// the outline would fall back to a point of the inside.
+/// Cells of the plane: albedo 0 to 1, and the table's radii in even steps of their logarithm. At least two to a column
+/// of [`super::Boundary`], or the outline would fall back to a point of the inside.
 const ALBEDO_CELLS: usize = 160;
 const RADIUS_CELLS: usize = 72;
 /// Changes that are tried by Kubelka–Munk.
@@ -83,7 +84,8 @@ impl<'a> Explorer<'a> {
         }
     }
 
-    /// The stackings that were kept, with their spectra: all extremes, and some of the inside. By `model`, if there is one.
+    /// The stackings that were kept, with their spectra: all extremes, and some of the inside. By `model`, if there is
+    /// one.
     pub fn explore(mut self, trials: usize, model: Option<&ModalReflection>) -> Vec<(Runs, Vec<f64>)> {
         self.meet(Runs::new());
         let resins = self.slabs.len();

@@ -1,17 +1,20 @@
 //! Targets moved into a gamut, smoothly and in order, where a search would clip each one on its own.
 //!
-//! A profile keeps its shape and is scaled: R'(r) = a/s² R(r/s), hence R̂'(k) = a R̂(sk): albedo times a, every radius times s.
+//! A profile keeps its shape and is scaled: R'(r) = a/s² R(r/s), hence R̂'(k) = a R̂(sk): albedo times a, every radius
+//! times s.
 //!
-//! 1. **Albedo.** v, the albedo over the ceiling, in colour of the channel where that is greatest, becomes v' = G(v), and a = v'/v is
-//!    common to all channels: hue is kept. G is the identity well inside and bends towards the ceiling and the floor so that the brightest and
-//!    the darkest target just reach them.
-//! 2. **Width.** At the new albedo the gamut spans certain radii; ln r is bent in the same way towards their ends, and s = r'/r. In
-//!    colour s is common too: the greatest widening and the greatest narrowing that a channel asks for, multiplied.
+//! 1. **Albedo.** v, the albedo over the ceiling, in colour of the channel where that is greatest, becomes v' = G(v),
+//!    and a = v'/v is common to all channels: hue is kept. G is the identity well inside and bends towards the ceiling
+//!    and the floor so that the brightest and the darkest target just reach them.
+//! 2. **Width.** At the new albedo the gamut spans certain radii; ln r is bent in the same way towards their ends, and
+//!    s = r'/r. In colour s is common too: the greatest widening and the greatest narrowing that a channel asks for,
+//!    multiplied.
 //!
-//! With one channel, of two targets the brighter stays the brighter, and of two equally bright ones the wider stays the wider: distinct targets
-//! stay distinct as far as the gamut has room. It has none at its tips, where only one stacking is; so the ceiling and the floor are
-//! not simply the brightest and the darkest that can be reached: of those that leave room for widths they are the ones that move the targets
-//! least, by the weighted mean of (Δ ln albedo)² + w (Δ ln radius)². Targets that are all inside are not moved at all.
+//! With one channel, of two targets the brighter stays the brighter, and of two equally bright ones the wider stays the
+//! wider: distinct targets stay distinct as far as the gamut has room. It has none at its tips, where only one stacking
+//! is; so the ceiling and the floor are not simply the brightest and the darkest that can be reached: of those that
+//! leave room for widths they are the ones that move the targets least, by the weighted mean of (Δ ln albedo)² + w (Δ
+//! ln radius)². Targets that are all inside are not moved at all.
 
 use super::{Gamut, place_of};
 use crate::{
@@ -33,7 +36,8 @@ pub struct Move {
     pub albedo_factor: f64,
     /// s, the factor of its width.
     pub width_factor: f64,
-    /// Albedo and half-energy radius in mm before, per channel; `None` for a channel without light, or as wide as the grid cannot tell.
+    /// Albedo and half-energy radius in mm before, per channel; `None` for a channel without light, or as wide as the
+    /// grid cannot tell.
     pub from: Vec<Option<[f64; 2]>>,
     /// Whether every channel was inside the gamut before.
     pub inside: bool,
@@ -43,11 +47,12 @@ pub struct Move {
 const TRIED: usize = 16;
 const CEILING_REACH: f64 = 0.5;
 const FLOOR_REACH: f64 = 0.25;
-/// A side of the gamut bends at least over this share of its extent, where something lies beyond it, and at most over that one.
+/// A side of the gamut bends at least over this share of its extent, where something lies beyond it, and at most over
+/// that one.
 const LEAST_BEND: f64 = 0.2;
 const MOST_BEND: f64 = 0.5;
-/// w. A choice: a change of brightness is taken to show where one of width shows when it is three times as large. At 1 the widths of an
-/// image far out of reach would take all its light.
+/// w. A choice: a change of brightness is taken to show where one of width shows when it is three times as large. At 1
+/// the widths of an image far out of reach would take all its light.
 const WIDTH_WEIGHT: f64 = 0.1;
 /// What the logarithms of the radii are to span at the ceiling and at the floor, if the targets' do.
 const LEAST_ROOM: f64 = 0.1;
@@ -155,7 +160,8 @@ impl<'a> Bend<'a> {
         }
     }
 
-    /// By how much the logarithms of the radii span less than they should at the albedos that the brightest and the darkest targets are brought to.
+    /// By how much the logarithms of the radii span less than they should at the albedos that the brightest and the
+    /// darkest targets are brought to.
     fn lacking_room(&self) -> f64 {
         let brought = [(self.albedo.high, &self.ceiling), (self.albedo.low, &self.floor)];
         let ends = brought.into_iter().filter_map(|(side, albedos)| side.map(|_| albedos));
@@ -191,8 +197,9 @@ fn brightness(place: &[Option<[f64; 2]>], ceiling: &[f64]) -> Option<f64> {
     channels.reduce(f64::max).filter(|v| *v > 0.0)
 }
 
-/// A function that bends [least, greatest] of the data into [low, high]: the identity in between, where the data exceed a side
-/// y/(1 + y(1/Y − 1/X)) of the distance y from a knee, which has slope 1 at the knee and takes X, the farthest, to Y, the limit.
+/// A function that bends [least, greatest] of the data into [low, high]: the identity in between, where the data exceed
+/// a side y/(1 + y(1/Y − 1/X)) of the distance y from a knee, which has slope 1 at the knee and takes X, the farthest,
+/// to Y, the limit.
 #[derive(Debug, Clone, Copy)]
 struct SoftClip {
     low: Option<Side>,

@@ -1,15 +1,15 @@
 //! What stackings can reach: albedo against half-energy radius, and targets brought into it.
 //!
-//! **In:** the resins' parameters and the space of a search. **Out:** a [`Gamut`] per channel: stackings spread over all it reaches,
-//! and the [`Boundary`] around them; a [`GamutMap`] that moves targets outside smoothly inside.
+//! **In:** the resins' parameters and the space of a search. **Out:** a [`Gamut`] per channel: stackings spread over
+//! all it reaches, and the [`Boundary`] around them; a [`GamutMap`] that moves targets outside smoothly inside.
 //!
 //! ```text
 //!   resins, options ──► Explorer: stackings spread by mutation, by Kubelka–Munk and then by transport ──► Boundary
 //!   targets ──► (albedo, radius) ──► GamutMap: albedo and width factors ──► targets within reach
 //! ```
 //!
-//! Two numbers stand for a spectrum of 128: a target inside the boundary may still be out of reach by its shape. A channel is
-//! judged on its own: in colour, what each channel reaches need not be reached together.
+//! Two numbers stand for a spectrum of 128: a target inside the boundary may still be out of reach by its shape. A
+//! channel is judged on its own: in colour, what each channel reaches need not be reached together.
 
 mod boundary;
 mod explore;
@@ -30,7 +30,8 @@ use crate::optics::{
     VolumeCoefficients,
 };
 
-/// Directions that place a stacking to 0.4% in albedo and 1.3% in radius (docs/accuracy.md), at a third of the cost of those that judge it.
+/// Directions that place a stacking to 0.4% in albedo and 1.3% in radius (docs/accuracy.md), at a third of the cost of
+/// those that judge it.
 const DIRECTIONS: TransportOptions = TransportOptions { polar: 4, orders: 6 };
 
 /// What a set of resins reaches, per channel.
@@ -82,11 +83,13 @@ impl Side {
     }
 }
 
-/// Units of refined layers that make the thinnest: a quarter of 27 µm of black at the surface changes an albedo by 0.04 and leaves a notch.
+/// Units of refined layers that make the thinnest: a quarter of 27 µm of black at the surface changes an albedo by 0.04
+/// and leaves a notch.
 const PARTS: f64 = 16.0;
 
-/// The space of `options` in steps of a printer's layers instead of a search's blocks; without `refine.step_mm`, which leaves any thickness, in
-/// sixteenths of the thinnest layer. Where these would be more units than a search may have, they are coarser.
+/// The space of `options` in steps of a printer's layers instead of a search's blocks; without `refine.step_mm`, which
+/// leaves any thickness, in sixteenths of the thinnest layer. Where these would be more units than a search may have,
+/// they are coarser.
 fn layer_space(options: &SearchOptions, refine: &RefineOptions, resins: usize) -> SearchOptions {
     let step_mm = refine.step_mm.unwrap_or(refine.min_layer_mm / PARTS);
     let given = |resin: usize| options.limits.get(resin).copied().unwrap_or(ResinLimit::NONE);
@@ -98,17 +101,18 @@ fn layer_space(options: &SearchOptions, refine: &RefineOptions, resins: usize) -
     }
 }
 
-/// Where a spectrum lies: its albedo, and its half-energy radius in mm. `None` where it reflects nothing, or half of the light leaves
-/// farther out than the grid can tell (20 mm on the default grid).
+/// Where a spectrum lies: its albedo, and its half-energy radius in mm. `None` where it reflects nothing, or half of
+/// the light leaves farther out than the grid can tell (20 mm on the default grid).
 pub fn place_of(spectrum: &[f64], grid: &FrequencyGrid) -> Option<[f64; 2]> {
     let radius = InverseHankel::new(spectrum, grid).radius_of_energy(0.5)?;
     Some([spectrum[0], radius])
 }
 
 impl Gamut {
-    /// Explores what the resins of `set` reach with at most `depth` layers that keep the limits of `options.search`, as fine as
-    /// `options.layers` may be: whole units of a search, 78 µm, leave gaps. Stackings are found by Kubelka–Munk; if transport judges, they
-    /// are placed by it, and more are found by it. The same for the same input, whatever the number of threads.
+    /// Explores what the resins of `set` reach with at most `depth` layers that keep the limits of `options.search`, as
+    /// fine as `options.layers` may be: whole units of a search, 78 µm, leave gaps. Stackings are found by
+    /// Kubelka–Munk; if transport judges, they are placed by it, and more are found by it. The same for the same input,
+    /// whatever the number of threads.
     ///
     /// # Errors
     /// Options out of range, contradictory limits, no stacking that keeps them and reflects anything; a resin without

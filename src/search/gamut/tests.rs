@@ -54,7 +54,8 @@ fn the_table_of_radii_is_the_inverse_transform() {
         let spectrum = reflection_of(&world.resins, &stacking).remove(0);
         let [_, exact] = place_of(&spectrum, &world.set.grid).unwrap();
         let found = table.half_energy(&spectrum).unwrap();
-        // Beyond the grid the table goes on as 1/k, the transform as the pair of a profile that decays: below 0.1 mm that shows.
+        // Beyond the grid the table goes on as 1/k, the transform as the pair of a profile that decays: below 0.1 mm
+        // that shows.
         let tolerance = if exact > 0.1 { 0.012 } else { 0.03 };
         assert!((found / exact - 1.0).abs() < tolerance, "{found} against {exact}: {stacking:?}");
         compared += 1;

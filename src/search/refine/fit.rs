@@ -27,8 +27,8 @@ const DESCENT: Descent = Descent { first_damping: 1e-3, most_damping: 1e6, least
 /// Share of the mean curvature that a layer without any gets, so that H can be inverted.
 const FLOOR: f64 = 1e-9;
 
-/// Lowers the objective from `mm`, brought within the constraints first, by at most `steps` evaluations. `None` where nothing keeps
-/// the constraints.
+/// Lowers the objective from `mm`, brought within the constraints first, by at most `steps` evaluations. `None` where
+/// nothing keeps the constraints.
 pub(super) fn fit(
     mm: &[f64],
     polytope: &Polytope,
@@ -57,15 +57,16 @@ pub(super) fn fit(
 }
 
 impl Residuals {
-    /// By how much the objective would rise were a layer left out and the others fitted anew, to second order: h² / (H⁻¹)_ii, after Hassibi
-    /// and Stork 1992. `None` where the layers' effects cannot be told apart.
+    /// By how much the objective would rise were a layer left out and the others fitted anew, to second order: h² /
+    /// (H⁻¹)_ii, after Hassibi and Stork 1992. `None` where the layers' effects cannot be told apart.
     pub(super) fn loss_without(&self, mm: &[f64]) -> Option<Vec<f64>> {
         let inverse = damped_inverse(&self.per_mm, 0.0)?;
         Some(mm.iter().enumerate().map(|(i, h)| h * h / inverse[i][i]).collect())
     }
 }
 
-/// (JᵀJ + damping · diag)⁻¹ by Gauss and Jordan's elimination with pivots on the diagonal: the matrix is positive definite.
+/// (JᵀJ + damping · diag)⁻¹ by Gauss and Jordan's elimination with pivots on the diagonal: the matrix is positive
+/// definite.
 fn damped_inverse(per_mm: &[Vec<f64>], damping: f64) -> Option<Vec<Vec<f64>>> {
     let n = per_mm.len();
     let mut matrix = curvature(per_mm);

@@ -1,16 +1,16 @@
 //! From the best stackings in the scalar model to the best in the transport model.
 //!
-//! Scalar Kubelka–Munk mispredicts thin and clear layers, and an optimiser finds exactly those mistakes. So its search ranks many
-//! stackings of whole units; transport judges them again, one per sequence of resins, and the thicknesses of the best are refined
-//! continuously, with exact slopes, within what a job and a printer allow.
+//! Scalar Kubelka–Munk mispredicts thin and clear layers, and an optimiser finds exactly those mistakes. So its search
+//! ranks many stackings of whole units; transport judges them again, one per sequence of resins, and the thicknesses of
+//! the best are refined continuously, with exact slopes, within what a job and a printer allow.
 //!
 //! ```text
 //!   match_sequences ──► a short fit of each ──► a long fit of the best few ──► with one layer more or less? ──► Refined
 //!                        few directions                           all directions
 //! ```
 //!
-//! Layers more or less are tried in few directions, whose error is that of the layers so far. The model is asked at a third of the
-//! frequencies ([`nodes`]). Nothing is random, and nothing depends on the number of threads.
+//! Layers more or less are tried in few directions, whose error is that of the layers so far. The model is asked at a
+//! third of the frequencies ([`nodes`]). Nothing is random, and nothing depends on the number of threads.
 
 mod fit;
 mod nodes;
@@ -200,8 +200,8 @@ impl Refiner {
                 .is_some_and(|limits| limits.contains(&mm))
     }
 
-    /// Searches and refines every target, in parallel; the answers do not depend on the number of threads. The first of each pair is
-    /// what the search found.
+    /// Searches and refines every target, in parallel; the answers do not depend on the number of threads. The first of
+    /// each pair is what the search found.
     ///
     /// # Errors
     /// The first error in the order of the targets, of [`match_sequences`] or of [`Self::refine`].
@@ -263,7 +263,8 @@ impl Refiner {
         Goal { wanted, roots: goal.roots.clone() }
     }
 
-    /// Fits end in the nearest valley: a start that is better as it stands lies in a deeper one, which no finalist was in.
+    /// Fits end in the nearest valley: a start that is better as it stands lies in a deeper one, which no finalist was
+    /// in.
     fn deeper(&self, found: &Fitted, starts: Vec<Start>, goal: &Goal) -> Option<Fitted> {
         let shifted = self.shifted(goal, found);
         let better = |(sequence, mm): &Start| {
@@ -307,7 +308,8 @@ impl Refiner {
         if sequence.len() >= self.options.depth {
             return Vec::new();
         }
-        // Every resin at every boundary and in the middle of every layer, 0 mm thick: what is not there changes nothing but has slopes.
+        // Every resin at every boundary and in the middle of every layer, 0 mm thick: what is not there changes nothing
+        // but has slopes.
         let nothing = || (0..self.resins).map(|resin| (resin, 0.0));
         let mut layers: Vec<(usize, f64)> = nothing().collect();
         for (&resin, &mm) in sequence.iter().zip(&found.mm) {
@@ -339,8 +341,8 @@ impl Refiner {
         starts
     }
 
-    /// Brings the thicknesses to multiples of a step: the layer that matters most first, down or up, whichever the others can make up for
-    /// better. `None` where that ends outside the limits.
+    /// Brings the thicknesses to multiples of a step: the layer that matters most first, down or up, whichever the
+    /// others can make up for better. `None` where that ends outside the limits.
     fn on_steps(&self, (sequence, found): Fitted, goal: &Goal, step_mm: f64) -> Option<Fitted> {
         let mut polytope = Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)?;
         let residuals = |mm: &[f64]| self.residuals(&self.fine, goal, &sequence, mm);
@@ -379,7 +381,8 @@ impl Refiner {
     }
 }
 
-/// Counts of steps with at most three layers one step thinner or thicker: those that promise most to second order, most first.
+/// Counts of steps with at most three layers one step thinner or thicker: those that promise most to second order, most
+/// first.
 fn neighbours(counts: &[f64], here: &Residuals, step_mm: f64, allowed: impl Fn(&[f64]) -> bool) -> Vec<Vec<f64>> {
     let n = counts.len();
     let curvature = curvature(&here.per_mm);

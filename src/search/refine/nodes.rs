@@ -1,8 +1,9 @@
 //! A third of the frequencies that speaks for all of them.
 //!
-//! R̂(k) is smooth and bends at low frequencies only, so the transport model is asked at some frequencies, close together where R̂
-//! bends, and a cubic spline through them (level at k = 0, where R̂ is even; without curvature at the end) gives the others, within 3e-5 and
-//! 5e-6 rms of what the model says there; the model itself is off by 1e-4 rms. Tables are 3.6 times smaller and faster for it.
+//! R̂(k) is smooth and bends at low frequencies only, so the transport model is asked at some frequencies, close
+//! together where R̂ bends, and a cubic spline through them (level at k = 0, where R̂ is even; without curvature at the
+//! end) gives the others, within 3e-5 and 5e-6 rms of what the model says there; the model itself is off by 1e-4 rms.
+//! Tables are 3.6 times smaller and faster for it.
 
 /// The chosen frequencies of an evenly spaced grid.
 #[derive(Debug)]

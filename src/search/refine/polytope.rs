@@ -69,8 +69,8 @@ impl Polytope {
         self.constraints.iter().all(|c| dot(&c.a, mm) >= c.b - TOLERANCE_MM)
     }
 
-    /// The step δ of least ½ δᵀHδ + gᵀδ for which `mm` + δ keeps all constraints, with H⁻¹ given: Hildreth's procedure, coordinate
-    /// ascent on the multipliers. `None` where it does not settle: then nothing keeps them.
+    /// The step δ of least ½ δᵀHδ + gᵀδ for which `mm` + δ keeps all constraints, with H⁻¹ given: Hildreth's procedure,
+    /// coordinate ascent on the multipliers. `None` where it does not settle: then nothing keeps them.
     pub(super) fn step(&self, mm: &[f64], inverse: &[Vec<f64>], gradient: &[f64]) -> Option<Vec<f64>> {
         let apply = |v: &[f64]| -> Vec<f64> { inverse.iter().map(|row| dot(row, v)).collect() };
         let mut delta: Vec<f64> = apply(gradient).into_iter().map(|x| -x).collect();

@@ -1,8 +1,8 @@
 //! One cell of the lattice: the polygons between the materials of its eight corners.
 //!
-//! Marching cubes (Lorensen and Cline 1987) for any number of materials, without a table: every face of the cell is cut into
-//! segments that depend on the face alone, so that the two cells beside it agree (no cracks), and the segments are joined
-//! to loops and filled.
+//! Marching cubes (Lorensen and Cline 1987) for any number of materials, without a table: every face of the cell is cut
+//! into segments that depend on the face alone, so that the two cells beside it agree (no cracks), and the segments are
+//! joined to loops and filled.
 //!
 //! ```text
 //!   A───•───B      A───•───B      A───•───B      A───•───B
@@ -13,15 +13,16 @@
 //!   Segment        Corners        Star           Star
 //! ```
 //!
-//! * A face with two materials on its diagonals can be cut two ways. The one with the shorter segments is taken, which depends on the
-//!   vertices alone and not on which material asks: both sides of a boundary are cut alike, and close.
-//! * A face where three or four materials meet gets a vertex F of its own, the cell around it one in its middle, to which
-//!   every segment is joined. Then the materials fill the cell without gap or overlap.
-//! * In cells of two materials a loop is filled by a fan. If it runs twice over one face, a diagonal of the fan could lie in that face,
-//!   where the neighbour may have the same one; it is filled around its centre instead.
+//! * A face with two materials on its diagonals can be cut two ways. The one with the shorter segments is taken, which
+//!   depends on the vertices alone and not on which material asks: both sides of a boundary are cut alike, and close.
+//! * A face where three or four materials meet gets a vertex F of its own, the cell around it one in its middle, to
+//!   which every segment is joined. Then the materials fill the cell without gap or overlap.
+//! * In cells of two materials a loop is filled by a fan. If it runs twice over one face, a diagonal of the fan could
+//!   lie in that face, where the neighbour may have the same one; it is filled around its centre instead.
 //!
-//! So every directed edge of every material's mesh has its reverse exactly once. Not guaranteed: that two sheets of one cell
-//! do not pierce each other (the "interior test" of Chernyaev 1995 is not made), and a vertex may be shared by two fans.
+//! So every directed edge of every material's mesh has its reverse exactly once. Not guaranteed: that two sheets of one
+//! cell do not pierce each other (the "interior test" of Chernyaev 1995 is not made), and a vertex may be shared by two
+//! fans.
 
 use glam::Vec3;
 
@@ -171,8 +172,8 @@ impl Segments {
     }
 }
 
-/// Whether cutting off corners 0 and 2 takes shorter segments than cutting off corners 1 and 3. The neighbour counts the
-/// corners in another order, so nothing here may depend on it; a tie cuts off the greater label.
+/// Whether cutting off corners 0 and 2 takes shorter segments than cutting off corners 1 and 3. The neighbour counts
+/// the corners in another order, so nothing here may depend on it; a tie cuts off the greater label.
 fn even_is_shorter(edges: [Vec3; 4], labels: [u8; 4]) -> bool {
     let length = |a: usize, b: usize| edges[a].distance(edges[b]);
     let even = length(3, 0) + length(1, 2);

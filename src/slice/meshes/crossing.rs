@@ -1,13 +1,13 @@
 //! Where the boundary between two materials crosses the edge between two nodes.
 //!
-//! Hašan et al. 2010, section 7.2, makes every grid point take depth *and layer offsets* from its closest surface point. So a node
-//! x has g_s(x) = depth(x) − bottom_s(x) for every slot s, and the lower face of slot s is where g_s = 0: linear between nodes.
-//! With the outer surface as the bottom of slot −1 (air), g is negative for the slots not yet passed and not for the others, hence
-//! every boundary between the slots of two nodes crosses their edge exactly once.
+//! Hašan et al. 2010, section 7.2, makes every grid point take depth *and layer offsets* from its closest surface
+//! point. So a node x has g_s(x) = depth(x) − bottom_s(x) for every slot s, and the lower face of slot s is where g_s =
+//! 0: linear between nodes. With the outer surface as the bottom of slot −1 (air), g is negative for the slots not yet
+//! passed and not for the others, hence every boundary between the slots of two nodes crosses their edge exactly once.
 //!
-//! An edge carries one vertex, whoever asks: that makes neighbours share their boundary bit for bit. Where layers still lie
-//! between the materials of its ends (next to an edge of another layer or chart), the vertex is halfway between leaving the one and
-//! entering the other; but the outer surface stays where it is.
+//! An edge carries one vertex, whoever asks: that makes neighbours share their boundary bit for bit. Where layers still
+//! lie between the materials of its ends (next to an edge of another layer or chart), the vertex is halfway between
+//! leaving the one and entering the other; but the outer surface stays where it is.
 
 use glam::DVec3;
 
@@ -19,8 +19,8 @@ use super::{
     object::{NodeObject, Row, slots_passed},
 };
 
-/// A vertex keeps this share of the pitch away from the ends of its edge, so that no triangle collapses. A boundary right on the nodes
-/// is off by as much: at a pitch of half a layer that is 0.05% of its volume.
+/// A vertex keeps this share of the pitch away from the ends of its edge, so that no triangle collapses. A boundary
+/// right on the nodes is off by as much: at a pitch of half a layer that is 0.05% of its volume.
 const END_MARGIN: f64 = 1e-3;
 
 /// It keeps at least so many steps of single precision away, so that files tell it from the vertices beside it.
@@ -60,7 +60,8 @@ impl<'a> Crossings<'a> {
         Self { objects, bounds, margin, pitch, rows: Default::default(), lp: LpScratch::default() }
     }
 
-    /// The vertex on the edge along `axis` between two nodes of different labels, of which `p` has the lower coordinate.
+    /// The vertex on the edge along `axis` between two nodes of different labels, of which `p` has the lower
+    /// coordinate.
     pub fn vertex(&mut self, axis: usize, p: (Node, DVec3), q: (Node, DVec3)) -> DVec3 {
         let t = self.share(p, q);
         let (from, to) = (p.1[axis], q.1[axis]);
@@ -158,8 +159,8 @@ fn boundary(labels: &[u8], pitch: f64, shallow: &End, deep: &End) -> f64 {
 
 /// How far the layer around `here` reaches towards `there`, along the surface, if it has ended there.
 ///
-/// Somewhere between the two, so half an edge on average; but marching cubes bevels the rim of a layer of thickness h to a
-/// cross-section of t · p · (h − p/2) where t · p · h is due.
+/// Somewhere between the two, so half an edge on average; but marching cubes bevels the rim of a layer of thickness h
+/// to a cross-section of t · p · (h − p/2) where t · p · h is due.
 fn rim(labels: &[u8], pitch: f64, here: &End, there: &End) -> Option<f64> {
     if here.passed == 0 || there.passed == 0 {
         return None;

@@ -1,8 +1,8 @@
 //! Layer after layer of bricks: nodes, then vertices, then triangles.
 //!
-//! The vertices of a layer of bricks need the nodes of the next one, its triangles the vertices of the next one. So the walk
-//! holds three layers, and a slab of nodes that was filled at once; what stays is the output. Bricks are worked on in
-//! parallel and gathered in order, which numbers vertices and triangles the same way whatever the thread count.
+//! The vertices of a layer of bricks need the nodes of the next one, its triangles the vertices of the next one. So the
+//! walk holds three layers, and a slab of nodes that was filled at once; what stays is the output. Bricks are worked on
+//! in parallel and gathered in order, which numbers vertices and triangles the same way whatever the thread count.
 
 use std::collections::VecDeque;
 

@@ -1,8 +1,9 @@
 //! Material meshes: the surfaces that enclose each resin, for printers that take one mesh per resin.
 //!
-//! **In:** objects ([`ObjectField`]) and the resins to mesh. **Out:** [`MaterialMeshes`], closed and oriented outwards, as binary
-//! STL files or one 3MF assembly. Hašan et al. 2010, section 7.2, with exact distances in place of a distance transform and
-//! all materials marched at once rather than two surfaces a layer, so that neighbours share their boundary.
+//! **In:** objects ([`ObjectField`]) and the resins to mesh. **Out:** [`MaterialMeshes`], closed and oriented outwards,
+//! as binary STL files or one 3MF assembly. Hašan et al. 2010, section 7.2, with exact distances in place of a distance
+//! transform and all materials marched at once rather than two surfaces a layer, so that neighbours share their
+//! boundary.
 //!
 //! | file | what it does |
 //! | --- | --- |
@@ -15,10 +16,10 @@
 //! | `march`    | layer after layer of bricks |
 //! | `stl`, `threemf` | writers |
 //!
-//! Layers thinner than the pitch are rounded to the pitch or to nothing (`taper`). At half the thinnest layer, volumes are within 0.4% of
-//! the voxels' on a slab, a sphere, the 60 mm bunny and a textured cow whose layers taper off. Creases are cut: edges by up to
-//! 0.35, corners by 0.6 of the pitch. Depth is the exact or the Lp-averaged distance, as the object has it; the grid's has steps, and
-//! the exact one stands in for it.
+//! Layers thinner than the pitch are rounded to the pitch or to nothing (`taper`). At half the thinnest layer, volumes
+//! are within 0.4% of the voxels' on a slab, a sphere, the 60 mm bunny and a textured cow whose layers taper off.
+//! Creases are cut: edges by up to 0.35, corners by 0.6 of the pitch. Depth is the exact or the Lp-averaged distance,
+//! as the object has it; the grid's has steps, and the exact one stands in for it.
 
 mod cell;
 mod crossing;
@@ -126,21 +127,24 @@ pub struct MaterialPart {
     pub id: MaterialId,
     /// Its name.
     pub name: String,
-    /// Indices into [`MaterialMeshes::positions`], counter-clockwise seen from outside; empty where the resin is not used.
+    /// Indices into [`MaterialMeshes::positions`], counter-clockwise seen from outside; empty where the resin is not
+    /// used.
     pub triangles: Vec<[u32; 3]>,
     /// Enclosed volume, mm³.
     pub volume_mm3: f64,
 }
 
 impl MaterialMesher {
-    /// Coarsest pitch taken without being asked, mm: a chord of a 10 mm sphere then misses it by 1 µm, a crease is cut by 70 µm.
+    /// Coarsest pitch taken without being asked, mm: a chord of a 10 mm sphere then misses it by 1 µm, a crease is cut
+    /// by 70 µm.
     const COARSEST_MM: f64 = 0.2;
-    /// Most nodes along an axis: 2¹⁵ of the 2²⁴ steps of single precision leave 512 to a pitch, to tell vertices apart by.
+    /// Most nodes along an axis: 2¹⁵ of the 2²⁴ steps of single precision leave 512 to a pitch, to tell vertices apart
+    /// by.
     const MAX_NODES: u32 = 1 << 15;
 
-    /// The pitch for a job that states none: half the thinnest layer, so that no layer is lost; but not finer than two of the
-    /// shortest voxel edges (the mesh would have several triangles for every printed voxel, and a 60 mm object gigabytes), nor
-    /// coarser than 0.2 mm, or the voxels themselves where those are coarser.
+    /// The pitch for a job that states none: half the thinnest layer, so that no layer is lost; but not finer than two
+    /// of the shortest voxel edges (the mesh would have several triangles for every printed voxel, and a 60 mm object
+    /// gigabytes), nor coarser than 0.2 mm, or the voxels themselves where those are coarser.
     pub fn default_pitch_mm(thinnest_layer_mm: Option<f64>, voxel_pitch_mm: DVec3) -> f64 {
         let edge = voxel_pitch_mm.min_element();
         let half = 0.5 * thinnest_layer_mm.unwrap_or(f64::INFINITY);

@@ -5,8 +5,8 @@
 //!   brick   8 × 8 × 8 nodes                            one label for all, or a record for each
 //! ```
 //!
-//! Nodes lie at (index + ½) · pitch, as voxel centres of an isotropic lattice would, so that a face at a multiple of the pitch falls
-//! between two of them. The outermost nodes are outside of every object.
+//! Nodes lie at (index + ½) · pitch, as voxel centres of an isotropic lattice would, so that a face at a multiple of
+//! the pitch falls between two of them. The outermost nodes are outside of every object.
 
 use glam::DVec3;
 
@@ -107,8 +107,8 @@ impl NodeBrick {
 }
 
 impl NodeGrid {
-    /// The grid at `pitch` mm that has a node outside of `low..high` on every side, or the number of nodes along the axis
-    /// that has more than `most`.
+    /// The grid at `pitch` mm that has a node outside of `low..high` on every side, or the number of nodes along the
+    /// axis that has more than `most`.
     pub fn around(low: DVec3, high: DVec3, pitch: f64, most: u32) -> Result<Self, (usize, f64)> {
         let first = (low / pitch).floor() - 1.0;
         let nodes = (high / pitch).ceil() + 1.0 - first;
@@ -191,7 +191,8 @@ impl Labels {
         self.0[x + SPAN * (y + SPAN * z)]
     }
 
-    /// The labels of the corners of cell (x, y, z), each 0 to 7: corner c at x + (c & 1), y + (c >> 1 & 1), z + (c >> 2).
+    /// The labels of the corners of cell (x, y, z), each 0 to 7: corner c at x + (c & 1), y + (c >> 1 & 1), z + (c >>
+    /// 2).
     #[inline]
     pub fn cell(&self, [x, y, z]: [usize; 3]) -> [u8; 8] {
         let first = x + SPAN * (y + SPAN * z);

@@ -1,9 +1,10 @@
 //! One object into one block of nodes: who owns a node, what it is made of, how deep it lies.
 //!
-//! The leaves of the descent that are nodes: boxes that are inside and of one material stay without records; a brick that a boundary may
-//! pass gets, for every node inside or out, the nearest surface point. That is in single precision (a few 10⁻⁶ mm), since
-//! a node's label and its depth come from the same number and so never contradict each other. By the Lp-averaged distance every
-//! depth below the surface is averaged, as for voxels; the surface itself stays where the exact distance is 0.
+//! The leaves of the descent that are nodes: boxes that are inside and of one material stay without records; a brick
+//! that a boundary may pass gets, for every node inside or out, the nearest surface point. That is in single precision
+//! (a few 10⁻⁶ mm), since a node's label and its depth come from the same number and so never contradict each other. By
+//! the Lp-averaged distance every depth below the surface is averaged, as for voxels; the surface itself stays where
+//! the exact distance is 0.
 
 use std::sync::Arc;
 
@@ -27,8 +28,8 @@ use crate::{
     voxel::{BRICK, BlockShape, Lattice, MaterialId},
 };
 
-/// Bricks along each edge of a block. More make the descent from the root cheaper, and the slab that is held at a time thicker;
-/// 4 is 32 layers of nodes.
+/// Bricks along each edge of a block. More make the descent from the root cheaper, and the slab that is held at a time
+/// thicker; 4 is 32 layers of nodes.
 pub const BLOCK: usize = 4;
 /// Nodes along each edge of a block.
 pub const BLOCK_NODES: usize = BLOCK * BRICK;
@@ -45,7 +46,8 @@ pub struct NodeObject<'a> {
     lattice: Lattice,
     inside: InsideRows,
     offsets: BrickOffsets,
-    /// The averaged distance, if the object's layers are laid by it; the grid's has steps, and gives way to the exact one.
+    /// The averaged distance, if the object's layers are laid by it; the grid's has steps, and gives way to the exact
+    /// one.
     averaged: Option<(Arc<LpField>, Box<LpOffsets>)>,
     /// Label of every slot of the layers, then of the core.
     labels: Vec<u8>,
@@ -148,8 +150,8 @@ impl<'a> NodeObject<'a> {
         &row.bottoms
     }
 
-    /// Writes this object's nodes into the `bricks` of the block whose first node is `first`; `slices` are the inside runs from
-    /// its lowest nodes on. Nodes that another object owns stay.
+    /// Writes this object's nodes into the `bricks` of the block whose first node is `first`; `slices` are the inside
+    /// runs from its lowest nodes on. Nodes that another object owns stay.
     pub fn fill_block(
         &self,
         first: [u32; 3],

@@ -1,4 +1,5 @@
-//! Binary STL: the format every printer's software reads. No units and no topology; millimetres by custom, and named in the header.
+//! Binary STL: the format every printer's software reads. No units and no topology; millimetres by custom, and named in
+//! the header.
 
 use std::io::{self, Write};
 

@@ -1,13 +1,13 @@
 //! Layers thinner than the pitch, rounded to the pitch or to nothing.
 //!
-//! Where a layer tapers off, nodes meet it only here and there once it is thinner than their distance: it would break up into
-//! islands, whose volume marching cubes draws far too small (a lone node gets 1/6 of its cell). So a layer thinner than half the pitch
-//! ends, its neighbours share it; one between half and a whole pitch is drawn a pitch thick at their cost. Along a taper the
-//! two make up for each other: ∫ h dh over 0 … p is p · p/2. The outermost layer gives to and takes from the one below, so that
-//! the outer surface stays.
+//! Where a layer tapers off, nodes meet it only here and there once it is thinner than their distance: it would break
+//! up into islands, whose volume marching cubes draws far too small (a lone node gets 1/6 of its cell). So a layer
+//! thinner than half the pitch ends, its neighbours share it; one between half and a whole pitch is drawn a pitch thick
+//! at their cost. Along a taper the two make up for each other: ∫ h dh over 0 … p is p · p/2. The outermost layer gives
+//! to and takes from the one below, so that the outer surface stays.
 //!
-//! Does nothing where every layer is at least a pitch thick; a thick layer loses at most half a pitch on either side. A layer below the pitch that does *not* taper is drawn too
-//! thick, or not at all: the pitch is too coarse for it.
+//! Does nothing where every layer is at least a pitch thick; a thick layer loses at most half a pitch on either side. A
+//! layer below the pitch that does *not* taper is drawn too thick, or not at all: the pitch is too coarse for it.
 
 /// Layers thinner than the pitch by no more than this share are left alone: rounding of depths.
 const SAME: f32 = 1e-4;

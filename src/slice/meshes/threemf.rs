@@ -1,6 +1,7 @@
 //! One 3MF assembly: a mesh object per material with its colour, held together by components.
 //!
-//! 3MF Core Specification 1.3: base materials (section 5), mesh objects (4.1), components (4.2); Open Packaging Conventions for the zip.
+//! 3MF Core Specification 1.3: base materials (section 5), mesh objects (4.1), components (4.2); Open Packaging
+//! Conventions for the zip.
 
 use std::io::{self, Seek, Write};
 

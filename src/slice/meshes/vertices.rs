@@ -1,5 +1,5 @@
-//! The vertices that the nodes of one brick own: one on every edge between different labels, one on every face where three
-//! materials or more meet.
+//! The vertices that the nodes of one brick own: one on every edge between different labels, one on every face where
+//! three materials or more meet.
 //!
 //! An edge or face belongs to its node of lowest index, so each has one vertex however many cells and materials use it.
 

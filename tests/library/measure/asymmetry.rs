@@ -15,8 +15,8 @@ fn tilts(round: &Round, defects: Defects) -> [(SeenTilt, bool); 2] {
     })
 }
 
-/// White's reflection, which goes least far for its brightness, and black's transmission in small pictures. Tilts are told within their errors, those
-/// of twice the stated limit are named, and none is named where there is none.
+/// White's reflection, which goes least far for its brightness, and black's transmission in small pictures. Tilts are
+/// told within their errors, those of twice the stated limit are named, and none is named where there is none.
 #[test]
 fn tilts_are_named_from_the_stated_limit_on() {
     let mut round = Round::new("white", 22.0);

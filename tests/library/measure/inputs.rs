@@ -59,8 +59,8 @@ fn check(name: &str, round: &Round, measurement: &Measurement) {
     }
 }
 
-/// Rewrites every picture of the brackets with `write(old, values, columns, seconds, dark)`, which returns the new extension; times go out of the
-/// capture file.
+/// Rewrites every picture of the brackets with `write(old, values, columns, seconds, dark)`, which returns the new
+/// extension; times go out of the capture file.
 fn rewritten(folder: &Path, capture: &Path, write: impl Fn(&Path, &[u16], u32, f64, bool) -> &'static str) {
     let mut extension = "png";
     for series in ["reflection", "reflection_dark", "transmission", "transmission_dark"] {

@@ -50,7 +50,8 @@ fn defects_are_named_and_do_little() {
     assert!(found(&|finding| matches!(finding, Finding::HotPixels { count, .. } if (18..=22).contains(count))));
     assert!(found(&|finding| matches!(finding, Finding::StrayLight { share, .. } if (0.012..0.022).contains(share))));
     assert!(found(&|finding| matches!(finding, Finding::Gradient { .. })));
-    // Perspective tells the tilt: at 1 degree by light that goes far, the transmission's; nearer light leaves it to ± 0.4 degrees.
+    // Perspective tells the tilt: at 1 degree by light that goes far, the transmission's; nearer light leaves it to ±
+    // 0.4 degrees.
     let tilt = channel.transmission.scan.findings.iter().find_map(|finding| match finding {
         Finding::Tilt { degrees, error } => Some((*degrees, *error)),
         _ => None,

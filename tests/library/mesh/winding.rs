@@ -1,5 +1,5 @@
-//! The law of closing: mesh and caps together have an integer winding number at every point, whatever was wrong, and away
-//! from the damage it is the sound mesh's.
+//! The law of closing: mesh and caps together have an integer winding number at every point, whatever was wrong, and
+//! away from the damage it is the sound mesh's.
 
 use std::collections::HashMap;
 
@@ -83,7 +83,8 @@ proptest! {
         assert_no_boundary(&surface);
         for p in points {
             let w = assert_integer(&surface, p);
-            // A cap is flatter than the sphere it replaces: with holes of up to a few triangles it stays within 0.4 mm of it.
+            // A cap is flatter than the sphere it replaces: with holes of up to a few triangles it stays within 0.4 mm
+            // of it.
             let d = p.distance(DVec3::new(0.1, -0.2, 0.05));
             if !(1.1..=1.51).contains(&d) {
                 prop_assert_eq!(w, i64::from(d < 1.5));

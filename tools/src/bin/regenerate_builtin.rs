@@ -1,4 +1,5 @@
-//! Writes the stored profiles of the built-in material sets anew: `cargo run --release -p tools --bin regenerate_builtin`.
+//! Writes the stored profiles of the built-in material sets anew: `cargo run --release -p tools --bin
+//! regenerate_builtin`.
 //!
 //! Takes some minutes. The first argument replaces the number of photons per profile.
 

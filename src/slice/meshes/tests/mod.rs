@@ -49,8 +49,8 @@ fn assert_sound(meshes: &MaterialMeshes) {
     }
 }
 
-/// Where materials a and b meet, every triangle of the one is the reverse of one of the other. Returns the triangles that
-/// remain, which border on voids.
+/// Where materials a and b meet, every triangle of the one is the reverse of one of the other. Returns the triangles
+/// that remain, which border on voids.
 fn outer_triangles(meshes: &MaterialMeshes) -> Vec<[u32; 3]> {
     let canonical = |[a, b, c]: [u32; 3]| {
         let first = a.min(b).min(c);

@@ -49,8 +49,8 @@ fn meshes_of_averaged_layers_keep_the_volumes_of_their_voxels() {
     const VOXEL_MM: f64 = 0.04;
     let size = DVec3::new(4.4, 4.0, 3.6);
     let lattice = Lattice::covering(size, DVec3::splat(VOXEL_MM)).unwrap();
-    // Whole voxels, or flat faces alone would be off by half of one. Deep down, where other faces count too, boundaries no longer lie
-    // between voxels: 1.1% of the black layer.
+    // Whole voxels, or flat faces alone would be off by half of one. Deep down, where other faces count too, boundaries
+    // no longer lie between voxels: 1.1% of the black layer.
     let layers = || stack(&[(WHITE, 0.32), (SUPPORT, 0.4), (BLACK, 0.32)], CYAN);
     let field = || ObjectField::new(&solid(cuboid(DVec3::ZERO, size)), lattice, layers()).unwrap();
     let exact = voxel_volumes(&Slicer::new(lattice, vec![field()]));

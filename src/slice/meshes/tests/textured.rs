@@ -15,8 +15,8 @@ fn patched_sphere(labels: impl Fn(u32, u32) -> u16) -> Slicer {
     slicer(vec![(ball, layers)], DVec3::splat(10.0), 0.08)
 }
 
-/// Texels of 4 mm and stackings that share no layer: most layers taper to nothing somewhere. At 0.2 mm, half the thinnest layer, the
-/// worst is off by 1.2%, at 0.08 mm by 0.3%.
+/// Texels of 4 mm and stackings that share no layer: most layers taper to nothing somewhere. At 0.2 mm, half the
+/// thinnest layer, the worst is off by 1.2%, at 0.08 mm by 0.3%.
 #[test]
 fn textured_layers_are_closed_and_keep_their_volumes() {
     let slicer = patched_sphere(|x, y| ((x * 5 + y * 7) % 3) as u16);

@@ -1,4 +1,5 @@
-//! The figures of Hašan et al. 2010 that say how well light is predicted, made anew: pictures, and tables for `docs/accuracy.md`.
+//! The figures of Hašan et al. 2010 that say how well light is predicted, made anew: pictures, and tables for
+//! `docs/accuracy.md`.
 //!
 //! ```sh
 //! cargo run --release -p tools --bin figures -- stacking     # figure 5: three stackings against photons

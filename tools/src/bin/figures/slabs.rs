@@ -1,8 +1,9 @@
-//! Figure 6: five slabs of equal albedo and falling translucency (section 8.2), designed, judged, sliced, and seen under light.
+//! Figure 6: five slabs of equal albedo and falling translucency (section 8.2), designed, judged, sliced, and seen
+//! under light.
 //!
-//! A translucent sample, mostly support under a little white, is predicted; white's own profile is scaled to the same albedo; three
-//! profiles between the two are mixed evenly. Every one is matched and refined in the transport model, and photons judge. The five slabs
-//! stand side by side in one job, which the slicer turns into slices and meshes.
+//! A translucent sample, mostly support under a little white, is predicted; white's own profile is scaled to the same
+//! albedo; three profiles between the two are mixed evenly. Every one is matched and refined in the transport model,
+//! and photons judge. The five slabs stand side by side in one job, which the slicer turns into slices and meshes.
 
 use std::{fmt::Write, fs};
 
@@ -21,7 +22,8 @@ use super::{
     models::{Resins, rms},
 };
 
-/// The translucent sample, mm from the top: as near to the surface as support may lie; the job's core, black, lies below.
+/// The translucent sample, mm from the top: as near to the surface as support may lie; the job's core, black, lies
+/// below.
 const SAMPLE: [(&str, f64); 2] = [("white", 0.2), ("support", 4.8)];
 const SLABS: usize = 5;
 /// Size of a slab, and the distance between slabs, mm.
@@ -122,7 +124,8 @@ fn profiles(resins: &Resins, targets: &[SearchTarget], seen: &[(ChannelPredictio
 fn pictures(resins: &Resins, seen: &[(ChannelPrediction, ChannelPrediction)]) -> Figure {
     const CELLS: usize = 160;
     let half = 0.5 * SLAB_MM[0];
-    // So exposed that a white sheet would be twice as bright as the picture can show; the slabs use the upper half of its range.
+    // So exposed that a white sheet would be twice as bright as the picture can show; the slabs use the upper half of
+    // its range.
     let grey = |light: f64| -> Rgb { [linear_to_byte(1.6 * light); 3] };
     let frame = |label: &str| {
         let axis = |label: &str| Axis::linear(label).range(-half, half);

@@ -1,6 +1,6 @@
-//! A dataset that is exactly of the form of equation 7, plus noise: profiles of normalised diffusion whose albedo and mean free path
-//! vary. Pixels are point values but for the lit one, which is the mean over a disc of its area. `truth.npy` holds the profiles themselves as means
-//! over the rings of the window, [row][column][ring] per mm².
+//! A dataset that is exactly of the form of equation 7, plus noise: profiles of normalised diffusion whose albedo and
+//! mean free path vary. Pixels are point values but for the lit one, which is the mean over a disc of its area.
+//! `truth.npy` holds the profiles themselves as means over the rings of the window, [row][column][ring] per mm².
 
 use std::f64::consts::{PI, TAU};
 

@@ -1,5 +1,5 @@
-//! Makes BSSRDF datasets that `lumislice factor` reads: one that is exactly of the form of equation 7, and three by Monte Carlo through
-//! a volume that varies, standing for a chess board, marble and artificial stone.
+//! Makes BSSRDF datasets that `lumislice factor` reads: one that is exactly of the form of equation 7, and three by
+//! Monte Carlo through a volume that varies, standing for a chess board, marble and artificial stone.
 //!
 //! ```text
 //! cargo run --release -p tools --bin make_bssrdf -- KIND FOLDER [--texels N] [--window N] [--pitch-mm MM]

@@ -1,5 +1,6 @@
-//! Datasets by Monte Carlo through a volume that varies: light enters by one texel after the other and is counted where it leaves. Nothing
-//! here knows of equation 7. Beyond the patch the volume goes on as its own mirror image, as `lumislice compare` takes it to.
+//! Datasets by Monte Carlo through a volume that varies: light enters by one texel after the other and is counted where
+//! it leaves. Nothing here knows of equation 7. Beyond the patch the volume goes on as its own mirror image, as
+//! `lumislice compare` takes it to.
 //!
 //! - `chess`: squares of a dense white and of a dark, duller material, 1.6 mm wide and sharp-edged: high contrast.
 //! - `marble`: a bright, fairly translucent ground with soft dark veins that run into the depth.
