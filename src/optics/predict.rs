@@ -46,7 +46,9 @@ impl Model {
 /// What leaves `stack`, of resins of `set`, by `model`. `watch` hears the stage "photons" where they are traced.
 ///
 /// # Errors
-/// [`OpticsError::NoCoefficients`] where the model needs those of a resin that has none; as [`MonteCarlo::run_with`].
+/// [`OpticsError::NoCoefficients`] where the model needs those of a resin that has none;
+/// [`OpticsError::Parameter`] where photons are asked what they cannot answer, such as of a core that absorbs nothing;
+/// [`OpticsError::Stopped`].
 pub fn predict(set: &MaterialSet, stack: &Stack, model: &Model, watch: &dyn Watch) -> Result<Prediction, OpticsError> {
     let by_channel =
         |light: Vec<ChannelPrediction>| Prediction { channels: set.channels.clone(), grid: set.grid.clone(), light };

@@ -15,16 +15,16 @@ use crate::{
 
 const DIRECTIONS: TransportOptions = TransportOptions::REFLECTION;
 const fn photons(light: Light) -> Model {
-    Model::MonteCarlo { light, photons: 60_000, seed: 7 }
+    Model::MonteCarlo { light, photons: 40_000, seed: 7 }
 }
 
-/// Every model, how far off a law it may be, and how many cases it is asked: photons are six times their noise at most.
+/// Every model, how far off a law it may be, and how many cases it is asked: photons by six times their noise at most.
 const MODELS: [(Model, f64, u32); 5] = [
     (Model::KubelkaMunk, 1e-10, 64),
-    (Model::Transport { light: Light::Diffuse, options: DIRECTIONS }, 1e-7, 16),
-    (Model::Transport { light: Light::Normal, options: DIRECTIONS }, 1e-7, 16),
-    (photons(Light::Diffuse), 1.2e-2, 5),
-    (photons(Light::Normal), 1.2e-2, 5),
+    (Model::Transport { light: Light::Diffuse, options: DIRECTIONS }, 1e-7, 8),
+    (Model::Transport { light: Light::Normal, options: DIRECTIONS }, 1e-7, 8),
+    (photons(Light::Diffuse), 2e-2, 3),
+    (photons(Light::Normal), 2e-2, 3),
 ];
 
 /// Two resins, three layers of them by turns, and where the middle one is cut.
@@ -104,7 +104,7 @@ fn resin(index: usize, volume: VolumeCoefficients, grid: &FrequencyGrid) -> Resi
 
 impl World {
     fn new(model: Model, within: f64, draw: &Draw) -> Self {
-        let grid = FrequencyGrid::linear(9, 8.0);
+        let grid = FrequencyGrid::linear(5, 8.0);
         let resins = draw.resins.iter().enumerate().map(|(index, volume)| resin(index, *volume, &grid));
         let set = MaterialSet {
             name: "drawn".into(),
