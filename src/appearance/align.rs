@@ -215,7 +215,8 @@ mod tests {
         #[test]
         fn sequence_is_periodic_and_shortest(stackings in stackings(4)) {
             let aligned = align(&stackings);
-            prop_assert!(aligned.sequence.iter().zip(aligned.sequence.iter().skip(aligned.period)).all(|(a, b)| a == b));
+            let later = aligned.sequence.iter().skip(aligned.period);
+            prop_assert!(aligned.sequence.iter().zip(later).all(|(a, b)| a == b));
             prop_assert_eq!(aligned.sequence.len(), shortest(&stackings, 4));
         }
 

@@ -43,7 +43,8 @@ pub struct MatchArgs {
     #[arg(long, value_name = "A", value_delimiter = ',', requires = "mean_free_path_mm", help_heading = "Target")]
     albedo: Vec<f64>,
     /// Albedo to match as an sRGB colour; its luminance where there is one channel.
-    #[arg(long, value_name = "#RRGGBB", value_parser = parse_srgb, requires = "mean_free_path_mm", help_heading = "Target")]
+    #[arg(long, value_name = "#RRGGBB", value_parser = parse_srgb, requires = "mean_free_path_mm")]
+    #[arg(help_heading = "Target")]
     srgb: Option<[u8; 3]>,
     /// Mean free path 1/σt of the material to match, mm; one number, or one for each channel.
     #[arg(long, value_name = "L", value_delimiter = ',', requires = "colour", help_heading = "Target")]

@@ -37,7 +37,8 @@ pub struct PredictArgs {
     core: Option<String>,
     /// How to predict: km (Kubelka-Munk, at once), transport (directions resolved, a fraction of a second) or
     /// monte-carlo (photons, seconds); the latter two need volume coefficients.
-    #[arg(long, value_name = "km|transport|monte-carlo", default_value = "km", value_parser = parse_model, help_heading = "Light")]
+    #[arg(long, value_name = "km|transport|monte-carlo", default_value = "km", value_parser = parse_model)]
+    #[arg(help_heading = "Light")]
     model: ModelArg,
     /// Light from all directions, or a pencil beam straight down (not with km).
     #[arg(long, value_enum, default_value_t = Source::Diffuse, help_heading = "Light")]
@@ -170,7 +171,8 @@ impl PredictArgs {
     fn check(&self) -> Result<()> {
         if self.model == ModelArg::Km && self.light == Source::Normal {
             refuse!(
-                "--light normal: Kubelka-Munk knows diffuse light only, expected --model transport or monte-carlo beside it"
+                "--light normal: Kubelka-Munk knows diffuse light only, expected --model transport or monte-carlo beside \
+                 it"
             );
         }
         if self.model != ModelArg::MonteCarlo && (self.photons.is_some() || self.seed.is_some()) {

@@ -26,7 +26,7 @@ pub struct EdgeResponse {
 }
 
 impl EdgeResponse {
-    /// Of R̂ over `grid`; beyond it the transform goes on as [`InverseHankel`] has it.
+    /// Of R̂ over `grid`; beyond it the transform goes on as `InverseHankel` has it.
     pub fn new(reflection: &[f64], grid: &FrequencyGrid) -> Self {
         let light = InverseHankel::new(reflection, grid);
         let steps = (END / STEP) as usize;

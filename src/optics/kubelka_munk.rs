@@ -44,7 +44,8 @@ pub enum KubelkaMunkError {
     },
     /// Reflection and transmission differ in length.
     #[error(
-        "slab has {reflection} reflection and {transmission} transmission coefficients, expected as many of each, at least 1"
+        "slab has {reflection} reflection and {transmission} transmission coefficients, expected as many of each, at \
+         least 1"
     )]
     Length {
         /// Number of reflection coefficients.
@@ -62,7 +63,8 @@ pub enum KubelkaMunkError {
     },
     /// A transmission coefficient that is not positive: the slab lets through nothing to extrapolate from.
     #[error(
-        "transmission coefficient {index} is {found}, expected above 1e-300 and at most 1; extrapolate it or use a thinner slab"
+        "transmission coefficient {index} is {found}, expected above 1e-300 and at most 1; extrapolate it or use a \
+         thinner slab"
     )]
     Transmission {
         /// Index into the frequency grid.

@@ -45,23 +45,10 @@ impl Model {
 
 /// What leaves `stack`, of resins of `set`, by `model`. `watch` hears the stage "photons" where they are traced.
 ///
-/// ```
-/// use lumislice::{
-///     optics::{MaterialSet, Model, OpticsError, predict},
-///     watch::Unwatched,
-/// };
-///
-/// let set = MaterialSet::builtin("synthetic")?;
-/// let white_on_black = "white:5".parse().map(|layers| set.stack(&layers)).expect("layers")?;
-/// let white_on_black = white_on_black.over(set.resin("black").map(|(id, _)| id));
-/// let light = predict(&set, &white_on_black, &Model::KubelkaMunk, &Unwatched)?.light.remove(0);
-/// let albedo = light.reflection_hankel[0];
-/// assert!((albedo - 0.628).abs() < 1e-3);
-/// # Ok::<(), OpticsError>(())
-/// ```
-///
 /// # Errors
-/// [`OpticsError::NoCoefficients`] where the model needs those of a resin that has none; as [`MonteCarlo::run_with`].
+/// [`OpticsError::NoCoefficients`] where the model needs those of a resin that has none;
+/// [`OpticsError::Parameter`] where photons are asked what they cannot answer, such as of a core that absorbs nothing;
+/// [`OpticsError::Stopped`].
 pub fn predict(set: &MaterialSet, stack: &Stack, model: &Model, watch: &dyn Watch) -> Result<Prediction, OpticsError> {
     let by_channel =
         |light: Vec<ChannelPrediction>| Prediction { channels: set.channels.clone(), grid: set.grid.clone(), light };

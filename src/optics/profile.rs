@@ -4,15 +4,15 @@ use super::OpticsError;
 use super::quadrature::{Density, Nodes};
 
 /// Fewest samples a profile may have: below, neither its centre nor its tail can be told.
-pub const MIN_SAMPLES: usize = 8;
+pub(crate) const MIN_SAMPLES: usize = 8;
 /// Largest radius accepted, mm; ten metres is a slip of units.
-pub const MAX_RADIUS_MM: f64 = 1e4;
+const MAX_RADIUS_MM: f64 = 1e4;
 /// Values this far below 0, relative to the largest, pass for noise; a dark-frame subtraction leaves such values. They
 /// are kept as they are, since cutting them off would add light.
-pub const NEGATIVE_TOLERANCE: f64 = 1e-3;
+const NEGATIVE_TOLERANCE: f64 = 1e-3;
 /// The centre inside the first sample is extrapolated; a profile that has more than this share of its energy there is
 /// refused.
-pub const MAX_CENTRE_SHARE: f64 = 0.5;
+const MAX_CENTRE_SHARE: f64 = 0.5;
 
 /// R(r) or T(r): radius in mm, value per mm² for unit incident flux, so that 2π∫ f r dr is the albedo.
 ///
@@ -56,8 +56,8 @@ impl RadialProfile {
     /// averages it.
     ///
     /// # Errors
-    /// The first sample that is not finite, not ascending, negative beyond [`NEGATIVE_TOLERANCE`] (and beyond five of
-    /// its standard errors), fewer than [`MIN_SAMPLES`], all zero, or starting too far out ([`MAX_CENTRE_SHARE`]).
+    /// The first sample that is not finite, not ascending, below 0 by more than a thousandth of the largest (and five
+    /// of its standard errors); fewer than 8 samples, or all zero; more than half of the energy inside the first.
     pub fn from_points(
         r_mm: Vec<f64>,
         value_per_mm2: Vec<f64>,

@@ -221,7 +221,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn text_survives_the_round_trip(layers in prop::collection::vec(("[a-zA-Z][a-z :0-9]{0,8}[a-z]", 1e-4..2000.0f64), 1..8)) {
+        fn text_survives_the_round_trip(
+            layers in prop::collection::vec(("[a-zA-Z][a-z :0-9]{0,8}[a-z]", 1e-4..2000.0f64), 1..8),
+        ) {
             let stack = Stack::<String>::new(layers);
             prop_assert_eq!(stack.to_string().parse(), Ok(stack));
         }

@@ -32,25 +32,6 @@ pub struct MatchOptions {
 }
 
 /// Tables of a set of resins, built once for any number of targets.
-///
-/// ```
-/// use lumislice::{
-///     appearance::material_target,
-///     optics::MaterialSet,
-///     search::{MatchOptions, Matcher, SearchOptions},
-///     watch::Unwatched,
-/// };
-///
-/// let set = MaterialSet::builtin("synthetic")?;
-/// let target = material_target(&[0.4], &[0.5], 1, &set.grid)?;
-/// let core = set.resin("black").map(|(id, _)| id);
-/// let search = SearchOptions { core, depth: 3, ..SearchOptions::default() };
-/// let matcher = Matcher::new(&set, &MatchOptions { search, ..MatchOptions::default() })?;
-/// let found = matcher.match_targets(&[target], &Unwatched)?.remove(0);
-/// println!("{} over black", set.named(found.stacking()));
-/// assert!((found.reflection()[0][0] - 0.4).abs() < 0.02);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub struct Matcher {
     table: BlockTable,
     refiner: Option<Refiner>,

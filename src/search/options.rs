@@ -123,7 +123,8 @@ pub enum SearchError {
     },
     /// The target does not fit the resins.
     #[error(
-        "target has {channels} channels of {coefficients} coefficients, expected {expected_channels} of {expected_coefficients}"
+        "target has {channels} channels of {coefficients} coefficients, expected {expected_channels} of \
+         {expected_coefficients}"
     )]
     Target {
         /// Channels found.
@@ -147,7 +148,8 @@ pub enum SearchError {
     },
     /// The limits leave no stacking.
     #[error(
-        "no stacking of at most {units} units of {unit_mm} mm in {depth} blocks keeps the resins' limits; loosen a limit or raise depth"
+        "no stacking of at most {units} units of {unit_mm} mm in {depth} blocks keeps the resins' limits; loosen a limit \
+         or raise depth"
     )]
     Infeasible {
         /// Units the stacking may be thick.

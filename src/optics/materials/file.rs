@@ -180,7 +180,8 @@ impl MaterialFile {
         let simulated = self.resins.iter().filter(|draft| draft.profiles.is_none()).count() * self.channels.len();
         let stage = Thousandths::begin(watch, "materials", simulated as u64 * DEFAULT_PHOTONS);
         let mut order: Vec<(usize, Draft)> = self.resins.into_iter().enumerate().collect();
-        order.sort_by_key(|(_, draft)| draft.profiles.is_none()); // what was measured can be refused before slow work starts
+        // What was measured can be refused before slow work starts.
+        order.sort_by_key(|(_, draft)| draft.profiles.is_none());
         let mut resins = BTreeMap::new();
         for (index, draft) in order {
             let mut known = Vec::with_capacity(self.channels.len());

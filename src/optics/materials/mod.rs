@@ -113,11 +113,6 @@ impl MaterialSet {
         self.ids().zip(&self.resins).find(|(_, resin)| resin.name == name)
     }
 
-    /// The resin name nearest to `name`, if one is near enough to be meant.
-    pub fn suggest(&self, name: &str) -> Option<&str> {
-        crate::words::suggest(name, self.resins.iter().map(|resin| resin.name.as_str()))
-    }
-
     /// Whether the volume coefficients of all resins are known.
     pub fn has_coefficients(&self) -> bool {
         self.resins.iter().all(|resin| resin.volumes().is_some())

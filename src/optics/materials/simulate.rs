@@ -72,8 +72,8 @@ impl SimulatedProfile {
         let VolumeCoefficients { sigma_s, sigma_a, g, .. } = self.coefficients;
         let (r, t) = (self.result.reflection, self.result.transmission);
         format!(
-            "simulated, not measured: slab of {} mm, sigma_s {sigma_s}, sigma_a {sigma_a} per mm, g {g} (Henyey-Greenstein), \
-             index-matched\n\
+            "simulated, not measured: slab of {} mm, sigma_s {sigma_s}, sigma_a {sigma_a} per mm, g {g} \
+             (Henyey-Greenstein), index-matched\n\
              diffuse point source, {} photons, seed {}; values are means over rings\n\
              reflection {:.6} +- {:.6}, transmission {:.6} +- {:.6}",
             self.thickness_mm, self.result.photons, self.seed, r.mean, r.standard_error, t.mean, t.standard_error,

@@ -32,7 +32,7 @@ impl SlabPlan {
     /// Simulates the slab; `watch` hears of the photons.
     ///
     /// # Errors
-    /// As [`simulate_profile`].
+    /// [`OpticsError::Parameter`] for what is out of range; [`OpticsError::Stopped`].
     pub fn simulate(&self, photons: u64, watch: &dyn Watch) -> Result<SimulatedProfile, OpticsError> {
         simulate_profile(self.coefficients, self.thickness_mm, photons, self.seed, watch)
     }

@@ -5,7 +5,7 @@
 //! the best are refined continuously, with exact slopes, within what a job and a printer allow.
 //!
 //! ```text
-//!   match_sequences ──► a short fit of each ──► a long fit of the best few ──► with one layer more or less? ──► Refined
+//!   match_sequences ──► a short fit of each ──► a long fit of the best few ──► one layer more or less? ──► Refined
 //!                        few directions                           all directions
 //! ```
 //!
