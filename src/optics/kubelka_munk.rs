@@ -177,6 +177,7 @@ impl KubelkaMunk {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::optics::Composite;
     use proptest::prelude::*;
 
     /// The paper's limit: halve the slab, read S and K off the thin one.
@@ -218,6 +219,23 @@ mod tests {
         }
 
         #[test]
+        fn splitting_a_layer_changes_nothing((r, t) in physical(), h in 0.01..10.0f64, cut in 0.0..1.0f64) {
+            let km = KubelkaMunk::from_slab(&single(r, t), 1.0).unwrap();
+            let whole = Composite::from_slab(&km.slab(h));
+            let parts = Composite::from_slab(&km.slab(h * cut)).over(&Composite::from_slab(&km.slab(h * (1.0 - cut))));
+            prop_assert!((whole.reflection_top[0] - parts.reflection_top[0]).abs() < 1e-12);
+            prop_assert!((whole.reflection_bottom[0] - parts.reflection_bottom[0]).abs() < 1e-12);
+            prop_assert!((whole.transmission[0] - parts.transmission[0]).abs() < 1e-12);
+        }
+
+        #[test]
+        fn energy_is_not_created((r, t) in physical(), h in 0.0..1e4f64) {
+            let slab = KubelkaMunk::from_slab(&single(r, t), 1.0).unwrap().slab(h);
+            prop_assert!(slab.reflection[0] >= 0.0 && slab.transmission[0] >= 0.0);
+            prop_assert!(slab.reflection[0] + slab.transmission[0] <= 1.0 + 1e-14);
+        }
+
+        #[test]
         fn infinite_thickness_is_the_half_space((r, t) in physical()) {
             let km = KubelkaMunk::from_slab(&single(r, t), 1.0).unwrap();
             let far = km.slab(f64::INFINITY);
@@ -227,6 +245,16 @@ mod tests {
             let deep = km.slab(20.0 / km.gamma[0]);
             prop_assert!((deep.reflection[0] - km.half_space()[0]).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn zero_thickness_is_the_identity() {
+        let km = KubelkaMunk::from_slab(
+            &SlabSpectrum { reflection: vec![0.5, 0.0, 0.3], transmission: vec![0.5, 0.4, 0.2] },
+            2.0,
+        )
+        .unwrap();
+        assert_eq!(Composite::from_slab(&km.slab(0.0)), Composite::identity(3));
     }
 
     #[test]

@@ -191,10 +191,12 @@ mod tests {
     }
 
     #[test]
-    fn nothing_has_no_radius() {
+    fn nothing_transmits_everything() {
         let set = MaterialSet::builtin("synthetic").unwrap();
         let nothing = predict(&set, &Stack::default(), &Model::KubelkaMunk, &Unwatched).unwrap();
-        assert_eq!(nothing.light[0].radius_of_energy_mm(0.5), None);
+        let light = &nothing.light[0];
+        assert_eq!((light.reflection_hankel[0], light.transmission_hankel[0]), (0.0, 1.0));
+        assert_eq!(light.radius_of_energy_mm(0.5), None);
     }
 
     #[test]

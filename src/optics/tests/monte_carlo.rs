@@ -61,10 +61,31 @@ fn unscattered_light_of_a_diffuse_source_follows_its_closed_form() {
 }
 
 #[test]
-fn a_void_lets_everything_through() {
+fn splitting_a_layer_or_adding_an_empty_one_changes_nothing() {
+    let whole = slab(WHITE, 1.0);
+    let split = MonteCarlo { stack: Stack::new([(WHITE, 0.25), (SUPPORT, 0.0), (WHITE, 0.75)]), ..whole.clone() };
+    // The same random numbers, so equal to rounding, save for the rare photon whose ring or fate flips.
+    let (a, b) = (whole.run().unwrap(), split.run().unwrap());
+    assert!((a.reflection.mean - b.reflection.mean).abs() < 0.2 * a.reflection.standard_error);
+    assert!((a.transmission.mean - b.transmission.mean).abs() < 0.2 * a.transmission.standard_error);
+}
+
+#[test]
+fn a_stack_of_nothing_lets_everything_through() {
+    let result = slab(WHITE, 0.0).run().unwrap();
+    assert_eq!((result.reflection.mean, result.transmission.mean), (0.0, 1.0));
     let void = VolumeCoefficients { sigma_s: 0.0, sigma_a: 0.0, g: 0.0, refractive_index: 1.0 };
     let result = slab(void, 3.0).run().unwrap();
     assert_eq!((result.reflection.mean, result.unscattered_transmission.mean), (0.0, 1.0));
+}
+
+#[test]
+fn a_half_space_is_the_limit_of_thick_slabs() {
+    let thick = slab(WHITE, 12.0).run().unwrap();
+    let endless = MonteCarlo { stack: Stack::default().over(WHITE), seed: 99, ..slab(WHITE, 1.0) }.run().unwrap();
+    let sigma = thick.reflection.standard_error.hypot(endless.reflection.standard_error);
+    assert!((thick.reflection.mean - endless.reflection.mean).abs() < 4.0 * sigma);
+    assert_eq!(endless.transmission.mean, 0.0);
 }
 
 /// Light between the two faces of a slab that only absorbs, summed over its reflections.

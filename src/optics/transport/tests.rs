@@ -47,12 +47,47 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
+    fn no_light_is_made(layers in prop::collection::vec((volume(), 0.01..3.0), 1..4), light in light()) {
+        let found = spectra(&layers, None, light, &[0.0, 5.0]);
+        for (r, t) in found.reflection.iter().zip(&found.transmission) {
+            prop_assert!(r.abs() + t.abs() + mirrored(&layers, light) <= 1.0 + 1e-9, "{r} + {t}");
+        }
+    }
+
+    #[test]
     fn without_absorption_no_light_is_lost(layers in prop::collection::vec((volume(), 0.01..3.0), 1..4), light in light()) {
         let clear: Vec<_> = layers.iter().map(|(v, mm)| (VolumeCoefficients { sigma_a: 0.0, ..*v }, *mm)).collect();
         let found = spectra(&clear, None, light, &[0.0, 5.0]);
         let sum = found.reflection[0] + found.transmission[0] + mirrored(&clear, light);
         prop_assert!((sum - 1.0).abs() < 1e-9, "{sum}");
     }
+
+    #[test]
+    fn a_layer_split_in_two_is_the_same(resin in volume(), mm in 0.01..3.0, share in 0.01..0.99, light in light()) {
+        let whole = spectra(&[(resin, mm)], None, light, &[0.0, 10.0]);
+        let split = spectra(&[(resin, share * mm), (resin, (1.0 - share) * mm)], None, light, &[0.0, 10.0]);
+        let of = |found: &TransportSpectra| [found.reflection.clone(), found.transmission.clone()].concat();
+        for (a, b) in of(&whole).iter().zip(of(&split)) {
+            prop_assert!((a - b).abs() < 1e-9, "{a} and {b}");
+        }
+    }
+
+    #[test]
+    fn a_half_space_over_itself_is_itself(resin in volume(), mm in 0.01..3.0) {
+        let bare = spectra(&[], Some(resin), Light::Diffuse, &[0.0, 10.0]);
+        let covered = spectra(&[(resin, mm)], Some(resin), Light::Diffuse, &[0.0, 10.0]);
+        // A half-space is a slab through which 1e-12 comes, or as much as 30 doublings leave.
+        for (a, b) in bare.reflection.iter().zip(&covered.reflection) {
+            prop_assert!((a - b).abs() < 1e-7, "{a} and {b}");
+        }
+    }
+}
+
+#[test]
+fn nothing_is_in_the_way() {
+    let found = spectra(&[], None, Light::Diffuse, &[0.0, 20.0]);
+    assert_eq!(found.reflection, [0.0, 0.0]);
+    assert!(found.transmission.iter().all(|t| (t - 1.0).abs() < 1e-8), "{:?}", found.transmission);
 }
 
 /// Modes against doubling: two ways to the same matrices, which share the equations only.
