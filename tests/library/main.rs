@@ -1,6 +1,9 @@
 //! The library through its doors, room by room.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)] // helpers of tests
 
+#[path = "../common/mod.rs"]
+mod common;
+
 mod job;
 #[cfg(feature = "measure")]
 mod measure;

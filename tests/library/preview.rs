@@ -25,13 +25,7 @@ fn materials() -> Vec<PreviewMaterial> {
 #[test]
 #[ignore = "slices 1.8 G voxels twice; for looking at and timing"]
 fn bunny() {
-    let shared = std::env::var_os("LUMISLICE_SHARED")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")), PathBuf::from);
-    let file = shared.join("meshes/bunny_60mm_watertight.ply");
-    if !file.exists() {
-        println!("skipped: {} is absent", file.display());
-        return;
-    }
+    let Some(file) = crate::common::shared("meshes/bunny_60mm_watertight.ply") else { return };
     let mesh = load(&file, &LoadOptions::default()).unwrap().mesh;
     let (mesh, _) = place(mesh, &Placement::default()).unwrap();
     let extent = mesh.positions.iter().fold(DVec3::ZERO, |high, &p| high.max(p));

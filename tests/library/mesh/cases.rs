@@ -1,8 +1,6 @@
 //! The inputs that lie beside the project, if they do: what other programs' users met. Each has its right answer in the
 //! README there.
 
-use std::path::PathBuf;
-
 use lumislice::mesh::{LoadOptions, Loaded, MeshError, Solid, close, load};
 
 use super::painted::{assert_shares, shares};
@@ -11,13 +9,7 @@ const RED: [u8; 3] = [200, 40, 40];
 const BLUE: [u8; 3] = [40, 40, 200];
 
 fn read(name: &str) -> Option<Result<Loaded, MeshError>> {
-    let folder = std::env::var_os("LUMISLICE_SHARED")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
-    let path = folder.join("cases").join(name);
-    if !path.exists() {
-        println!("SKIPPED: {} is not there", path.display());
-        return None;
-    }
+    let path = crate::common::shared(&format!("cases/{name}"))?;
     Some(load(&path, &LoadOptions::default()))
 }
 

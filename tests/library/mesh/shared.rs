@@ -6,14 +6,7 @@ use std::time::Instant;
 use lumislice::mesh::{LoadOptions, Loaded, Placement, Size, close, load, place};
 
 fn shared(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("LUMISLICE_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
-    let path = folder.join("meshes").join(name);
-    if !path.exists() {
-        println!("skipped: {name} is not there");
-        return None;
-    }
-    Some(path)
+    crate::common::shared(&format!("meshes/{name}"))
 }
 
 fn timed<T>(what: &str, work: impl FnOnce() -> T) -> T {
