@@ -53,7 +53,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-out", job.name)));
     let existing = if args.resume { Existing::Resume } else { Existing::overwrite(args.overwrite) };
     if !args.dry_run {
-        OutputFolder::check(&folder, existing).map_err(RunError::from)?;
+        OutputFolder::check(&folder, &job::OWNER, existing).map_err(RunError::from)?;
     }
     let bars = Bars::new(args.json);
     let built_in = matches!(job.materials, MaterialSource::Set(_));

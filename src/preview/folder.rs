@@ -1,6 +1,6 @@
 //! Pictures of a finished folder, from its slices.
 
-use std::{fs, io::BufReader, path::Path};
+use std::{io::BufReader, path::Path};
 
 use rayon::prelude::*;
 
@@ -90,7 +90,7 @@ impl Colours {
 fn read(out: &Path, k: u32, lattice: &Lattice, colours: &Colours) -> Result<Image, PreviewError> {
     let path = out.join("slices").join(format!("slice_{k}.png"));
     let decode = |reason: String| PreviewError::Decode { path: path.clone(), reason };
-    let file = fs::File::open(&path).map_err(|source| PreviewError::Read { path: path.clone(), source })?;
+    let file = crate::regular_file::open(&path).map_err(|source| PreviewError::Read { path: path.clone(), source })?;
     let mut reader = png::Decoder::new(BufReader::new(file)).read_info().map_err(|error| decode(error.to_string()))?;
     let info = reader.info();
     let found = [info.width, info.height];

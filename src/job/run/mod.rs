@@ -7,7 +7,12 @@ mod heights;
 mod redraw;
 mod report;
 
-use std::{collections::BTreeMap, ops::Range, path::Path, time::Instant};
+use std::{
+    collections::BTreeMap,
+    ops::Range,
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use rayon::prelude::*;
 use serde_json::json;
@@ -24,7 +29,7 @@ use crate::{
         manifest::{Manifest, MeshRecord, Outcome, STACKINGS, json},
         verify::read_manifest,
     },
-    output::{Existing, GENERATOR, MANIFEST, OutputError, OutputFolder, SliceCounts, TIMINGS, Task, pretty},
+    output::{Existing, GENERATOR, MANIFEST, OutputError, OutputFolder, Owner, SliceCounts, TIMINGS, Task, pretty},
     preview::{PreviewBuilder, PreviewMaterial},
     slice::{
         RowBuffers, encode_mask, encode_rgba,
@@ -71,8 +76,14 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
         return Ok(Finished { manifest, kept: slices.end - slices.start });
     }
     let stackings = prepared.stackings_json();
-    let task = Task { generator: GENERATOR.to_owned(), sha256: prepared.digest(), slices: [slices.start, slices.end] };
-    let (output, recorded) = OutputFolder::begin(folder, options.existing, &task)?;
+    let command = OWNER.command.to_owned();
+    let task = Task {
+        command,
+        generator: GENERATOR.to_owned(),
+        sha256: prepared.digest(),
+        slices: [slices.start, slices.end],
+    };
+    let (output, recorded) = OutputFolder::begin(folder, &OWNER, options.existing, &task, &prepared.files())?;
     if !output.keep(STACKINGS) {
         output.write(STACKINGS, &stackings)?;
     }
@@ -139,6 +150,12 @@ fn mask_path(resin: &str, k: u32) -> String {
     format!("masks/{resin}/slice_{k}.png")
 }
 
+/// What `slice` writes.
+pub const OWNER: Owner = Owner {
+    command: "slice",
+    names: &["slices/", "masks/", "meshes/", "heights/", "preview/", STACKINGS, REPORT, TIMINGS],
+};
+
 /// Where slabs go.
 struct Sinks<'a> {
     prepared: &'a Prepared,
@@ -202,6 +219,11 @@ impl Sinks<'_> {
 }
 
 impl Prepared {
+    /// Every file that was read.
+    fn files(&self) -> Vec<PathBuf> {
+        self.inputs.iter().map(|input| input.file.clone()).chain([self.job.path.clone()]).collect()
+    }
+
     /// Lists the files of slice `k` as written if an interrupted run left all of them whole.
     fn keep_slice(&self, output: &OutputFolder, k: u32) -> bool {
         let slice = self.job.wants(OutputFormat::Png).then(|| slice_path(k));
