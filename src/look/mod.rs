@@ -12,9 +12,13 @@
 
 mod grid;
 mod light;
+mod scene;
+mod spots;
+mod strides;
 mod tally;
 #[cfg(test)]
 mod tests;
+mod volume;
 mod walk;
 
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -23,7 +27,10 @@ use rayon::prelude::*;
 
 pub use grid::VoxelGrid;
 pub use light::{Pattern, TexelGrid};
+pub use scene::Scene;
+pub use spots::{Site, Spot};
 pub use tally::{ExitImage, Response};
+pub use volume::{Volume, VolumeTooLarge};
 
 use crate::optics::{
     Light, OpticsError, VolumeCoefficients,
