@@ -7,11 +7,13 @@
 //! | `run`     | a [`Prepared`] job | the output folder and its [`Manifest`] |
 //! | [`verify`](mod@verify) | a finished folder | what is not as its manifest has it |
 //! | `factor`  | a measured BSSRDF | a folder of profiles and clusters to print from |
+//! | `look` | a [`Prepared`] job or its folder | what is asked for beside what is printed |
 //! | `compare` | factored data and finished jobs | what each step to the print costs in appearance |
 
 mod compare;
 mod factor;
 mod file;
+mod look;
 mod manifest;
 mod plan;
 mod run;
@@ -28,11 +30,12 @@ pub use file::{
     MaterialSource, NamedLimit, ObjectJob, OutputFormat, OutputOptions, Place, ResolvedJob, SUPPORT,
     SUPPORT_MIN_DEPTH_MM, Scaling, StackingModel, StackingOptions, TargetSpec, Unit,
 };
+pub use look::{Fit, LOOK_VERSION, Look, LookError, LookOptions, SpotRecord, look, look_at};
 pub use manifest::{
     LatticeRecord, MANIFEST_VERSION, Manifest, MaterialRecord, MaterialSetRecord, MeshRecord, ObjectRecord, STACKINGS,
 };
 pub use plan::{
-    GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry, StackingReport,
+    Asked, AskedMap, GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry, StackingReport,
     TransportEntry, targets,
 };
 pub use run::{Estimate, Finished, REPORT, RedrawError, RunOptions, draw_again, redraw, report_data, run};

@@ -96,9 +96,6 @@ impl Scene {
     }
 
     /// A place as a position in mm.
-    pub(super) fn position(&self, place: Place) -> DVec3 {
-        self.volume.lattice().origin + place * self.volume.lattice().pitch
-    }
 
     /// Whether there is no voxel at `place` or none that is printed.
     pub(super) fn is_void(&self, place: Place) -> bool {

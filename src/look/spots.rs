@@ -109,6 +109,12 @@ impl Scene {
         self.media().iter().map(count).collect()
     }
 
+    /// Whether light can leave the surface at a site: there is air over the steps that voxels make.
+    pub fn is_open(&self, site: &Site) -> bool {
+        let step = self.volume().lattice().pitch.length() / 2.0;
+        [1.0, 2.0].iter().all(|height| self.is_void(self.place(site.point + site.normal * (height * step))))
+    }
+
     /// A line of sight onto a site, drawn with the cosine to its surface: where it enters the print.
     fn look_at(&self, site: &Site, rng: &mut Xoshiro256PlusPlus) -> Option<(Place, Direction)> {
         let step = self.volume().lattice().pitch.length() / 2.0;

@@ -39,6 +39,7 @@ use thiserror::Error;
 
 pub use collect::PreviewBuilder;
 pub use folder::from_folder;
+pub(crate) use folder::{SliceColours, read_slice};
 pub use report::{ReportData, ReportHealth, ReportMaterial, ReportPicture, ReportStacking, report_html};
 
 use crate::voxel::{MaterialId, Slab};
