@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lumislice::{
-    job::{CompareError, CompareRequest, Comparison, JobFit, Spread, compare_into},
+    job::compare::{CompareError, CompareRequest, Comparison, JobFit, Spread, compare_into},
     output::{Existing, OutputFolder},
 };
 
@@ -116,7 +116,8 @@ fn fits(comparison: &Comparison) -> String {
     let header = ["stackings of", "objective", "worst", "by Kubelka–Munk", "worst", "albedo rms"];
     let rows: Vec<_> = comparison.jobs.iter().map(row).collect();
     format!(
-        "\n{}objective: squared difference from the clusters' profiles as they are, summed over frequencies, mean over texels; \
+        "\n{}objective: squared difference from the clusters' profiles as they are, summed over frequencies, mean \
+            over texels; \
          a job with gamut-map or another dc-weight aims elsewhere\n",
         table(&header, &rows)
     )

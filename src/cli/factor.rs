@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use lumislice::{
     appearance::bssrdf::{BssrdfError, ClusterCount, FactorOptions},
-    job::{FactorError, FactorRequest, Factored, factor_into},
+    job::factor::{FactorError, FactorRequest, Factored, factor_into},
     output::{Existing, OutputFolder},
     words::counted,
 };
@@ -113,7 +113,8 @@ fn warn(factored: &Factored) {
         if tail.fitted + tail.stretched > 0 && tail.mean_energy_in_tail > MOST_BEYOND * all {
             let (share, from) = (100.0 * tail.mean_energy_in_tail / all, tail.from_mm);
             say(&format!(
-                "warning: {channel}: {share:.1}% of the albedo lies beyond the windows, which end at {from:.4} mm: is the pitch in mm?"
+                "warning: {channel}: {share:.1}% of the albedo lies beyond the windows, which end at {from:.4} mm: is \
+                    the pitch in mm?"
             ));
         }
         if tail.none > 0 && tail.none > factored.width * factored.height / 100 {

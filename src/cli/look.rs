@@ -5,7 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use lumislice::{
     glam::DVec3,
-    job::{self, Job, Look, LookOptions, MaterialSource, Prepared, RunError},
+    job::{
+        Job, Prepared, RunError,
+        file::MaterialSource,
+        look::{Fit, Look, LookOptions, look},
+    },
     output::{Existing, OutputFolder},
 };
 
@@ -15,6 +19,7 @@ use super::{
     materials::say_provenance,
     print, print_json,
     progress::Bars,
+    say,
     table::table,
 };
 
@@ -85,9 +90,10 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         say_provenance(&set.name, &set.provenance);
     }
     let options = LookOptions { spots: args.spots, at: args.at.clone(), walks: args.photons, seed: args.seed };
-    let result = prepared.map_err(Into::into).and_then(|prepared| job::look(&prepared, folder, &options, &bars));
+    let result = prepared.map_err(Into::into).and_then(|prepared| look(&prepared, folder, &options, &bars));
     bars.finish();
     let look = result?;
+    look.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     if look.spots.is_empty() {
         return Err(refusal!("surface: found no spot that shows, expected one at least"));
     }
@@ -103,8 +109,8 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
 }
 
 fn summary(look: &Look) -> String {
-    let against = |name: &str, fits: &[job::Fit]| -> Vec<Vec<String>> {
-        let row = |(channel, fit): (&String, &job::Fit)| {
+    let against = |name: &str, fits: &[Fit]| -> Vec<Vec<String>> {
+        let row = |(channel, fit): (&String, &Fit)| {
             vec![
                 channel.clone(),
                 name.to_owned(),

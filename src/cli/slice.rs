@@ -5,7 +5,8 @@ use std::{ops::Range, path::PathBuf};
 use clap::Args;
 use lumislice::{
     job::{
-        self, Estimate, Finished, Job, Manifest, MaterialRecord, MaterialSource, Prepared, REPORT, RunError, RunOptions,
+        self, Estimate, Finished, Job, Manifest, Prepared, REPORT, RunError, RunOptions, file::MaterialSource,
+        manifest::MaterialRecord,
     },
     output::{Existing, OutputFolder},
 };

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::{JobError, LookError};
+use super::{JobError, look::LookError};
 use crate::{
     blame::{Blame, Blamed, Remedy},
     mesh::MeshError,

@@ -48,7 +48,8 @@ pub enum OutputError {
         path: PathBuf,
     },
     /// A folder that no job wrote can neither be overwritten nor gone on with.
-    #[error("{}: found files but neither a manifest.json nor a {JOURNAL} that lists them, expected an earlier job's output; choose another folder or empty it", path.display())]
+    #[error("{}: found files but neither a manifest.json nor a {JOURNAL} that lists them, expected an earlier job's \
+        output; choose another folder or empty it", path.display())]
     NoManifest {
         /// The folder.
         path: PathBuf,

@@ -92,7 +92,8 @@ pub enum PreviewError {
     },
     /// A slice is not as large as the lattice.
     #[error(
-        "{}: found {} × {} pixels, expected the lattice's {} × {}", path.display(), found[0], found[1], expected[0], expected[1]
+        "{}: found {} × {} pixels, expected the lattice's {} × \
+            {}", path.display(), found[0], found[1], expected[0], expected[1]
     )]
     Size {
         /// The slice.
@@ -104,7 +105,8 @@ pub enum PreviewError {
     },
     /// A slice holds something that is no material's colour.
     #[error(
-        "{}: found the colour {found:?} in column {column} of row {row}, expected the RGBA of one of the materials", path.display()
+        "{}: found the colour {found:?} in column {column} of row {row}, expected the RGBA of one of the \
+            materials", path.display()
     )]
     Colour {
         /// The slice.

@@ -323,7 +323,8 @@ fn bad_slices_are_named() {
     let (text, _) = error(&small, &materials()[..2]);
     assert_eq!(
         text,
-        "OUT/slices/slice_0.png: found the colour [20, 20, 22, 255] in column 3 of row 0, expected the RGBA of one of the materials"
+        "OUT/slices/slice_0.png: found the colour [20, 20, 22, 255] in column 3 of row 0, expected the RGBA of one of \
+            the materials"
     );
     std::fs::write(folder.path().join("slices/slice_1.png"), "not a picture").unwrap();
     let (text, _) = error(&small, &materials());

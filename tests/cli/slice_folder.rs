@@ -71,7 +71,7 @@ fn a_file_is_no_folder() {
     assert_eq!(bench.files("")["file"], b"");
 }
 
-/// Nobody, not even root, creates folders in /proc.
+/// No user, not even root, creates folders in /proc.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_folder_that_cannot_be_written_is_3_before_the_slow_work() {

@@ -13,7 +13,7 @@
 //! | predicted | equation 7 with what the transport model says of each cluster's stacking |
 //! | printed | Monte Carlo through the voxels of the slices |
 //!
-//! Sides are mirrors for all of them. Photons meet nothing below the slab, where predictions reckon with endless core.
+//! Sides are mirrors for all of them. Photons meet nothing below the slab, where predictions assume an endless core.
 
 mod dataset;
 mod error;

@@ -71,6 +71,8 @@ pub struct Look {
     pub seed: u64,
     /// Radius of a spot, mm.
     pub spot_radius_mm: f64,
+    /// What the user should know.
+    pub warnings: Vec<String>,
     /// Printed against asked, in each channel; `None` where nothing was asked for.
     pub against_asked: Option<Vec<Fit>>,
     /// Printed against predicted, in each channel.
@@ -167,6 +169,10 @@ pub fn look_at(
     };
     let spots: Vec<SpotRecord> = spots.iter().zip(printed).filter_map(record).collect();
     let channels = prepared.materials.channels.clone();
+    let mut warnings = Vec::new();
+    if prepared.materials.resins.iter().any(|resin| resin.refractive_index != 1.0) {
+        warnings.push("light meets no boundary of resin and air here: refractive indices are left out".to_owned());
+    }
     let asked = spots.iter().map(|spot| spot.asked.as_deref()).collect::<Option<Vec<_>>>();
     let predicted: Vec<_> = spots.iter().map(|spot| spot.predicted.as_slice()).collect();
     let goal = asked.as_ref().unwrap_or(&predicted);
@@ -187,6 +193,7 @@ pub fn look_at(
         against_asked: asked.as_ref().map(|asked| fits(&spots, asked, channels.len())),
         against_predicted: fits(&spots, &predicted, channels.len()),
         channels,
+        warnings,
         worst,
         spots,
     })

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::LookError;
 use crate::{
-    job::{DepthFrom, Manifest, MaterialRecord, Prepared, RunError},
+    job::{Manifest, Prepared, RunError, file::DepthFrom, manifest::MaterialRecord},
     look::{Scene, Volume},
     optics::{MaterialSet, VolumeCoefficients},
     preview::{SliceColours, read_slice},

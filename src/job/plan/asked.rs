@@ -12,7 +12,10 @@ use crate::{
         self, AppearancePage, Atlas, ClusterId, LabelMap, NormalizedDiffusion, cluster, distinct_appearances,
     },
     colour::{byte_to_linear, srgb_to_linear, to_channels},
-    job::{AlbedoSource, InputPath, RunError, TargetSpec},
+    job::{
+        RunError,
+        file::{AlbedoSource, InputPath, TargetSpec},
+    },
     optics::ProfileFile,
     search::SearchTarget,
 };

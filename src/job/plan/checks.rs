@@ -1,7 +1,7 @@
 //! What the user should know of a job that is otherwise in order.
 
 use super::PreparedObject;
-use crate::job::{DepthFrom, Job, JobError};
+use crate::job::{Job, JobError, file::DepthFrom};
 use crate::voxel::Lattice;
 
 /// Refuses objects that are shorter than a voxel along every axis, most likely for want of a unit: of such an object
@@ -51,7 +51,10 @@ pub(super) fn thin_layers(job: &Job, objects: &[PreparedObject], lattice: &Latti
     let (layers, stackings) = (stackings().flat_map(|stacking| &stacking.layers).count(), stackings().count());
     (!parts.is_empty()).then(|| {
         let parts = parts.join(", ");
-        format!("layers thinner than a voxel, not resolved on faces that look along it: {parts} of {layers} in {stackings} stackings")
+        format!(
+            "layers thinner than a voxel, not resolved on faces that look along it: {parts} of {layers} in \
+            {stackings} stackings"
+        )
     })
 }
 

@@ -17,8 +17,11 @@ use super::{
 };
 use crate::{
     job::{
-        AlbedoSource, DepthFrom, Distance, InputPath, Job, MaterialSource, ObjectJob, OutputFormat, RunError, Scaling,
-        StackingModel, TargetSpec,
+        Job, RunError,
+        file::{
+            AlbedoSource, DepthFrom, Distance, InputPath, MaterialSource, ObjectJob, OutputFormat, Scaling,
+            StackingModel, TargetSpec,
+        },
     },
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
     optics::{MaterialFile, MaterialSet, OpticsError, ResinId},

@@ -11,7 +11,10 @@ use crate::{
     appearance::{
         AlignedStackings, Atlas, HeightFields, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers, align,
     },
-    job::{DepthFrom, Job, OutputFormat, RunError, StackingModel, TargetSpec},
+    job::{
+        Job, RunError,
+        file::{DepthFrom, OutputFormat, StackingModel, TargetSpec},
+    },
     optics::{OpticsError, ResinId, Stack},
     search::{Found, Matcher, RefineOptions, SearchTarget},
 };
@@ -71,7 +74,8 @@ fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
     let share: f64 = far.iter().map(|(share, _)| share).sum();
     let (asked, found) = far.into_iter().map(|(_, pair)| pair).max_by(wider)?;
     Some(format!(
-        "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: the resins reach no \
+        "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: \
+            the resins reach no \
          nearer, see `lumislice gamut --job`, gamut-map and dc-weight",
         100.0 * share
     ))

@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::{
-    job::{MaterialRecord, Prepared, RunError},
+    job::{Prepared, RunError, manifest::MaterialRecord},
     voxel::{BlockShape, Lattice, Slab},
     watch::Watch,
 };

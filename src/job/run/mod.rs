@@ -14,13 +14,14 @@ use serde_json::json;
 
 pub use estimate::Estimate;
 pub use redraw::{RedrawError, redraw};
+pub use report::REPORT;
 use report::write_pictures;
-pub use report::{REPORT, draw_again, report_data};
 
 use crate::{
     job::{
-        OutputFormat, Prepared, RunError, STACKINGS, StackingReport,
-        manifest::{Manifest, MeshRecord, Outcome, json},
+        Prepared, RunError, StackingReport,
+        file::OutputFormat,
+        manifest::{Manifest, MeshRecord, Outcome, STACKINGS, json},
         verify::read_manifest,
     },
     output::{Existing, GENERATOR, MANIFEST, OutputError, OutputFolder, SliceCounts, TIMINGS, Task, pretty},
@@ -54,7 +55,7 @@ pub struct Finished {
 /// Slices a prepared job into `folder`.
 ///
 /// With [`Existing::Resume`] the slices that an interrupted run of the same job left whole are kept; where pictures are
-/// asked for, their voxels are reckoned again. A finished folder of the same job is left as it is.
+/// asked for, their voxels are computed again. A finished folder of the same job is left as it is.
 ///
 /// # Errors
 /// [`RunError::Output`] when the folder may not or cannot be written, [`RunError::Stopped`] when asked to stop; in both

@@ -6,7 +6,8 @@ use super::report::{draw_again, write_pictures};
 use crate::{
     blame::{Blame, Blamed, Remedy},
     job::{
-        LatticeRecord, Manifest, RunError,
+        Manifest, RunError,
+        manifest::LatticeRecord,
         verify::{Finding, VerifyError, read_manifest},
     },
     output::{MANIFEST, OutputFolder, pretty},

@@ -1,7 +1,10 @@
 //! A finished job for human eyes: its pictures, and the page that shows them.
 
 use crate::{
-    job::{LatticeRecord, Manifest, MaterialRecord, ObjectRecord, RunError},
+    job::{
+        Manifest, RunError,
+        manifest::{LatticeRecord, MaterialRecord, ObjectRecord},
+    },
     optics::{ResinId, Stack},
     output::{MANIFEST, OutputFolder},
     preview::{
@@ -33,7 +36,7 @@ pub(super) fn write_pictures(
 ///
 /// # Errors
 /// A slice that is missing or damaged.
-pub fn draw_again(folder: &std::path::Path, manifest: &Manifest) -> Result<Vec<PreviewFile>, RunError> {
+pub(super) fn draw_again(folder: &std::path::Path, manifest: &Manifest) -> Result<Vec<PreviewFile>, RunError> {
     Ok(preview::from_folder(folder, &manifest.lattice.lattice(), &preview_materials(manifest))?)
 }
 
@@ -54,7 +57,7 @@ impl LatticeRecord {
 }
 
 /// What the page says.
-pub fn report_data<'a>(manifest: &Manifest, pictures: impl Iterator<Item = &'a str>) -> ReportData {
+fn report_data<'a>(manifest: &Manifest, pictures: impl Iterator<Item = &'a str>) -> ReportData {
     let id = |name: &str| manifest.materials.iter().position(|material| material.name == name).map(ResinId);
     let slices = manifest.slices[1] - manifest.slices[0];
     let mut stackings = Vec::new();

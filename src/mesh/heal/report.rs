@@ -50,7 +50,8 @@ impl HealthReport {
         say(
             self.twisted_edges,
             format!(
-                "{} between neighbours that face opposite ways and cannot be made to agree; the surface is one-sided there.",
+                "{} between neighbours that face opposite ways and cannot be made to agree; the surface is one-sided \
+                    there.",
                 is_are(self.twisted_edges, "edge")
             ),
         );

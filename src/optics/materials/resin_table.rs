@@ -156,11 +156,12 @@ impl Draft {
         })
     }
 
-    /// What the user should know of that not every model reckons with.
+    /// What the user should know of that not every model takes into account.
     pub(super) fn warning(&self) -> Option<String> {
         (self.refractive_index != 1.0 && self.profiles.is_none()).then(|| {
             format!(
-                "resin {}: refractive index {} counts in the models transport and monte-carlo; km reckons index-matched",
+                "resin {}: refractive index {} counts in the models transport and monte-carlo; km assumes matched \
+                    indices",
                 self.name, self.refractive_index
             )
         })
