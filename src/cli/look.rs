@@ -1,14 +1,14 @@
 //! `lumislice look`: how a job will look.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Duration};
 
-use clap::Args;
+use clap::{Args, builder::TypedValueParser};
 use lumislice::{
     glam::DVec3,
     job::{
         Job, Prepared, RunError,
         file::MaterialSource,
-        look::{Fit, Look, LookOptions, look},
+        look::{Fit, Look, LookOptions, PictureOptions, look},
     },
     output::{Existing, OutputFolder},
 };
@@ -35,7 +35,7 @@ pub struct LookArgs {
     /// The job that OUT was made from: its meshes, and what it asks for.
     #[arg(long, value_name = "JOB.toml", help_heading = "Input")]
     job: Option<PathBuf>,
-    /// Folder to write look.json into.
+    /// Folder to write pictures and look.json into.
     #[arg(short, long, value_name = "FOLDER", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Replace the files of an earlier look in FOLDER.
@@ -53,6 +53,18 @@ pub struct LookArgs {
     /// Seed of spots and photons.
     #[arg(long, value_name = "S", default_value_t = 1, help_heading = "Work")]
     seed: u64,
+    /// Edge of a picture, pixels.
+    #[arg(long, value_name = "N", default_value_t = PictureOptions::default().size, value_parser = clap::value_parser!(u32).range(16..=4096).map(|n| n as usize), help_heading = "Pictures")]
+    size: usize,
+    /// Samples of every pixel, at most.
+    #[arg(long, value_name = "N", default_value_t = PictureOptions::default().samples, value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Pictures")]
+    samples: u32,
+    /// Begin no further samples after so many seconds.
+    #[arg(long, value_name = "S", value_parser = parse_seconds, help_heading = "Pictures")]
+    time: Option<Duration>,
+    /// Where the camera stands: azimuth (counter-clockwise from +x) and elevation (2 to 90) in degrees.
+    #[arg(long, value_name = "AZ,EL", value_parser = parse_view, allow_hyphen_values = true, help_heading = "Pictures")]
+    view: Option<View>,
     /// Print one JSON document instead of words.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -64,6 +76,25 @@ fn parse_position(text: &str) -> Result<DVec3, String> {
         Some(&[x, y, z]) if x.is_finite() && y.is_finite() && z.is_finite() => Ok(DVec3::new(x, y, z)),
         _ => Err(format!("found `{text}`, expected three numbers of mm, X,Y,Z")),
     }
+}
+
+/// Azimuth and elevation, degrees.
+#[derive(Debug, Clone, Copy)]
+struct View([f64; 2]);
+
+fn parse_view(text: &str) -> Result<View, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[azimuth, elevation]) if azimuth.is_finite() && (2.0..=90.0).contains(&elevation) => {
+            Ok(View([azimuth, elevation]))
+        }
+        _ => Err(format!("found `{text}`, expected an azimuth and an elevation from 2 to 90 degrees, AZ,EL")),
+    }
+}
+
+fn parse_seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.trim().parse::<f64>().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds.ok_or_else(|| format!("found `{text}`, expected a number of seconds"))
 }
 
 /// Runs the command.
@@ -89,7 +120,20 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         bars.finish();
         say_provenance(&set.name, &set.provenance);
     }
-    let options = LookOptions { spots: args.spots, at: args.at.clone(), walks: args.photons, seed: args.seed };
+    let pictures = PictureOptions {
+        size: args.size,
+        samples: args.samples,
+        time: args.time,
+        view_deg: args.view.map_or(PictureOptions::default().view_deg, |view| view.0),
+        seed: args.seed,
+    };
+    let options = LookOptions {
+        spots: args.spots,
+        at: args.at.clone(),
+        walks: args.photons,
+        seed: args.seed,
+        pictures: args.output.is_some().then_some(pictures),
+    };
     let result = prepared.map_err(Into::into).and_then(|prepared| look(&prepared, folder, &options, &bars));
     bars.finish();
     let look = result?;

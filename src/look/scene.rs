@@ -12,7 +12,7 @@ use crate::optics::{
     OpticsError, VolumeCoefficients,
     monte_carlo::photon::{Direction, FAINT, HenyeyGreenstein, REVIVED, azimuth, uniform},
 };
-use crate::voxel::BRICK;
+use crate::voxel::{BRICK, MaterialId, Tile};
 
 /// Voxels of resins, and light's coefficients in them.
 #[derive(Debug)]
@@ -85,8 +85,8 @@ impl Scene {
         &self.media
     }
 
-    /// Which of [`Self::media`] each channel has.
-    pub(super) fn of_channel(&self) -> &[usize] {
+    /// Which of the channels that are distinct each channel is.
+    pub fn distinct(&self) -> &[usize] {
         &self.of_channel
     }
 
@@ -127,6 +127,55 @@ impl Scene {
         None
     }
 
+    /// [`Self::first_printed`] over any distance: leaps through air.
+    pub fn meets(&self, position: DVec3, direction: DVec3) -> Option<DVec3> {
+        let step = direction * self.per_mm;
+        let mut place = self.enter(self.place(position), direction)?;
+        let [nx, ny, _] = self.volume.bricks();
+        let strides = &self.media.first()?.strides;
+        while self.holds(place) {
+            let voxel = [place.x as usize, place.y as usize, place.z as usize];
+            let brick = (voxel[0] >> 3) + nx * ((voxel[1] >> 3) + ny * (voxel[2] >> 3));
+            let [class, radius] = strides.of[brick].map(f64::from);
+            let corner = DVec3::new((voxel[0] & !7) as f64, (voxel[1] & !7) as f64, (voxel[2] & !7) as f64);
+            let edge = BRICK as f64;
+            let radius = if class == 0.0 { radius } else { 0.0 };
+            let far = DVec3::select(step.cmpgt(DVec3::ZERO), corner + edge * (radius + 1.0), corner - edge * radius);
+            let leaves = ((far - place) / step).min_element().max(0.0);
+            if class > 0.0
+                && let Some(found) = self.first_printed(place, direction, leaves)
+            {
+                return Some(self.position(found));
+            }
+            place += step * (leaves + NUDGE_MM);
+        }
+        None
+    }
+
+    /// Whether a place lies within the bricks.
+    #[inline(always)]
+    fn holds(&self, place: Place) -> bool {
+        place.cmpge(DVec3::ZERO).all() && place.cmplt(self.end).all()
+    }
+
+    /// A place as a position in mm.
+    pub(super) fn position(&self, place: Place) -> DVec3 {
+        self.volume.lattice().origin + place * self.volume.lattice().pitch
+    }
+
+    /// Corners of the box around all bricks that hold something printed, mm.
+    pub fn bounds(&self) -> Option<[DVec3; 2]> {
+        let n = self.volume.bricks();
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for brick in (0..n.iter().product()).filter(|&brick| self.volume.tile(brick) != AIR) {
+            let at = [brick % n[0], brick / n[0] % n[1], brick / (n[0] * n[1])].map(|at| (at * BRICK) as f64);
+            low = low.min(at.into());
+            high = high.max(DVec3::from(at) + BRICK as f64);
+        }
+        let dims = DVec3::from(self.volume.lattice().dims.map(f64::from));
+        (low.x < high.x).then(|| [self.position(low), self.position(high.min(dims))])
+    }
+
     /// Where a ray from outside meets the box of all bricks; the place itself where it starts within.
     pub(super) fn enter(&self, place: Place, direction: DVec3) -> Option<Place> {
         let step = direction * self.per_mm;
@@ -138,6 +187,9 @@ impl Scene {
         Some(if near > 0.0 { place + step * (near + NUDGE_MM) } else { place })
     }
 }
+
+/// A brick without anything printed.
+const AIR: Tile<'static> = Tile::Uniform(MaterialId::BACKGROUND);
 
 /// How far beyond a face a flight goes on, mm, so that rounding cannot leave it before the face.
 const NUDGE_MM: f64 = 1e-7;
@@ -184,7 +236,7 @@ impl<'a> Walker<'a> {
         let mut at = *place;
         let mut depth = -libm::log(1.0 - uniform(rng));
         loop {
-            if !(at.cmpge(DVec3::ZERO).all() && at.cmplt(scene.end).all()) {
+            if !scene.holds(at) {
                 *place = at;
                 return None;
             }
@@ -206,7 +258,7 @@ impl<'a> Walker<'a> {
                 continue;
             }
             at += step * (depth * media.mean_free_path[class]);
-            if !(at.cmpge(DVec3::ZERO).all() && at.cmplt(scene.end).all()) {
+            if !scene.holds(at) {
                 *place = at;
                 return None;
             }
@@ -220,6 +272,23 @@ impl<'a> Walker<'a> {
             }
             depth = -libm::log(1.0 - uniform(rng));
         }
+    }
+
+    /// [`Self::fly`] from anywhere, outside of the bricks too.
+    #[inline]
+    pub fn fly_in(&self, place: &mut Place, direction: Direction, rng: &mut Xoshiro256PlusPlus) -> Option<u8> {
+        if !self.scene.holds(*place) {
+            *place = self.scene.enter(*place, DVec3::new(direction.x, direction.y, direction.z))?;
+        }
+        self.fly(place, direction, rng)
+    }
+
+    /// The share of light that an event in material `id` leaves, and per steradian what of that goes where the cosine
+    /// to the old direction is `cosine`.
+    #[inline]
+    pub fn towards(&self, id: u8, cosine: f64) -> [f64; 2] {
+        let id = usize::from(id);
+        [self.media.albedo[id], self.media.phase[id].density(cosine)]
     }
 
     /// Scatters in material `id`: a new direction and weight; `None` where the walk dies.

@@ -85,7 +85,7 @@ impl Scene {
                     }
                     (sum.1 > 1).then(|| sum.0.estimate(sum.1))
                 };
-                found.push(self.of_channel().iter().map(|&media| of_media(media)).collect());
+                found.push(self.distinct().iter().map(|&media| of_media(media)).collect());
             }
             watch.advance(spots.len() as u64);
         }

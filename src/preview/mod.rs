@@ -22,6 +22,7 @@ mod enclosed;
 mod folder;
 mod legend;
 mod light;
+mod look;
 mod march;
 mod report;
 mod sampling;
@@ -40,6 +41,7 @@ use thiserror::Error;
 pub use collect::PreviewBuilder;
 pub use folder::from_folder;
 pub(crate) use folder::{SliceColours, read_slice};
+pub(crate) use look::{LookPanel, look_sheet};
 pub use report::{ReportData, ReportHealth, ReportMaterial, ReportPicture, ReportStacking, report_html};
 
 use crate::voxel::{MaterialId, Slab};

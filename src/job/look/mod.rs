@@ -8,9 +8,12 @@
 //! | file | what it does |
 //! | --- | --- |
 //! | `voxels`  | the volume, from the job's fields or from the slices of a folder |
+//! | `pictures`, `asked` | the whole object under four kinds of light, printed and as it should be |
 //! | `surface` | spots of the surface, and what is expected there |
 
+mod asked;
 mod error;
+mod pictures;
 mod surface;
 mod voxels;
 
@@ -20,12 +23,14 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 pub use error::LookError;
+pub use pictures::PictureOptions;
 use surface::SurfaceSpot;
 
 use super::{Prepared, verify::read_manifest};
 use crate::{
     look::{Scene, Spot},
     output::{Existing, GENERATOR, OutputError, OutputFolder, pretty},
+    preview::PreviewFile,
     watch::Watch,
 };
 
@@ -45,12 +50,14 @@ pub struct LookOptions {
     pub walks: u64,
     /// Same seed, same result.
     pub seed: u64,
+    /// Pictures; `None`: numbers only.
+    pub pictures: Option<PictureOptions>,
 }
 
 impl Default for LookOptions {
     /// At 10,000 walks a printed albedo of 0.4 is known to 0.003.
     fn default() -> Self {
-        Self { spots: 100, at: Vec::new(), walks: 10_000, seed: 1 }
+        Self { spots: 100, at: Vec::new(), walks: 10_000, seed: 1, pictures: None }
     }
 }
 
@@ -81,6 +88,9 @@ pub struct Look {
     pub worst: Vec<usize>,
     /// The spots: those at random, then those that were named.
     pub spots: Vec<SpotRecord>,
+    /// The pictures.
+    #[serde(skip)]
+    pub pictures: Vec<PreviewFile>,
 }
 
 /// How far printed albedos are from what they should be, over all spots.
@@ -168,6 +178,7 @@ pub fn look_at(
         })
     };
     let spots: Vec<SpotRecord> = spots.iter().zip(printed).filter_map(record).collect();
+    let pictures = options.pictures.map(|options| pictures::pictures(prepared, scene, &options, watch)).transpose()?;
     let channels = prepared.materials.channels.clone();
     let mut warnings = Vec::new();
     if prepared.materials.resins.iter().any(|resin| resin.refractive_index != 1.0) {
@@ -196,17 +207,21 @@ pub fn look_at(
         warnings,
         worst,
         spots,
+        pictures: pictures.unwrap_or_default(),
     })
 }
 
 impl Look {
-    /// Writes `look.json` into `folder`.
+    /// Writes `look.json` and the pictures into `folder`.
     ///
     /// # Errors
     /// A folder that may not or cannot be written.
     pub fn write(&self, folder: &Path, existing: Existing) -> Result<(), OutputError> {
         let output = OutputFolder::create(folder, existing)?;
         output.write("look.json", &pretty(self))?;
+        for picture in &self.pictures {
+            output.write(picture.path.trim_start_matches("look/"), &picture.png)?;
+        }
         let list = serde_json::json!({ "generator": GENERATOR, "version": 1, "files": output.files() });
         output.finish(&pretty(&list))
     }

@@ -51,7 +51,7 @@ impl Prepared {
     }
 
     /// What is expected at a point of an object's surface.
-    fn expected_at(&self, object: usize, triangle: u32, point: DVec3) -> Expected {
+    pub(super) fn expected_at(&self, object: usize, triangle: u32, point: DVec3) -> Expected {
         let (object, field) = self.with_field(object);
         let (mut asked, mut predicted) = (Some(Vec::new()), Vec::new());
         for shared in field.shares(triangle, point).into_iter().filter(|shared| shared.share > 0.0) {
@@ -65,6 +65,15 @@ impl Prepared {
             }
         }
         Expected { asked, predicted }
+    }
+
+    /// The label of the target at a point of an object's surface, and the albedo that is asked for there, the mean of
+    /// the channels.
+    pub(super) fn wanted_at(&self, object: usize, triangle: u32, point: DVec3) -> (u16, f64) {
+        let shares = self.slicer().objects()[object].shares(triangle, point);
+        let most = shares.iter().fold(&shares[0], |best, next| if next.share > best.share { next } else { best });
+        let asked = self.expected_at(object, triangle, point).asked.unwrap_or_default();
+        (most.stacking, asked.iter().sum::<f64>() / asked.len().max(1) as f64)
     }
 
     /// What is expected of a spot: the mean over its sites.
@@ -150,7 +159,7 @@ impl Prepared {
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
 /// Outward unit normal and area of a triangle.
-fn normal_and_area([a, b, c]: &[DVec3; 3]) -> Option<(DVec3, f64)> {
+pub(super) fn normal_and_area([a, b, c]: &[DVec3; 3]) -> Option<(DVec3, f64)> {
     let double = (*b - *a).cross(*c - *a);
     double.try_normalize().map(|normal| (normal, 0.5 * double.length()))
 }

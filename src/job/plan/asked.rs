@@ -38,6 +38,8 @@ pub struct AskedMap {
     /// Index of the appearance of every texel of all pages.
     of_texel: Vec<u32>,
     appearances: Vec<Asked>,
+    /// The target of every label.
+    pub(in crate::job) targets: Vec<SearchTarget>,
 }
 
 /// What is asked for somewhere.
@@ -210,6 +212,7 @@ fn texture_wanted(
     let labels = appearances.index.iter().map(|page| LabelMap(page.iter().map(label).collect())).collect();
     let texels = atlas.pages().iter().zip(&appearances.index);
     let map = AskedMap {
+        targets: Vec::new(),
         of_texel: texels.flat_map(|(page, index)| page.source.iter().map(|&source| index[source as usize])).collect(),
         appearances: appearances
             .distinct

@@ -55,7 +55,9 @@ pub(super) fn object_layers(
         }
         Surface::Labelled { atlas, labels } => context.textured(wanted.kind, atlas, labels, &matches, entries, core)?,
     };
-    Ok((layers, report, wanted.map))
+    let mut asked = wanted.map;
+    asked.targets = wanted.targets;
+    Ok((layers, report, asked))
 }
 
 /// Albedos that differ by less look much alike.
