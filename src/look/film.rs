@@ -12,7 +12,7 @@ use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
 use rayon::prelude::*;
 
 use super::{
-    Camera, Ground, LAMPS, Lamps, SEED_STEP, Scene,
+    Beam, Camera, Ground, LAMPS, Lamps, SEED_STEP, Scene,
     scene::{Media, Place, Walker},
     spots::over,
 };
@@ -170,9 +170,13 @@ impl<'a> Stage<'a> {
                         self.ground.z,
                     ));
                     weight *= self.ground.albedo;
-                    self.ask_a_beam(&walker, place, &mut seen, rng, |toward| {
-                        weight * toward.z.max(0.0) / std::f64::consts::PI
-                    });
+                    // What is level shows the beams' shadows as they are, so each is asked.
+                    for (lamp, beam) in self.lamps.beams.iter().enumerate() {
+                        let share = weight * beam.toward.z.max(0.0) / std::f64::consts::PI;
+                        if share > 0.0 && self.reaches(&walker, place, beam, rng) {
+                            seen[lamp + 1] += share;
+                        }
+                    }
                     let (up, _) = over(DVec3::Z, rng);
                     direction = Direction { x: up.x, y: up.y, z: up.z };
                 }
@@ -197,13 +201,16 @@ impl<'a> Stage<'a> {
         let beams = &self.lamps.beams;
         let lamp = ((uniform(rng) * beams.len() as f64) as usize).min(beams.len() - 1);
         let beam = &beams[lamp];
-        if !beam.lights(self.scene.position(place)) {
-            return;
-        }
-        let toward = Direction { x: beam.toward.x, y: beam.toward.y, z: beam.toward.z };
-        if walker.fly_in(&mut { place }, toward, rng).is_none() {
+        if self.reaches(walker, place, beam, rng) {
             seen[lamp + 1] += beams.len() as f64 * share(beam.toward);
         }
+    }
+
+    /// Whether a photon of a beam gets to `place`.
+    #[inline]
+    fn reaches(&self, walker: &Walker<'a>, place: Place, beam: &Beam, rng: &mut Xoshiro256PlusPlus) -> bool {
+        let toward = Direction { x: beam.toward.x, y: beam.toward.y, z: beam.toward.z };
+        beam.lights(self.scene.position(place)) && walker.fly_in(&mut { place }, toward, rng).is_none()
     }
 }
 

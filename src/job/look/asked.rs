@@ -26,8 +26,6 @@ use crate::{
     optics::InverseHankel,
 };
 
-/// Points on the surface per mm², near by and far off.
-const NEAR_PER_MM2: f64 = 30.0;
 /// Every so many of the points counts far off.
 const FAR_STEP: usize = 5;
 /// Most points: larger objects have fewer per mm².
@@ -35,10 +33,17 @@ const MAX_POINTS: f64 = 200_000.0;
 /// How far near by is, mm, and how far profiles are followed.
 const NEAR_MM: f64 = 0.8;
 const REACH_MM: f64 = 5.0;
-/// Directions that a point looks into.
-const RAYS: usize = 24;
 /// Entries of a table of √P over √r.
 const BINS: usize = 96;
+
+/// How finely the light on the surface is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Detail {
+    /// Points of the surface, of which every [`FAR_STEP`]th counts far off.
+    pub points_per_mm2: f64,
+    /// Directions that a point looks into.
+    pub rays: usize,
+}
 
 /// A point of the surface with the light that falls on it.
 #[derive(Debug, Clone, Copy)]
@@ -108,7 +113,7 @@ fn root(spectrum: &[f64], grid: &crate::optics::FrequencyGrid) -> [f32; BINS] {
 
 impl AskedLight {
     /// Lights the surfaces of a job; `None` if it asks for nothing.
-    pub fn new(prepared: &Prepared, stage: &Stage<'_>, seed: u64) -> Option<Self> {
+    pub fn new(prepared: &Prepared, stage: &Stage<'_>, detail: &Detail, seed: u64) -> Option<Self> {
         if prepared.objects.iter().any(|object| object.asked.targets.is_empty()) {
             return None;
         }
@@ -120,7 +125,7 @@ impl AskedLight {
             object.asked.targets.par_iter().map(table).collect()
         };
         let roots = prepared.objects.iter().map(of_object).collect();
-        let mut points = lit_points(prepared, stage, seed);
+        let mut points = lit_points(prepared, stage, detail, seed);
         let far: Vec<_> = points.iter().copied().step_by(FAR_STEP).collect();
         points.shrink_to_fit();
         Some(Self {
@@ -163,7 +168,7 @@ impl AskedLight {
 }
 
 /// Points at random, evenly over all surfaces, with the light that falls on them.
-fn lit_points(prepared: &Prepared, stage: &Stage<'_>, seed: u64) -> Vec<Lit> {
+fn lit_points(prepared: &Prepared, stage: &Stage<'_>, detail: &Detail, seed: u64) -> Vec<Lit> {
     let mut running = Vec::new();
     let mut total = 0.0;
     for (object, field) in prepared.slicer().objects().iter().enumerate() {
@@ -172,7 +177,7 @@ fn lit_points(prepared: &Prepared, stage: &Stage<'_>, seed: u64) -> Vec<Lit> {
             running.push((total, object, triangle));
         }
     }
-    let count = (total * NEAR_PER_MM2).min(MAX_POINTS) as usize;
+    let count = (total * detail.points_per_mm2).min(MAX_POINTS) as usize;
     let lit = |n: usize| {
         let stream = seed ^ (n as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream);
@@ -187,7 +192,7 @@ fn lit_points(prepared: &Prepared, stage: &Stage<'_>, seed: u64) -> Vec<Lit> {
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         let point = corners[0] + (corners[1] - corners[0]) * u + (corners[2] - corners[0]) * v;
         let (label, albedo) = prepared.wanted_at(object, triangle, point);
-        let irradiance = irradiance(stage, point, normal, albedo, &mut uniform);
+        let irradiance = irradiance(stage, [point, normal], albedo, detail.rays, &mut uniform);
         Some(Lit { point, label, object: object as u16, irradiance })
     };
     (0..count).into_par_iter().filter_map(lit).collect()
@@ -196,9 +201,9 @@ fn lit_points(prepared: &Prepared, stage: &Stage<'_>, seed: u64) -> Vec<Lit> {
 /// Irradiance under every lamp.
 fn irradiance(
     stage: &Stage<'_>,
-    point: DVec3,
-    normal: DVec3,
+    [point, normal]: [DVec3; 2],
     albedo: f64,
+    rays: usize,
     uniform: &mut impl FnMut() -> f64,
 ) -> [f32; LAMPS] {
     let scene = stage.scene;
@@ -214,21 +219,21 @@ fn irradiance(
     let across = normal.any_orthonormal_vector();
     let along = normal.cross(across);
     let mut hidden = 0.0;
-    for ray in 0..RAYS {
-        let sine = ((ray as f64 + uniform()) / RAYS as f64).sqrt();
-        let turn = std::f64::consts::TAU * (ray as f64 * 0.618_033_988_749_894_9 + uniform() / RAYS as f64);
+    for ray in 0..rays {
+        let sine = ((ray as f64 + uniform()) / rays as f64).sqrt();
+        let turn = std::f64::consts::TAU * (ray as f64 * 0.618_033_988_749_894_9 + uniform() / rays as f64);
         let flat = across * (sine * libm::cos(turn)) + along * (sine * libm::sin(turn));
         let direction = flat + normal * (1.0 - sine * sine).max(0.0).sqrt();
         if scene.meets(over, direction).is_some() {
-            hidden += 1.0 / RAYS as f64;
+            hidden += 1.0 / rays as f64;
             continue;
         }
         if direction.z >= 0.0 {
-            open[0] += std::f64::consts::PI * Lamps::sky(direction) / RAYS as f64;
+            open[0] += std::f64::consts::PI * Lamps::sky(direction) / rays as f64;
             continue;
         }
         let ground = over + direction * ((stage.ground.z - over.z) / direction.z);
-        let share = stage.ground.albedo / RAYS as f64;
+        let share = stage.ground.albedo / rays as f64;
         // The sky over the ground, in one direction.
         let (height, turn) = (uniform().sqrt(), std::f64::consts::TAU * uniform());
         let flat = (1.0 - height * height).max(0.0).sqrt();

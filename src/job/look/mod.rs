@@ -36,6 +36,8 @@ use crate::{
 
 /// Version of `look.json`'s form.
 pub const LOOK_VERSION: u32 = 1;
+/// Name of the file that holds a look.
+pub const LOOK: &str = "look.json";
 /// Worst spots that are listed.
 const WORST: usize = 5;
 
@@ -58,6 +60,13 @@ impl Default for LookOptions {
     /// At 10,000 walks a printed albedo of 0.4 is known to 0.003.
     fn default() -> Self {
         Self { spots: 100, at: Vec::new(), walks: 10_000, seed: 1, pictures: None }
+    }
+}
+
+impl LookOptions {
+    /// What a job shows of itself when it is sliced: a second or two.
+    pub fn quick() -> Self {
+        Self { spots: 60, walks: 4_000, pictures: Some(PictureOptions::quick()), ..Self::default() }
     }
 }
 
@@ -91,6 +100,22 @@ pub struct Look {
     /// The pictures.
     #[serde(skip)]
     pub pictures: Vec<PreviewFile>,
+}
+
+/// A look in a few numbers, as the manifest has it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LookSummary {
+    /// Spots that were looked at.
+    pub spots: usize,
+    /// Walks for each spot and channel.
+    pub walks: u64,
+    /// Printed against asked, in each channel; `None` where nothing was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub against_asked: Option<Vec<Fit>>,
+    /// Printed against predicted, in each channel.
+    pub against_predicted: Vec<Fit>,
+    /// The spots that are farthest from what was asked for (or predicted), the worst first.
+    pub worst: Vec<SpotRecord>,
 }
 
 /// How far printed albedos are from what they should be, over all spots.
@@ -212,13 +237,24 @@ pub fn look_at(
 }
 
 impl Look {
+    /// Its numbers without its spots but the worst.
+    pub fn summary(&self) -> LookSummary {
+        LookSummary {
+            spots: self.spots.len(),
+            walks: self.walks,
+            against_asked: self.against_asked.clone(),
+            against_predicted: self.against_predicted.clone(),
+            worst: self.worst.iter().map(|&spot| self.spots[spot].clone()).collect(),
+        }
+    }
+
     /// Writes `look.json` and the pictures into `folder`.
     ///
     /// # Errors
     /// A folder that may not or cannot be written.
     pub fn write(&self, folder: &Path, existing: Existing) -> Result<(), OutputError> {
         let output = OutputFolder::create(folder, existing)?;
-        output.write("look.json", &pretty(self))?;
+        output.write(LOOK, &pretty(self))?;
         for picture in &self.pictures {
             output.write(picture.path.trim_start_matches("look/"), &picture.png)?;
         }

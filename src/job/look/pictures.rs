@@ -5,7 +5,10 @@ use std::time::{Duration, Instant};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{LookError, asked::AskedLight};
+use super::{
+    LookError,
+    asked::{AskedLight, Detail},
+};
 use crate::{
     colour::{LinearRgb, Rgb, linear_to_byte, linear_to_srgb},
     job::{Prepared, RunError},
@@ -33,6 +36,22 @@ impl Default for PictureOptions {
     /// In front, a little to the right and above.
     fn default() -> Self {
         Self { size: 640, samples: 64, time: None, view_deg: [-62.0, 16.0], seed: 1 }
+    }
+}
+
+impl PictureOptions {
+    /// Small and soon done: what a job shows of itself.
+    pub fn quick() -> Self {
+        Self { size: 400, samples: 16, ..Self::default() }
+    }
+
+    /// A point for every few pixels of an object some cm high.
+    fn detail(&self) -> Detail {
+        if self.size > 512 {
+            Detail { points_per_mm2: 30.0, rays: 24 }
+        } else {
+            Detail { points_per_mm2: 10.0, rays: 12 }
+        }
     }
 }
 
@@ -89,7 +108,8 @@ pub(super) fn pictures(
     let mut film = stage.film();
     watch.go_on()?;
     let seen = seen(prepared, &stage, &film);
-    let asked = AskedLight::new(prepared, &stage, options.seed).map(|light| asked(prepared, &light, &seen));
+    let asked =
+        AskedLight::new(prepared, &stage, &options.detail(), options.seed).map(|light| asked(prepared, &light, &seen));
     watch.go_on()?;
     let in_time = || options.time.is_none_or(|time| began.elapsed() < time);
     match stage.expose(&mut film, options.samples, options.seed, watch, in_time) {

@@ -40,6 +40,14 @@ impl Prepared {
         Ok(volume)
     }
 
+    /// What is printed of a volume of this job's slabs, with its resins.
+    pub(in crate::job) fn scene_of(&self, mut volume: Volume) -> Result<Scene, LookError> {
+        if let Some(support) = support(&self.materials) {
+            volume.fill_enclosed(support);
+        }
+        Ok(Scene::new(volume, &coefficients(&self.materials)?)?)
+    }
+
     /// The job as it will be printed, with its resins.
     ///
     /// # Errors
