@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{OWNER, Prepared, StackingReport};
+use super::{OWNER, Prepared, StackingReport, look::LookSummary};
 use crate::output::{FileEntry, GENERATOR};
 
 /// Version of the manifest's form; raised when readers must change.
@@ -43,6 +43,9 @@ pub struct Manifest {
     /// Material meshes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshRecord>,
+    /// How the job looks; `None` where nobody looked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub look: Option<LookSummary>,
     /// Every other file of the folder but the timings.
     pub files: Vec<FileEntry>,
     /// What the user should know.
@@ -168,6 +171,7 @@ impl Manifest {
             materials: prepared.material_records(&outcome.counts, lattice.voxel_volume()),
             stackings: prepared.objects.iter().map(|object| object.stackings.clone()).collect(),
             meshes: outcome.meshes,
+            look: None,
             files: Vec::new(),
             warnings: outcome.warnings,
         }

@@ -7,11 +7,13 @@
 //! | `run`     | a [`Prepared`] job | the output folder and its [`Manifest`] |
 //! | [`verify`](mod@verify) | a finished folder | what is not as its manifest has it |
 //! | [`factor`]  | a measured BSSRDF | a folder of profiles and clusters to print from |
+//! | [`look`](mod@look) | a [`Prepared`] job, or its folder | what is asked for beside what is printed |
 //! | [`compare`](mod@compare) | factored data and finished jobs | what each step to the print costs in appearance |
 
 pub mod compare;
 pub mod factor;
 pub mod file;
+pub mod look;
 pub mod manifest;
 mod plan;
 mod run;
@@ -21,8 +23,8 @@ pub mod verify;
 pub use file::{Job, JobError};
 pub use manifest::Manifest;
 pub use plan::{
-    GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry, StackingReport,
-    TransportEntry, targets,
+    Asked, AskedMap, GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry,
+    StackingReport, TransportEntry, targets,
 };
 pub use run::{Estimate, Finished, OWNER, REPORT, RedrawError, RunOptions, redraw, run};
 pub use run_error::RunError;

@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{
-    PreviewError, PreviewFile, PreviewMaterial, Voxels, cutaway, cuts, legend::Legend, middles, section::Section,
+    PreviewError, PreviewFile, PreviewMaterial, Voxels, cutaway, cuts, film, legend::Legend, middles, section::Section,
     sheet, style::Palette, volume::Volume,
 };
 use crate::voxel::{Lattice, Slab};
@@ -129,6 +129,7 @@ impl PreviewBuilder {
             let picture = sheet::single_slice(lattice, section, &palette, &legend);
             pictures.push((format!("preview/slice_{}.png", section.index), picture));
         }
+        pictures.push((film::FILM_STRIP.to_owned(), film::film(&self.volume, &palette)));
         let encode = |(path, canvas): (String, super::canvas::Canvas)| match canvas.png() {
             Ok(png) => Ok(PreviewFile { path, png }),
             Err(error) => Err(PreviewError::Encode { path, reason: error.to_string() }),

@@ -37,7 +37,7 @@ pub fn from_folder(
     let snap = |k: u32| (k / step * step + step / 2).min(depth.saturating_sub(1));
     let mut builder = PreviewBuilder::planned(lattice, materials, None, snap);
     let needed = builder.slices_needed();
-    let colours = Colours::new(materials);
+    let colours = SliceColours::new(materials.iter().map(|material| (material.rgba, material.id.0)));
     let batch = (BATCH_BYTES / (area as usize).max(1)).clamp(1, 64);
     for slices in needed.chunks(batch) {
         // Gathered before the first error is looked for, so that it is always the same one.
@@ -73,21 +73,40 @@ impl Voxels for Image {
 }
 
 /// Ids by colour.
-struct Colours {
+pub(crate) struct SliceColours {
     known: Vec<([u8; 4], u8)>,
     /// The first material that is printed as background.
     support: Option<u8>,
 }
 
-impl Colours {
-    fn new(materials: &[PreviewMaterial]) -> Self {
-        let (voids, solids): (Vec<_>, Vec<_>) = materials.iter().partition(|material| material.is_void());
-        let known = std::iter::once(([0; 4], 0)).chain(solids.iter().map(|material| (material.rgba, material.id.0)));
-        Self { known: known.collect(), support: voids.first().map(|material| material.id.0) }
+impl SliceColours {
+    /// Colours and ids of all materials; what is transparent prints as background.
+    pub(crate) fn new(materials: impl Iterator<Item = ([u8; 4], u8)>) -> Self {
+        let (voids, solids): (Vec<_>, Vec<_>) = materials.partition(|(rgba, _)| rgba[3] == 0);
+        let known = std::iter::once(([0; 4], 0)).chain(solids);
+        Self { known: known.collect(), support: voids.first().map(|(_, id)| *id) }
     }
 }
 
-fn read(out: &Path, k: u32, lattice: &Lattice, colours: &Colours) -> Result<Image, PreviewError> {
+fn read(out: &Path, k: u32, lattice: &Lattice, colours: &SliceColours) -> Result<Image, PreviewError> {
+    let mut ids = read_slice(out, k, lattice, colours)?;
+    let width = lattice.dims[0] as usize;
+    if let Some(support) = colours.support {
+        mark_enclosed(&mut ids, width, support);
+    }
+    Ok(Image { k, width, ids })
+}
+
+/// The ids of slice `k` of the folder `out`, row 0 = largest j; background is 0, support too.
+///
+/// # Errors
+/// As [`from_folder`].
+pub(crate) fn read_slice(
+    out: &Path,
+    k: u32,
+    lattice: &Lattice,
+    colours: &SliceColours,
+) -> Result<Vec<u8>, PreviewError> {
     let path = out.join("slices").join(format!("slice_{k}.png"));
     let decode = |reason: String| PreviewError::Decode { path: path.clone(), reason };
     let file = crate::regular_file::open(&path).map_err(|source| PreviewError::Read { path: path.clone(), source })?;
@@ -121,8 +140,5 @@ fn read(out: &Path, k: u32, lattice: &Lattice, colours: &Colours) -> Result<Imag
     if ids.len() != width * expected[1] as usize {
         return Err(decode(format!("{row} rows")));
     }
-    if let Some(support) = colours.support {
-        mark_enclosed(&mut ids, width, support);
-    }
-    Ok(Image { k, width, ids })
+    Ok(ids)
 }

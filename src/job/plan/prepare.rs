@@ -11,7 +11,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::{
-    StackingReport, checks, context::TargetContext, factored::FactoredMap, images::picture_size,
+    AskedMap, StackingReport, checks, context::TargetContext, factored::FactoredMap, images::picture_size,
     stackings::object_layers,
 };
 use crate::{
@@ -63,6 +63,8 @@ pub struct PreparedObject {
     pub bounds: [DVec3; 2],
     /// Its stackings.
     pub stackings: StackingReport,
+    /// What its texture asks for.
+    pub asked: AskedMap,
 }
 
 /// A file that was read.
@@ -141,13 +143,13 @@ impl Prepared {
             let has_uvs = complete_uvs(&mut solid, &object.target)?;
             let context =
                 TargetContext { job: &job, materials: &materials, solid: &solid, has_uvs, object: index, watch };
-            let (layers, stackings) = object_layers(&context, &object.target, &mut warnings)?;
+            let (layers, stackings, asked) = object_layers(&context, &object.target, &mut warnings)?;
             watch.go_on()?;
             let field = ObjectField::new(&solid, lattice, layers)
                 .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
             fields.push(field.with_distance(distance));
             let (mesh, health) = (object.mesh.shown(), solid.health);
-            objects.push(PreparedObject { mesh, transform, health, bounds, stackings });
+            objects.push(PreparedObject { mesh, transform, health, bounds, stackings, asked });
         }
         checks::tiny_objects(&job, &objects, &lattice, &mut warnings)?;
         warnings.extend(checks::thin_layers(&job, &objects, &lattice));

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{
     GamutMapEntry, LayerMaps, SearchEntry, StackingEntry, StackingReport, TransportEntry,
-    asked::{Surface, wanted},
+    asked::{AskedMap, Surface, wanted},
     context::TargetContext,
 };
 use crate::{
@@ -19,18 +19,19 @@ use crate::{
     search::{Found, Matcher, RefineOptions, SearchTarget},
 };
 
-/// Turns the target of an object into its layers.
+/// Turns the target of an object into its layers, with what was asked for where.
 pub(super) fn object_layers(
     context: &TargetContext<'_>,
     target: &TargetSpec,
     warnings: &mut Vec<String>,
-) -> Result<(LayerField, StackingReport), RunError> {
+) -> Result<(LayerField, StackingReport, AskedMap), RunError> {
     let core = context.core()?;
     if let TargetSpec::Stacking { stack } = target {
         let layers = stack.pairs().filter_map(|(name, mm)| Some((context.materials.resin(name)?.0, mm)));
         let stacking = Stack::joined(layers).over(core);
         let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking)?);
-        return Ok(context.uniform("stacking", &stacking, core, entry));
+        let (layers, report) = context.uniform("stacking", &stacking, core, entry);
+        return Ok((layers, report, AskedMap::default()));
     }
     let wanted = wanted(context, target, warnings)?;
     let map = context.gamut_map(core, &wanted, warnings)?;
@@ -47,13 +48,16 @@ pub(super) fn object_layers(
         entries.push(entry);
     }
     warnings.extend(out_of_reach(&entries).map(|words| format!("object {}: {words}", context.object + 1)));
-    match &wanted.surface {
+    let (layers, report) = match &wanted.surface {
         Surface::Uniform => {
             let entry = entries.remove(0);
-            Ok(context.uniform(wanted.kind, matches[0].stacking(), core, entry))
+            context.uniform(wanted.kind, matches[0].stacking(), core, entry)
         }
-        Surface::Labelled { atlas, labels } => context.textured(wanted.kind, atlas, labels, &matches, entries, core),
-    }
+        Surface::Labelled { atlas, labels } => context.textured(wanted.kind, atlas, labels, &matches, entries, core)?,
+    };
+    let mut asked = wanted.map;
+    asked.targets = wanted.targets;
+    Ok((layers, report, asked))
 }
 
 /// Albedos that differ by less look much alike.

@@ -22,10 +22,12 @@ pub use redraw::{RedrawError, redraw};
 pub use report::REPORT;
 use report::write_pictures;
 
+use crate::look::Volume;
 use crate::{
     job::{
         Prepared, RunError, StackingReport,
         file::OutputFormat,
+        look::{LOOK, Look, LookError, LookOptions, look_at},
         manifest::{Manifest, MeshRecord, Outcome, STACKINGS, json},
         verify::read_manifest,
     },
@@ -98,6 +100,7 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     }
     let sinks = Sinks { prepared, output: &output, kept: &kept, watch };
     let mut pictures = prepared.job.wants(OutputFormat::Preview).then(|| prepared.preview_builder());
+    let mut volume = prepared.look_volume(&slices)?;
     let drawn = pictures.is_some();
     let missing = |mut held: Range<u32>| held.any(|k| slices.contains(&k) && !kept.contains_key(&k));
     prepared.slicer().for_each_wanted_slab(
@@ -106,6 +109,9 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
         |slab| {
             if let Some(builder) = &mut pictures {
                 builder.observe(slab);
+            }
+            if let Some(volume) = &mut volume {
+                volume.add(slab);
             }
             sinks.take(slab, &slices, &mut counts)
         },
@@ -128,7 +134,13 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     let mut manifest = Manifest::new(prepared, outcome);
     if let Some(builder) = pictures {
         watch.stage("pictures", 0);
-        write_pictures(&output, &manifest, &builder.finish()?)?;
+        let mut pictures = builder.finish()?;
+        if let Some(mut look) = volume.map(|volume| prepared.quick_look(volume, watch)).transpose()? {
+            output.write(LOOK, &pretty(&look))?;
+            pictures.splice(0..0, std::mem::take(&mut look.pictures));
+            manifest.look = Some(look.summary());
+        }
+        write_pictures(&output, &manifest, &pictures)?;
     }
     manifest.files = output.files();
     let timings = json!({
@@ -142,6 +154,25 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     Ok(Finished { manifest, kept: kept.len() as u32 })
 }
 
+/// Most voxels of a job that shows its look without being asked: it holds them in memory, at most a byte for each and
+/// mostly a tenth.
+const LOOK_VOXELS: u64 = 2_000_000_000;
+
+impl Prepared {
+    /// An empty volume for the look that a whole job shows with its pictures; `None` where it shows none: for a part of
+    /// the slices, for a job too large for it, for resins without coefficients.
+    fn look_volume(&self, slices: &Range<u32>) -> Result<Option<Volume>, RunError> {
+        let whole = *slices == (0..self.lattice.dims[2]) && self.lattice.voxels() <= LOOK_VOXELS;
+        let shown = whole && self.job.wants(OutputFormat::Preview) && self.materials.has_coefficients();
+        Ok(shown.then(|| Volume::new(self.lattice)).transpose().map_err(LookError::from)?)
+    }
+
+    fn quick_look(&self, volume: Volume, watch: &dyn Watch) -> Result<Look, RunError> {
+        let options = LookOptions::quick();
+        Ok(look_at(self, &self.scene_of(volume)?, &options, watch)?)
+    }
+}
+
 fn slice_path(k: u32) -> String {
     format!("slices/slice_{k}.png")
 }
@@ -153,7 +184,7 @@ fn mask_path(resin: &str, k: u32) -> String {
 /// What `slice` writes.
 pub const OWNER: Owner = Owner {
     command: "slice",
-    names: &["slices/", "masks/", "meshes/", "heights/", "preview/", STACKINGS, REPORT, TIMINGS],
+    names: &["slices/", "masks/", "meshes/", "heights/", "preview/", "look/", LOOK, STACKINGS, REPORT, TIMINGS],
 };
 
 /// Where slabs go.
@@ -220,7 +251,7 @@ impl Sinks<'_> {
 
 impl Prepared {
     /// Every file that was read.
-    fn files(&self) -> Vec<PathBuf> {
+    pub fn files(&self) -> Vec<PathBuf> {
         self.inputs.iter().map(|input| input.file.clone()).chain([self.job.path.clone()]).collect()
     }
 
