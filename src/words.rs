@@ -9,6 +9,17 @@ pub fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
+/// `512 voxels`, `8.000 k voxels`, `1.770 G voxels`.
+pub fn voxels(count: u64) -> String {
+    match count as f64 {
+        count if count < 1e3 => counted(count as usize, "voxel"),
+        count if count < 1e6 => format!("{:.3} k voxels", count * 1e-3),
+        count if count < 1e9 => format!("{:.3} M voxels", count * 1e-6),
+        count if count < 1e12 => format!("{:.3} G voxels", count * 1e-9),
+        count => format!("{:.3} T voxels", count * 1e-12),
+    }
+}
+
 /// `1 edge is`, `2 edges are`.
 pub(crate) fn is_are(count: usize, noun: &str) -> String {
     format!("{} {}", counted(count, noun), if count == 1 { "is" } else { "are" })

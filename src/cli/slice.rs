@@ -9,6 +9,7 @@ use lumislice::{
         manifest::MaterialRecord,
     },
     output::{Existing, OutputFolder},
+    words::voxels,
 };
 use serde_json::json;
 
@@ -130,12 +131,12 @@ fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool) -> Resu
     let [x, y, z] = estimate.dims;
     let size = estimate.size_mm;
     let mut text = format!(
-        "{}: {:.2} × {:.2} × {:.2} mm, {x} × {y} × {z} = {:.3} G voxels\nmemory: about {} MiB\n",
+        "{}: {:.2} × {:.2} × {:.2} mm, {x} × {y} × {z} = {}\nmemory: about {} MiB\n",
         prepared.job.name,
         size[0],
         size[1],
         size[2],
-        estimate.voxels as f64 * 1e-9,
+        voxels(estimate.voxels),
         estimate.memory_bytes >> 20,
     );
     text += &material_table(&estimate.materials, "about ");

@@ -153,6 +153,7 @@ impl Prepared {
         }
         checks::tiny_objects(&job, &objects, &lattice, &mut warnings)?;
         warnings.extend(checks::thin_layers(&job, &objects, &lattice));
+        warnings.extend(checks::few_slices(&job, &lattice));
         let inputs = inputs.into_iter().map(|(path, (sha256, file))| InputFile { path, sha256, file }).collect();
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);
