@@ -8,7 +8,7 @@ use lumislice::{
     job::{
         Job, Prepared, RunError,
         file::MaterialSource,
-        look::{self, Fit, Look, LookError, LookOptions, PictureOptions, look},
+        look::{self, Fit, Look, LookError, LookOptions, PictureOptions, look_at, scene_for, write_mitsuba},
     },
     output::{Existing, OutputFolder},
 };
@@ -39,7 +39,7 @@ pub struct LookArgs {
     #[arg(short, long, value_name = "FOLDER", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Replace the files of an earlier look in FOLDER.
-    #[arg(long, requires = "output", help_heading = "Output")]
+    #[arg(long, help_heading = "Output")]
     overwrite: bool,
     /// Spots at random, evenly over the surface.
     #[arg(long, value_name = "N", default_value_t = LookOptions::default().spots, help_heading = "Work")]
@@ -53,6 +53,9 @@ pub struct LookArgs {
     /// Seed of spots and photons.
     #[arg(long, value_name = "S", default_value_t = 1, help_heading = "Work")]
     seed: u64,
+    /// Write the scene for Mitsuba 3 into this folder: grids of the print, the same camera and lamps.
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    mitsuba: Option<PathBuf>,
     /// Edge of a picture, pixels.
     #[arg(long, value_name = "N", default_value_t = PictureOptions::default().size, value_parser = clap::value_parser!(u32).range(16..=4096).map(|n| n as usize), help_heading = "Pictures")]
     size: usize,
@@ -113,6 +116,9 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
     if let Some(folder) = &args.output {
         OutputFolder::check(folder, &look::OWNER, existing)?;
     }
+    if let Some(folder) = &args.mitsuba {
+        OutputFolder::check(folder, &look::MITSUBA, existing)?;
+    }
     let bars = Bars::new(args.json);
     let built_in = matches!(job.materials, MaterialSource::Set(_));
     let prepared = Prepared::new(job, &bars);
@@ -136,7 +142,11 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
     };
     let result = prepared.map_err(LookError::from).and_then(|prepared| {
         let inputs = prepared.files();
-        Ok((look(&prepared, folder, &options, &bars)?, inputs))
+        let scene = scene_for(&prepared, folder, &bars)?;
+        if let Some(folder) = &args.mitsuba {
+            write_mitsuba(&prepared, &scene, &pictures, folder, existing, &bars)?;
+        }
+        Ok((look_at(&prepared, &scene, &options, &bars)?, inputs))
     });
     bars.finish();
     let (look, inputs) = result?;

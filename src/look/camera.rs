@@ -16,7 +16,7 @@ pub struct Camera {
 }
 
 /// Part of the picture that the object fills at most.
-const FILLED: f64 = 0.84;
+const FILLED: f64 = 0.94;
 
 impl Camera {
     /// Looks at the box between two corners (mm) from an azimuth (counter-clockwise from +x) and an elevation, radians.

@@ -24,7 +24,7 @@ const BOUNCES: u32 = 3;
 /// Samples of a pixel between two looks at the watch.
 const PASS: u32 = 4;
 /// Of so many samples a pixel that shows no print gets one: nothing there is darker than a shadow's edge.
-const GROUND_SAMPLES: u32 = 4;
+const GROUND_SAMPLES: u32 = 2;
 
 /// What is photographed.
 #[derive(Debug, Clone, Copy)]

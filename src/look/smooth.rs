@@ -37,9 +37,9 @@ pub fn smooth(shown: &[Shown], width: usize, pixel_mm: f32, mut image: Vec<f32>,
         let blurred = |pixel: usize| {
             let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
             let (mut sum, mut total) = (0.0, 0.0);
-            for (dx, dy) in (-1..=1).flat_map(|dx: isize| (-1..=1).map(move |dy: isize| (dx, dy))) {
+            for (dx, dy) in (-2..=2).flat_map(|dx: isize| (-2..=2).map(move |dy: isize| (dx, dy))) {
                 if let Some(other) = near(x + dx, y + dy).filter(|&other| shown[other].kind == shown[pixel].kind) {
-                    let weight = if dx == 0 { 2.0 } else { 1.0 } * if dy == 0 { 2.0 } else { 1.0 };
+                    let weight = SPLINE[dx.unsigned_abs()] * SPLINE[dy.unsigned_abs()];
                     sum += weight * variance[other];
                     total += weight;
                 }

@@ -169,9 +169,10 @@ impl Earlier {
 impl Owner {
     /// Whether the command writes files of this name.
     fn writes(&self, path: &str) -> bool {
-        self.names.iter().any(|name| match name.strip_suffix('/') {
-            Some(folder) => Path::new(path).starts_with(folder) && path.len() > name.len(),
-            None => path == *name,
+        self.names.iter().any(|name| match (name.strip_suffix('/'), name.strip_suffix('*')) {
+            (Some(folder), _) => Path::new(path).starts_with(folder) && path.len() > name.len(),
+            (_, Some(start)) => path.starts_with(start) && !path.contains('/'),
+            _ => path == *name,
         })
     }
 }

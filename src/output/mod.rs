@@ -59,7 +59,7 @@ impl Existing {
 pub struct Owner {
     /// Its name, as manifests have it.
     pub command: &'static str,
-    /// Every file it writes and, with a slash at the end, every folder it writes into.
+    /// Every file it writes; with a slash at the end, every folder it writes into; with an asterisk, how names begin.
     pub names: &'static [&'static str],
 }
 

@@ -227,7 +227,10 @@ fn warnings(page: &mut String, warnings: &[String]) -> fmt::Result {
 fn figure(page: &mut String, picture: &ReportPicture) -> fmt::Result {
     let caption = escape(&picture.caption);
     let path = if picture.png.is_empty() { escape(&url(&picture.path)) } else { png_address(&picture.png) };
-    writeln!(page, "<figure>\n<div class=\"wide\"><img src=\"{path}\" alt=\"{caption}\"></div>")?;
+    // Several pictures side by side are too small for a phone; they can be moved with the keys too.
+    let look = picture.path.starts_with("look/");
+    let class = if look { " class=\"wide look\" tabindex=\"0\"" } else { "" };
+    writeln!(page, "<figure>\n<div{class}><img src=\"{path}\" alt=\"{caption}\"></div>")?;
     if !caption.is_empty() {
         writeln!(page, "<figcaption>{caption}</figcaption>")?;
     }

@@ -9,10 +9,12 @@
 //! | --- | --- |
 //! | `voxels`  | the volume, from the job's fields or from the slices of a folder |
 //! | `pictures`, `asked` | the whole object under four kinds of light, printed and as it should be |
+//! | `mitsuba` | the same scene for Mitsuba 3 |
 //! | `surface` | spots of the surface, and what is expected there |
 
 mod asked;
 mod error;
+mod mitsuba;
 mod pictures;
 mod surface;
 mod voxels;
@@ -23,6 +25,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 pub use error::LookError;
+pub use mitsuba::{OWNER as MITSUBA, write_mitsuba};
 pub use pictures::PictureOptions;
 use surface::SurfaceSpot;
 
@@ -158,6 +161,14 @@ pub fn look(
     options: &LookOptions,
     watch: &dyn Watch,
 ) -> Result<Look, LookError> {
+    look_at(prepared, &scene_for(prepared, folder, watch)?, options, watch)
+}
+
+/// What is printed by a job, or what the slices in a `folder` of it show, with its resins.
+///
+/// # Errors
+/// [`LookError`].
+pub fn scene_for(prepared: &Prepared, folder: Option<&Path>, watch: &dyn Watch) -> Result<Scene, LookError> {
     let volume = match folder {
         None => prepared.volume(watch)?,
         Some(folder) => {
@@ -169,8 +180,7 @@ pub fn look(
             voxels::read_volume(folder, &read_manifest(folder)?.map_err(fault)?, prepared, watch)?
         }
     };
-    let scene = Scene::new(volume, &voxels::coefficients(&prepared.materials)?)?;
-    look_at(prepared, &scene, options, watch)
+    Ok(Scene::new(volume, &voxels::coefficients(&prepared.materials)?)?)
 }
 
 /// Looks at what fills a scene, which must be on the lattice of `prepared`: its own print, or another of the same

@@ -97,13 +97,7 @@ pub(super) fn pictures(
     watch: &dyn Watch,
 ) -> Result<Vec<PreviewFile>, LookError> {
     let began = Instant::now();
-    let Some(bounds) = scene.bounds() else { return Ok(Vec::new()) };
-    let [azimuth, elevation] = options.view_deg.map(f64::to_radians);
-    let camera = Camera::new(bounds, azimuth, elevation, [options.size; 2]);
-    let middle = 0.5 * options.size as f64;
-    let aim = scene.meets(camera.from(middle, middle), -camera.axes[2]).unwrap_or(camera.middle);
-    let ground = Ground { z: bounds[0].z, albedo: GROUND };
-    let stage = Stage { scene, camera, lamps: Lamps::around(&camera, aim), ground };
+    let Some(stage) = stage(scene, options) else { return Ok(Vec::new()) };
     watch.stage("look", u64::from(options.samples));
     let mut film = stage.film();
     watch.go_on()?;
@@ -118,6 +112,17 @@ pub(super) fn pictures(
     }
     let printed = printed(scene, &stage, &film, &seen);
     MOODS.iter().map(|mood| sheet(prepared, mood, &stage, &seen, asked.as_deref(), &printed, film.samples())).collect()
+}
+
+/// The print on the ground before a camera, with its lamps; `None` where nothing is printed.
+pub(super) fn stage<'a>(scene: &'a Scene, options: &PictureOptions) -> Option<Stage<'a>> {
+    let bounds = scene.bounds()?;
+    let [azimuth, elevation] = options.view_deg.map(f64::to_radians);
+    let camera = Camera::new(bounds, azimuth, elevation, [options.size; 2]);
+    let middle = 0.5 * options.size as f64;
+    let aim = scene.meets(camera.from(middle, middle), -camera.axes[2]).unwrap_or(camera.middle);
+    let ground = Ground { z: bounds[0].z, albedo: GROUND };
+    Some(Stage { scene, camera, lamps: Lamps::around(&camera, aim), ground })
 }
 
 /// What every pixel shows.
