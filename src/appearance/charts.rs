@@ -28,6 +28,12 @@ fn charts(mesh: &TriangleMesh, page_of: &[u16]) -> Vec<u16> {
             sets.join(index, other);
         }
     }
+    // What only a cut parts lies together.
+    let mut patches = HashMap::new();
+    for (index, &patch) in (0..).zip(&mesh.patch_of) {
+        let page = page_of.get(index as usize).copied().unwrap_or(0);
+        sets.join(index, *patches.entry((patch, page)).or_insert(index));
+    }
     let mut numbers = HashMap::new();
     (0..mesh.triangles.len() as u32)
         .map(|triangle| {
