@@ -132,7 +132,7 @@ fn is_needle([a, b, c]: [DVec3; 3]) -> bool {
 
 impl TriangleMesh {
     /// Positions of every triangle's corners.
-    pub(super) fn corners(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
+    pub fn corners(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
         self.triangles.iter().map(|t| t.map(|i| self.positions[i as usize]))
     }
 

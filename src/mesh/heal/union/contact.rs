@@ -107,12 +107,12 @@ impl Frame {
         }
     }
 
-    /// Whether `other` covers the triangle's point `at`, facing the same way and touching it.
-    pub(in crate::mesh) fn is_covered(&self, at: DVec3, other: &[DVec3; 3], tolerance: Tolerance) -> bool {
+    /// Whether `other` covers the triangle's point `at`, facing the same way, no farther than `touch`.
+    pub(in crate::mesh) fn is_covered(&self, at: DVec3, other: &[DVec3; 3], touch: f64) -> bool {
         /// Cosine of the angle up to which faces look the same way: 1 degree.
         const ALIKE: f64 = 0.999_85;
         let Some(frame) = Self::new(other) else { return false };
-        if frame.normal.dot(self.normal) < ALIKE || frame.height(at).abs() > tolerance.touch {
+        if frame.normal.dot(self.normal) < ALIKE || frame.height(at).abs() > touch {
             return false;
         }
         let p = frame.flat(at);

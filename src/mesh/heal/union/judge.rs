@@ -30,6 +30,10 @@ pub(super) enum Verdict {
     Parts(Vec<Piece>),
 }
 
+/// A piece less than so many times as wide as it is judged from afar is judged from nearer: two faces that meet at 7°
+/// or more are then told apart.
+const NARROW: f64 = 16.0;
+
 /// Decides over the triangles of one surface.
 pub(super) struct Judge<'a> {
     pub(super) soup: &'a Soup,
@@ -104,11 +108,14 @@ impl<'a> Judge<'a> {
 
     /// Whether a piece has inside behind it and none before it, and no other face lies on it that comes first.
     fn keeps(&self, face: &Face<'_>, piece: &Piece, windings: &mut Vec<i32>) -> bool {
-        let Tolerance { touch, .. } = self.tolerance;
+        let Tolerance { touch, rounding } = self.tolerance;
+        let width = cut::width(piece);
+        // Narrow pieces are judged from nearer, or beside a seam all would seem to touch.
+        let off = (width / NARROW).clamp(rounding, touch);
         let middle = piece.iter().map(|corner| corner.weights).sum::<DVec3>() / piece.len() as f64;
         let at = point(face.corners, middle);
-        // Beside a sliver everything is within the tolerance.
-        let is_wide = cut::width(piece) > 4.0 * touch;
+        // Beside a sliver rounding may have met anything.
+        let is_wide = width > NARROW * touch;
         let mut inside = |side: usize, p: DVec3| {
             self.soup.windings(p, windings);
             if is_wide && self.soup.bodies > 1 {
@@ -118,16 +125,16 @@ impl<'a> Judge<'a> {
             }
             windings.iter().any(|winding| *winding > 0)
         };
-        let before = inside(0, at + touch * face.frame.normal);
-        let behind = inside(1, at - touch * face.frame.normal);
+        let before = inside(0, at + off * face.frame.normal);
+        let behind = inside(1, at - off * face.frame.normal);
         if before || !behind {
             return false;
         }
         let mut is_covered = false;
         if face.touches {
-            self.soup.near(outer_box(&[at; 3], touch), |u| {
-                is_covered |= (self.rank)(u) < face.rank
-                    && face.frame.is_covered(at, &self.soup.corners[u], self.tolerance);
+            self.soup.near(outer_box(&[at; 3], off), |u| {
+                is_covered |=
+                    (self.rank)(u) < face.rank && face.frame.is_covered(at, &self.soup.corners[u], off);
             });
         }
         !is_covered
