@@ -25,7 +25,7 @@ pub use factor::{
 };
 pub use file::{
     AlbedoSource, ClusterOptions, DepthFrom, Distance, FieldOptions, InputPath, Job, JobError, MAX_JOB_BYTES,
-    MaterialSource, NamedLimit, ObjectJob, OutputFormat, OutputOptions, Place, ResolvedJob, SUPPORT,
+    MaterialSource, NamedLimit, ObjectJob, OutputFormat, OutputOptions, Overlap, Place, ResolvedJob, SUPPORT,
     SUPPORT_MIN_DEPTH_MM, Scaling, StackingModel, StackingOptions, TargetSpec, Unit,
 };
 pub use manifest::{

@@ -56,10 +56,8 @@ pub(super) fn count(mesh: &TriangleMesh, tolerance: Tolerance) -> Meetings {
         });
         found
     };
-    let sum = |a: Meetings, b: Meetings| Meetings {
-        crossings: a.crossings + b.crossings,
-        contacts: a.contacts + b.contacts,
-    };
+    let sum =
+        |a: Meetings, b: Meetings| Meetings { crossings: a.crossings + b.crossings, contacts: a.contacts + b.contacts };
     (0..corners.len()).into_par_iter().map(meetings).reduce(Meetings::default, sum)
 }
 

@@ -24,8 +24,8 @@ mod union;
 
 use glam::DVec3;
 
-pub use self::union::unite;
 use self::edges::Edges;
+pub use self::union::unite;
 use super::{HealthReport, MeshError, Solid, TriangleMesh};
 
 /// Largest cap area, as a fraction of the mesh area, that still counts as mending.
@@ -111,6 +111,9 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     } else {
         None
     };
+    if mesh.triangles.is_empty() {
+        return Err(MeshError::NoVolume { volume_mm3: health.volume_mm3, area_mm2: health.area_mm2 });
+    }
     if mesh.triangles.len() < health.triangles || health.joined_corners > 0 {
         super::read::weld(&mut mesh.positions, &mut mesh.triangles);
     }

@@ -49,7 +49,10 @@ fn bodies(random: &mut Random) -> Vec<Body> {
             3 => sphere(random.vector(1.0, 4.0), 0.6 + random.unit(), 5),
             4 => {
                 let (turn, at) = (random.rotation(), random.vector(1.0, 4.0));
-                box_triangles(DVec3::splat(-0.8), DVec3::new(0.8, 1.1, 0.6)).iter().map(|t| t.map(|p| turn * p + at)).collect()
+                box_triangles(DVec3::splat(-0.8), DVec3::new(0.8, 1.1, 0.6))
+                    .iter()
+                    .map(|t| t.map(|p| turn * p + at))
+                    .collect()
             }
             // A ring whose tube is wider than its hole crosses itself and winds twice around its middle.
             _ => ring(random.vector(2.0, 3.0), 0.7, 0.5 + 0.5 * random.unit()),
@@ -184,10 +187,12 @@ fn cube(low: [f64; 3], high: [f64; 3]) -> Body {
 
 fn other_diagonals(body: &Body) -> Body {
     // Quads are pairs of triangles a b c, a c d.
-    body.chunks(2).flat_map(|pair| {
-        let ([a, b, c], [_, _, d]) = (pair[0], pair[1]);
-        [[a, b, d], [b, c, d]]
-    }).collect()
+    body.chunks(2)
+        .flat_map(|pair| {
+            let ([a, b, c], [_, _, d]) = (pair[0], pair[1]);
+            [[a, b, d], [b, c, d]]
+        })
+        .collect()
 }
 
 #[test]
@@ -224,7 +229,8 @@ fn areas_and_volumes() {
 
 #[test]
 fn what_does_not_meet_stays_as_it_is() {
-    let shell = [sphere(DVec3::ZERO, 3.0, 8), reversed(&sphere(DVec3::ZERO, 2.0, 8)), sphere(DVec3::ZERO, 1.0, 8)].concat();
+    let shell =
+        [sphere(DVec3::ZERO, 3.0, 8), reversed(&sphere(DVec3::ZERO, 2.0, 8)), sphere(DVec3::ZERO, 1.0, 8)].concat();
     let mesh = mesh_of(&shell);
     let solid = close(mesh.clone()).unwrap();
     assert_eq!((solid.mesh.positions, solid.mesh.triangles), (mesh.positions, mesh.triangles));

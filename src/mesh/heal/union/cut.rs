@@ -90,9 +90,10 @@ pub(super) fn width(piece: &Piece) -> f64 {
 fn part(piece: &Piece, mut lines: Vec<Line>, rounding: f64) -> Option<([Piece; 2], [Vec<Line>; 2])> {
     if lines.len() > FEW {
         let middle = |line: &Line| 0.5 * (line[0] + line[1]);
-        let (low, high) = lines.iter().map(middle).fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), p| {
-            (low.min(p), high.max(p))
-        });
+        let (low, high) = lines
+            .iter()
+            .map(middle)
+            .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
         let axis = usize::from((high - low).y > (high - low).x);
         let mut places: Vec<f64> = lines.iter().map(|line| middle(line)[axis]).collect();
         let half = places.len() / 2;
@@ -160,8 +161,7 @@ fn split(piece: &Piece, through: DVec2, across: DVec2, rounding: f64) -> Option<
         }
         if (a > rounding && b < -rounding) || (a < -rounding && b > rounding) {
             let (share, next) = (a / (a - b), piece[j]);
-            let cut =
-                Corner { at: corner.at.lerp(next.at, share), weights: corner.weights.lerp(next.weights, share) };
+            let cut = Corner { at: corner.at.lerp(next.at, share), weights: corner.weights.lerp(next.weights, share) };
             left.push(cut);
             right.push(cut);
         }

@@ -44,20 +44,20 @@ pub(super) struct Judge<'a> {
     pub(super) skips: &'a (dyn Fn(usize, usize) -> bool + Sync),
     /// Whether corners in common make neighbours.
     pub(super) knows_neighbours: bool,
-    /// Per body, whether it was met before a face and behind one.
-    pub(super) seen: Vec<[AtomicBool; 2]>,
+    /// Per body, whether it was met behind a face.
+    pub(super) behind: Vec<AtomicBool>,
 }
 
 impl<'a> Judge<'a> {
     /// A judge of faces that are all first, and pay heed to all.
     pub(super) fn new(soup: &'a Soup, tolerance: Tolerance) -> Self {
-        let seen = (0..soup.bodies).map(|_| Default::default()).collect();
-        Self { soup, tolerance, rank: &|_| u32::MAX, skips: &|_, _| false, knows_neighbours: true, seen }
+        let behind = (0..soup.bodies).map(|_| Default::default()).collect();
+        Self { soup, tolerance, rank: &|_| u32::MAX, skips: &|_, _| false, knows_neighbours: true, behind }
     }
 
-    /// Whether a body was met before a face, and behind one.
-    pub(super) fn seen(&self, body: u16) -> [bool; 2] {
-        [0, 1].map(|side: usize| self.seen[usize::from(body)][side].load(Ordering::Relaxed))
+    /// Whether a body was met behind a face.
+    pub(super) fn is_behind(&self, body: u16) -> bool {
+        self.behind[usize::from(body)].load(Ordering::Relaxed)
     }
 
     /// What becomes of triangles, of which those of `mesh` come first; `rank` is theirs.
@@ -116,25 +116,22 @@ impl<'a> Judge<'a> {
         let at = point(face.corners, middle);
         // Beside a sliver rounding may have met anything.
         let is_wide = width > NARROW * touch;
-        let mut inside = |side: usize, p: DVec3| {
-            self.soup.windings(p, windings);
-            if is_wide && self.soup.bodies > 1 {
-                for (seen, _) in self.seen.iter().zip(windings.iter()).filter(|(_, winding)| **winding > 0) {
-                    seen[side].store(true, Ordering::Relaxed);
-                }
+        self.soup.windings(at - off * face.frame.normal, windings);
+        if is_wide && self.soup.bodies > 1 {
+            for (seen, _) in self.behind.iter().zip(windings.iter()).filter(|(_, winding)| **winding > 0) {
+                seen.store(true, Ordering::Relaxed);
             }
-            windings.iter().any(|winding| *winding > 0)
-        };
-        let before = inside(0, at + off * face.frame.normal);
-        let behind = inside(1, at - off * face.frame.normal);
+        }
+        let behind = windings.iter().any(|winding| *winding > 0);
+        self.soup.windings(at + off * face.frame.normal, windings);
+        let before = windings.iter().any(|winding| *winding > 0);
         if before || !behind {
             return false;
         }
         let mut is_covered = false;
         if face.touches {
             self.soup.near(outer_box(&[at; 3], off), |u| {
-                is_covered |=
-                    (self.rank)(u) < face.rank && face.frame.is_covered(at, &self.soup.corners[u], off);
+                is_covered |= (self.rank)(u) < face.rank && face.frame.is_covered(at, &self.soup.corners[u], off);
             });
         }
         !is_covered

@@ -38,10 +38,7 @@ use super::{
     edges::{Edges, triangle_of},
     join::GAP,
 };
-use crate::{
-    disjoint_sets::DisjointSets,
-    mesh::Solid,
-};
+use crate::{disjoint_sets::DisjointSets, mesh::Solid};
 
 /// Lengths below this times the extent are rounding: 2²⁰ steps of double precision.
 const ROUNDING: f64 = 1e-10;
@@ -53,11 +50,7 @@ pub(super) fn tolerance((low, high): (DVec3, DVec3)) -> Tolerance {
 }
 
 /// Leaves of `mesh` what is surface; with `caps` it is closed. Says what both were before, if that is not all of them.
-pub(super) fn bare(
-    mesh: &mut TriangleMesh,
-    caps: &[[DVec3; 3]],
-    health: &mut HealthReport,
-) -> Option<Vec<[DVec3; 3]>> {
+pub(super) fn bare(mesh: &mut TriangleMesh, caps: &[[DVec3; 3]], health: &mut HealthReport) -> Option<Vec<[DVec3; 3]>> {
     let faces = mesh.triangles.len();
     let mut corners: Vec<[DVec3; 3]> = mesh.corners().collect();
     corners.extend_from_slice(caps);
@@ -80,9 +73,9 @@ pub(super) fn bare(
     Some(soup.corners)
 }
 
-/// Leaves of every solid what is surface of the union of all. Solids that touch or overlap come back in groups, each
-/// ascending, those alone among them; and the pairs that share space, which have lost what lies within the other too.
-pub fn unite(solids: &mut [&mut Solid]) -> (Vec<Vec<usize>>, Vec<[usize; 2]>) {
+/// Leaves of every solid what is surface of the union of all: faces that lie within another, or on one, go. The pairs
+/// that share space come back, by their numbers, ascending; those that only touch do not.
+pub fn unite(solids: &mut [&mut Solid]) -> Vec<[usize; 2]> {
     let boxes: Vec<_> = solids.iter().map(|solid| solid.outline_bounds()).collect();
     let extent = boxes.iter().map(|(low, high)| (*high - *low).max_element()).fold(0.0, f64::max);
     let tolerance = tolerance((DVec3::ZERO, DVec3::splat(extent)));
@@ -94,30 +87,18 @@ pub fn unite(solids: &mut [&mut Solid]) -> (Vec<Vec<usize>>, Vec<[usize; 2]>) {
             }
         }
     }
+    let mut groups: Vec<Vec<usize>> = vec![Vec::new(); solids.len()];
+    (0..solids.len()).for_each(|object| groups[near.root(object as u32) as usize].push(object));
     let mut shared = Vec::new();
-    let mut touching = DisjointSets::new(solids.len());
-    for group in groups(near, solids.len()).iter().filter(|group| group.len() > 1) {
-        unite_group(solids, group, tolerance, &mut shared, &mut touching);
+    for group in groups.iter().filter(|group| group.len() > 1) {
+        unite_group(solids, group, tolerance, &mut shared);
     }
     shared.sort_unstable();
     shared.dedup();
-    (groups(touching, solids.len()), shared)
+    shared
 }
 
-fn groups(mut sets: DisjointSets, count: usize) -> Vec<Vec<usize>> {
-    let mut groups: Vec<Vec<usize>> = vec![Vec::new(); count];
-    (0..count).for_each(|item| groups[sets.root(item as u32) as usize].push(item));
-    groups.retain(|group| !group.is_empty());
-    groups
-}
-
-fn unite_group(
-    solids: &mut [&mut Solid],
-    group: &[usize],
-    tolerance: Tolerance,
-    shared: &mut Vec<[usize; 2]>,
-    touching: &mut DisjointSets,
-) {
+fn unite_group(solids: &mut [&mut Solid], group: &[usize], tolerance: Tolerance, shared: &mut Vec<[usize; 2]>) {
     let mut corners = Vec::new();
     let mut body_of = Vec::new();
     for (body, &object) in (0_u16..).zip(group) {
@@ -125,6 +106,7 @@ fn unite_group(
         body_of.resize(corners.len(), body);
     }
     let soup = Soup::new(corners, body_of);
+    // Surfaces are judged by outlines, so that it does not matter which of them is cut first.
     for (body, &object) in (0_u16..).zip(group) {
         let mesh = &solids[object].mesh;
         let corners: Vec<_> = mesh.corners().collect();
@@ -135,16 +117,8 @@ fn unite_group(
             ..Judge::new(&soup, tolerance)
         };
         let verdicts = judge.verdicts(&corners, mesh, |_| u32::from(body));
-        for (other, &number) in (0_u16..).zip(group).filter(|(other, _)| *other != body) {
-            let [before, behind] = judge.seen(other);
-            let pair = [object.min(number), object.max(number)];
-            if behind {
-                shared.push(pair);
-            }
-            if before || behind {
-                touching.join(pair[0] as u32, pair[1] as u32);
-            }
-        }
+        let others = (0_u16..).zip(group).filter(|(other, _)| *other != body && judge.is_behind(*other));
+        shared.extend(others.map(|(_, &other)| [object.min(other), object.max(other)]));
         if verdicts.iter().any(|verdict| !matches!(verdict, Verdict::Stays)) {
             let solid = &mut *solids[object];
             if solid.whole.is_none() {
@@ -168,9 +142,11 @@ fn replace(mesh: &mut TriangleMesh, verdicts: &[Verdict]) {
         let mut push = |corners: [u32; 3], weights: Option<[DVec3; 3]>| {
             new.triangles.push(corners);
             new.uvs.extend(old.uvs.get(t).map(|uvs| at_weights(*uvs, weights)));
-            new.corner_colors.extend(old.corner_colors.get(t).map(|colors| {
-                at_weights(colors.map(Vec3::from), weights).map(|color| color.to_array())
-            }));
+            new.corner_colors.extend(
+                old.corner_colors
+                    .get(t)
+                    .map(|colors| at_weights(colors.map(Vec3::from), weights).map(|color| color.to_array())),
+            );
             new.material_of.extend(old.material_of.get(t));
             new.patch_of.push(old.patch_of[t]);
         };
