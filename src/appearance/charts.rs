@@ -28,6 +28,12 @@ fn charts(mesh: &TriangleMesh, page_of: &[u16]) -> Vec<u16> {
             sets.join(index, other);
         }
     }
+    // What only a cut parts lies together.
+    let mut patches = HashMap::new();
+    for (index, &patch) in (0..).zip(&mesh.patch_of) {
+        let page = page_of.get(index as usize).copied().unwrap_or(0);
+        sets.join(index, *patches.entry((patch, page)).or_insert(index));
+    }
     let mut numbers = HashMap::new();
     (0..mesh.triangles.len() as u32)
         .map(|triangle| {
@@ -167,6 +173,18 @@ pub fn wrap(index: i32, size: u32) -> u32 {
     index.rem_euclid(size as i32) as u32
 }
 
+/// Whether [`for_covered_texels`] visits every texel once, whatever lies under the triangle.
+pub fn visits_all(corners: &[Vec2; 3], size: Vec2) -> bool {
+    let low = corners[0].min(corners[1]).min(corners[2]);
+    let high = corners[0].max(corners[1]).max(corners[2]);
+    low.is_finite() && high.is_finite() && is_coarse(low - 1.0, high + 1.0, size)
+}
+
+fn is_coarse(low: Vec2, high: Vec2, size: Vec2) -> bool {
+    let far = low.abs().max(high.abs()).max_element() > RESOLVED_TEXELS;
+    far || (high - low).cmpgt(size * MAX_REPEATS).any()
+}
+
 /// Calls `visit` for the texels (x, y), not yet wrapped, whose centres lie in the triangle grown by about `margin`
 /// texels. `corners` are in texels, with centres at whole numbers; a triangle wider than an image visits some texels
 /// again in each repetition. One that repeats more than [`MAX_REPEATS`] times, or lies where single precision no longer
@@ -177,8 +195,7 @@ pub fn for_covered_texels(corners: [Vec2; 3], margin: f32, size: Vec2, mut visit
     if !(low.is_finite() && high.is_finite()) {
         return;
     }
-    let far = low.abs().max(high.abs()).max_element() > RESOLVED_TEXELS;
-    if far || (high - low).cmpgt(size * MAX_REPEATS).any() {
+    if is_coarse(low, high, size) {
         for y in 0..size.y as i32 {
             (0..size.x as i32).for_each(|x| visit(x, y));
         }

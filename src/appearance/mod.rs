@@ -4,6 +4,7 @@
 //! at any surface point and depth.
 
 mod align;
+mod areas;
 pub mod bssrdf;
 mod charts;
 mod clusters;

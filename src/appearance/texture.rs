@@ -1,7 +1,7 @@
 //! From textures to profiles: what albedo and mean free path every texel asks for.
 //!
-//! Both are kept as codes of a few bits, so that a texture of millions of texels is a few thousand distinct appearances
-//! with weights, which is what clustering works on.
+//! Both are kept as codes of a few bits, so that a texture of millions of texels is a few thousand distinct appearances,
+//! each with the surface that has it, which is what clustering works on.
 
 use std::collections::BTreeMap;
 
@@ -27,8 +27,8 @@ pub struct Appearance {
     pub albedo: Vec<f64>,
     /// Mean free path in units of the target's, 0 to 1.
     pub mean_free_path: f64,
-    /// Number of texels that have it.
-    pub texels: u64,
+    /// Surface that has it, mm².
+    pub area_mm2: f64,
 }
 
 /// The distinct appearances of an atlas, and which one every covered texel has.
@@ -49,17 +49,18 @@ const MAX_DISTINCT: usize = 20_000;
 const MAX_BITS: u32 = 12;
 const MIN_BITS: u32 = 4;
 
-/// Groups the covered texels of `pages` by appearance. The albedo is multiplied by `albedo_scale` first.
+/// Groups the covered texels of `pages` by appearance; `areas` are those of [`Atlas::areas`]. The albedo is multiplied by `albedo_scale` first.
 pub fn distinct_appearances(
     atlas: &Atlas,
     pages: &[AppearancePage],
+    areas: &[Vec<f64>],
     channels: usize,
     albedo_scale: f64,
 ) -> Appearances {
     for bits in (MIN_BITS..=MAX_BITS).rev() {
         // Where even the fewest bits leave more (channels full of noise), the cap is given up.
         let cap = if bits == MIN_BITS { usize::MAX } else { MAX_DISTINCT };
-        if let Some(found) = with_bits(atlas, pages, channels, albedo_scale, bits, cap) {
+        if let Some(found) = with_bits(atlas, pages, areas, channels, albedo_scale, bits, cap) {
             return found;
         }
     }
@@ -70,6 +71,7 @@ pub fn distinct_appearances(
 fn with_bits(
     atlas: &Atlas,
     pages: &[AppearancePage],
+    areas: &[Vec<f64>],
     channels: usize,
     albedo_scale: f64,
     bits: u32,
@@ -79,10 +81,10 @@ fn with_bits(
     // The square root spends codes where differences show: on dark and short-ranged texels.
     let encode = |value: f64| (value.clamp(0.0, 1.0).sqrt() * steps).round() as u16;
     let decode = |code: u16| (f64::from(code) / steps).powi(2);
-    let mut codes: BTreeMap<Vec<u16>, (u32, u64)> = BTreeMap::new();
+    let mut codes: BTreeMap<Vec<u16>, (u32, f64)> = BTreeMap::new();
     let mut index = Vec::with_capacity(pages.len());
     let mut code = vec![0_u16; channels + 1];
-    for (map, page) in atlas.pages().iter().zip(pages) {
+    for ((map, page), areas) in atlas.pages().iter().zip(pages).zip(areas) {
         let mut of_texel = vec![0_u32; page.mean_free_path.len()];
         for texel in map.covered() {
             let albedo = &page.albedo[texel * channels..(texel + 1) * channels];
@@ -94,9 +96,9 @@ fn with_bits(
             let entry = match codes.get_mut(&code) {
                 Some(entry) => entry,
                 None if next as usize == cap => return None,
-                None => codes.entry(code.clone()).or_insert((next, 0)),
+                None => codes.entry(code.clone()).or_insert((next, 0.0)),
             };
-            entry.1 += 1;
+            entry.1 += areas[texel];
             of_texel[texel] = entry.0;
         }
         index.push(of_texel);
@@ -104,10 +106,10 @@ fn with_bits(
     // Numbers in order of code rather than of first texel, so that the result does not hang on the layout of the atlas.
     let mut rank = vec![0; codes.len()];
     let mut distinct = Vec::with_capacity(codes.len());
-    for (number, (code, (first_seen, texels))) in (0..).zip(codes) {
+    for (number, (code, (first_seen, area_mm2))) in (0..).zip(codes) {
         rank[first_seen as usize] = number;
         let (mean_free_path, albedo) = (decode(code[channels]), code[..channels].iter().map(|&c| decode(c)).collect());
-        distinct.push(Appearance { albedo, mean_free_path, texels });
+        distinct.push(Appearance { albedo, mean_free_path, area_mm2 });
     }
     for (map, page) in atlas.pages().iter().zip(&mut index) {
         for texel in map.covered() {

@@ -55,6 +55,8 @@ impl TriangleMesh {
             self.corner_colors.clear();
             return false;
         }
+        // Parts of a triangle may get texels of their own.
+        self.patch_of.clear();
         self.uvs.resize(self.triangles.len(), [Vec2::ZERO; 3]);
         self.material_of.resize(self.triangles.len(), 0);
         let mut plain: BTreeMap<(u16, [u32; 3]), Vec<usize>> = BTreeMap::new();

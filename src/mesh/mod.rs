@@ -23,7 +23,7 @@ mod read;
 use std::sync::Arc;
 
 pub use error::MeshError;
-pub use heal::{MAX_CAP_FRACTION, close};
+pub use heal::{MAX_CAP_FRACTION, close, unite};
 pub use place::{Placement, Size, place};
 pub use read::{LoadOptions, Loaded, MAX_EXTENT_MM, MAX_TRIANGLES, MIN_EXTENT_MM, Unit, load};
 
@@ -43,6 +43,9 @@ pub struct TriangleMesh {
     pub corner_colors: Vec<[[f32; 3]; 3]>,
     /// Index into `materials` per triangle; empty means material 0 everywhere.
     pub material_of: Vec<u16>,
+    /// Triangles with equal numbers were one chart before they were cut: nothing but a cut parts them. Empty where none
+    /// was cut.
+    pub patch_of: Vec<u32>,
     /// Surface materials in file order; may be empty.
     pub materials: Vec<SurfaceMaterial>,
 }
@@ -94,11 +97,28 @@ pub struct Solid {
     /// Triangles that close the mesh's boundary, as positions. They count for inside/outside only, never for depth.
     /// Together with `mesh` every directed edge is balanced by its reverse, so winding numbers are integers.
     pub caps: Vec<[DVec3; 3]>,
+    /// The surface with its caps before faces, and parts of them, were left out because both their sides are inside;
+    /// `None` where none were. It tells inside from outside in place of `mesh` and `caps`.
+    pub whole: Option<Vec<[DVec3; 3]>>,
     /// What was found and done.
     pub health: HealthReport,
 }
 
 impl Solid {
+    /// The closed surface that tells inside from outside.
+    pub fn outline(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
+        let (mesh, caps, whole) = match &self.whole {
+            Some(whole) => (None, None, Some(whole)),
+            None => (Some(&self.mesh), Some(&self.caps), None),
+        };
+        mesh.into_iter().flat_map(TriangleMesh::corners).chain(caps.or(whole).into_iter().flatten().copied())
+    }
+
+    fn outline_bounds(&self) -> (DVec3, DVec3) {
+        let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        self.outline().flatten().fold(start, |(low, high), p| (low.min(p), high.max(p)))
+    }
+
     /// Has depth measured from the triangles that look up alone, those whose normal is within 45° of +z: below a level
     /// top it is height, as of a slab seen from above. The others still tell inside from outside, as caps do. Says
     /// whether any look up.
@@ -112,14 +132,7 @@ impl Solid {
         let up: Vec<bool> = mesh.triangles.iter().map(|triangle| looks_up(corners(triangle))).collect();
         let others = mesh.triangles.iter().zip(&up).filter(|(_, up)| !**up).map(|(triangle, _)| corners(triangle));
         self.caps.extend(others);
-        let mut kept = up.iter();
-        mesh.triangles.retain(|_| kept.next() == Some(&true));
-        let mut kept = up.iter();
-        mesh.uvs.retain(|_| kept.next() == Some(&true));
-        let mut kept = up.iter();
-        mesh.corner_colors.retain(|_| kept.next() == Some(&true));
-        let mut kept = up.iter();
-        mesh.material_of.retain(|_| kept.next() == Some(&true));
+        mesh.keep(|t| up[t]);
         !mesh.triangles.is_empty()
     }
 }
@@ -158,6 +171,10 @@ pub struct HealthReport {
     pub dropped_sheet_triangles: usize,
     /// Pairs of triangles that cross each other; `None` where the check was too expensive.
     pub self_intersections: Option<usize>,
+    /// Area in mm² of faces, and parts of faces, that were left out because they are no surface: both their sides are
+    /// inside, or others lie on them.
+    #[serde(skip_serializing_if = "is_nothing")]
+    pub buried_area_mm2: f64,
     /// Connected pieces.
     pub shells: usize,
     /// Pieces that faced inwards and were turned.
@@ -176,6 +193,10 @@ pub struct HealthReport {
 fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
     let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     positions.iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
+}
+
+fn is_nothing(length: &f64) -> bool {
+    *length == 0.0
 }
 
 fn is_zero(count: &usize) -> bool {

@@ -82,12 +82,9 @@ impl Above {
 }
 
 impl InsideRows {
-    /// Sorts the surface and the caps of `solid` into slabs of `slab_height` slices.
+    /// Sorts the outline of `solid` into slabs of `slab_height` slices.
     pub fn new(solid: &Solid, lattice: Lattice, slab_height: u32) -> Self {
-        let corners = |t: &[u32; 3]| t.map(|v| solid.mesh.positions[v as usize]);
-        let mut triangles: Vec<_> = solid.mesh.triangles.iter().map(corners).collect();
-        triangles.extend_from_slice(&solid.caps);
-        Self::sorted(triangles.into(), lattice, slab_height)
+        Self::sorted(solid.outline().collect(), lattice, slab_height)
     }
 
     /// The same surface sorted into the slabs of another lattice.

@@ -29,7 +29,7 @@ fn inside(solid: &Solid, lattice: Lattice) -> Vec<bool> {
 
 /// A solid as it stands, without the mending of [`close`].
 fn as_is(triangles: &[[DVec3; 3]]) -> Solid {
-    Solid { mesh: mesh_of(triangles), caps: Vec::new(), health: HealthReport::default() }
+    Solid { mesh: mesh_of(triangles), caps: Vec::new(), whole: None, health: HealthReport::default() }
 }
 
 /// A lattice whose voxel centres are the points of whole coordinates from 0 to `size` − 1.
@@ -140,7 +140,7 @@ fn a_twisted_star_does_not_leak() {
         let mut mesh = mesh_of(&sphere(DVec3::splat(6.5), 4.0, 4));
         mesh.positions.iter_mut().for_each(|p| *p = (*p + random.vector() * 3.0).round());
         let triangles = corners(&mesh);
-        let solid = Solid { mesh, caps: Vec::new(), health: HealthReport::default() };
+        let solid = Solid { mesh, caps: Vec::new(), whole: None, health: HealthReport::default() };
         let (wrong, on_surface) = misjudged(&triangles, lattice, &inside(&solid, lattice));
         assert_eq!(wrong, 0, "{triangles:?}");
         touching += on_surface[0] as u64;

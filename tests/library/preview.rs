@@ -33,7 +33,7 @@ fn bunny() {
     let [white, support, black] = [1, 2, 3].map(MaterialId);
     let layers = [(white, 0.5), (support, 2.0), (white, 1.0), (black, 1.5)];
     let stack = LayerField::Uniform(LayerStack::new(layers, white));
-    let solid = Solid { mesh, caps: Vec::new(), health: Default::default() };
+    let solid = Solid { mesh, caps: Vec::new(), whole: None, health: Default::default() };
     let slicer = Slicer::new(lattice, vec![ObjectField::new(&solid, lattice, stack).unwrap()]);
 
     let (mut builder, mut observing) = (PreviewBuilder::new(&lattice, &materials()), 0.0);

@@ -25,7 +25,7 @@ use toml::de::DeTable;
 pub use error::JobError;
 pub use object::{DepthFrom, ObjectJob, Scaling};
 pub use options::{
-    ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, SUPPORT,
+    ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, Overlap, SUPPORT,
     SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
 };
 pub use paths::InputPath;
@@ -62,12 +62,15 @@ pub struct Job {
     pub field: FieldOptions,
     /// What is written.
     pub output: OutputOptions,
+    /// What becomes of objects that share space.
+    pub overlap: Overlap,
     /// Where each key stands, for errors found later.
     places: Places,
 }
 
 /// The tables of a job.
-const ROOT_KEYS: &[&str] = &["object", "printer", "materials", "target", "clusters", "stacking", "field", "output"];
+const ROOT_KEYS: &[&str] =
+    &["object", "printer", "materials", "target", "clusters", "stacking", "field", "output", "overlap"];
 
 impl Job {
     /// Reads and checks the job at `path`. Its paths are relative to its folder.
@@ -129,9 +132,10 @@ impl Job {
         let stacking = options::read_stacking(&table("stacking")?)?;
         let field = options::read_field(&table("field")?)?;
         let output = options::read_output(&table("output")?)?;
+        let overlap = options::read_overlap(&root)?;
         let (name, path) = (paths::job_name(path), path.to_owned());
         let places = source.into_places();
-        Ok(Self { name, path, objects, printer, materials, clusters, stacking, field, output, places })
+        Ok(Self { name, path, objects, printer, materials, clusters, stacking, field, output, overlap, places })
     }
 
     /// Checks that every resin the job names is one of `names`: in stacks, limits, core and background.

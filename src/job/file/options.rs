@@ -359,6 +359,21 @@ pub(super) fn read_field(table: &Table<'_>) -> Result<FieldOptions> {
     Ok(FieldOptions { distance })
 }
 
+/// What becomes of objects that share space.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Overlap {
+    /// The job is refused.
+    #[default]
+    Refuse,
+    /// They are one: what of either lies within the other is no surface, and a voxel in both is the earlier one's.
+    Union,
+}
+
+pub(super) fn read_overlap(root: &Table<'_>) -> Result<Overlap> {
+    let choices = [("refuse", Overlap::Refuse), ("union", Overlap::Union)];
+    root.get("overlap").map_or(Ok(Overlap::default()), |value| value.choice(&choices))
+}
+
 pub(super) const OUTPUT_KEYS: &[&str] = &["formats", "mesh-pitch-mm", "background-as"];
 
 pub(super) fn read_output(table: &Table<'_>) -> Result<OutputOptions> {

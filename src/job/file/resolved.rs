@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 
-use super::options::{Distance, MaterialSource, StackingModel};
+use super::options::{Distance, MaterialSource, Overlap, StackingModel};
 use super::target::{AlbedoSource, TargetSpec};
 use super::{Job, Scaling};
 
@@ -12,6 +12,8 @@ use super::{Job, Scaling};
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct ResolvedJob {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    overlap: Option<&'static str>,
     object: Vec<Object>,
     printer: Printer,
     materials: Materials,
@@ -177,6 +179,7 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
         StackingModel::Transport { min_layer_mm, layer_step_mm } => ("transport", min_layer_mm, layer_step_mm),
     };
     ResolvedJob {
+        overlap: (job.overlap == Overlap::Union).then_some("union"),
         object: job.objects.iter().map(object).collect(),
         printer: Printer {
             name: job.printer.name.clone(),

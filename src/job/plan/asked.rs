@@ -126,17 +126,18 @@ fn labelled(
     max_albedo: Option<f64>,
 ) -> Wanted {
     let atlas = Atlas::new(&context.solid.mesh, &[size], &[]);
-    let mut texels = vec![0_u64; targets.len()];
+    let mut areas = vec![0.0; targets.len()];
+    let area_of = &atlas.areas(&context.solid.mesh)[0];
     for texel in atlas.pages()[0].covered() {
-        texels[labels[texel].index()] += 1;
+        areas[labels[texel].index()] += area_of[texel];
     }
     if let Some(most) = max_albedo {
-        rescale(&mut targets, &texels, most);
+        rescale(&mut targets, &areas, most);
     }
-    let total: u64 = texels.iter().sum();
+    let total: f64 = areas.iter().sum();
     Wanted {
         kind,
-        shares: texels.iter().map(|&texels| texels as f64 / total.max(1) as f64).collect(),
+        shares: areas.iter().map(|area| area / total.max(f64::MIN_POSITIVE)).collect(),
         rms: vec![None; targets.len()],
         targets,
         surface: Surface::Labelled { atlas, labels: vec![LabelMap(labels)] },
@@ -145,8 +146,8 @@ fn labelled(
 }
 
 /// Scales all profiles by one factor, so that the largest albedo of any that is laid somewhere becomes `most`.
-fn rescale(targets: &mut [SearchTarget], shares: &[u64], most: f64) {
-    let laid = targets.iter().zip(shares).filter(|(_, share)| **share > 0);
+fn rescale(targets: &mut [SearchTarget], areas: &[f64], most: f64) {
+    let laid = targets.iter().zip(areas).filter(|(_, area)| **area > 0.0);
     let brightest = laid.flat_map(|(target, _)| &target.channels).map(|spectrum| spectrum[0]).fold(0.0, f64::max);
     let scale = most / brightest.max(f64::MIN_POSITIVE);
     for spectrum in targets.iter_mut().flat_map(|target| &mut target.channels) {
@@ -173,7 +174,8 @@ fn texture_wanted(
     let atlas = Atlas::new(&context.solid.mesh, &sizes, &appearance.page_of);
     let scale =
         max_albedo.map_or(1.0, |most| most / brightest(&atlas, &appearance.pages, channels).max(f64::MIN_POSITIVE));
-    let appearances = distinct_appearances(&atlas, &appearance.pages, channels, scale);
+    let areas = atlas.areas(&context.solid.mesh);
+    let appearances = distinct_appearances(&atlas, &appearance.pages, &areas, channels, scale);
     let coefficients = context.materials.grid.len();
     let mut spectra = Vec::with_capacity(appearances.distinct.len() * channels * coefficients);
     for appearance in &appearances.distinct {
@@ -183,7 +185,7 @@ fn texture_wanted(
             spectra.extend(model.spectrum(&context.materials.grid));
         }
     }
-    let weights: Vec<_> = appearances.distinct.iter().map(|appearance| appearance.texels as f64).collect();
+    let weights: Vec<_> = appearances.distinct.iter().map(|appearance| appearance.area_mm2).collect();
     let options = appearance::ClusterOptions {
         k: context.job.clusters.k,
         seed: context.job.clusters.seed,

@@ -3,7 +3,7 @@
 use super::{
     asked::wanted,
     context::TargetContext,
-    prepare::{complete_uvs, finish_materials, load_solid, read_materials},
+    prepare::{complete_uvs, finish_materials, load_solids, read_materials},
 };
 use crate::{
     job::{Job, RunError, file::DepthFrom},
@@ -30,8 +30,8 @@ pub fn targets(job: Job, watch: &dyn Watch) -> Result<Vec<JobTarget>, RunError> 
     let mut warnings = Vec::new();
     let materials = finish_materials(read_materials(&job)?, &job, watch)?;
     let mut targets = Vec::new();
-    for (index, object) in job.objects.iter().enumerate() {
-        let (mut solid, ..) = load_solid(&job, index, object, &mut warnings)?;
+    let loaded = load_solids(&job, &mut warnings, watch)?;
+    for (index, (object, (mut solid, ..))) in job.objects.iter().zip(loaded).enumerate() {
         if object.depth_from == DepthFrom::Top {
             solid.measure_from_top();
         }

@@ -18,7 +18,7 @@ use crate::{
     job::{
         Job, RunError,
         file::{
-            AlbedoSource, DepthFrom, Distance, InputPath, MaterialSource, ObjectJob, OutputFormat, Scaling,
+            AlbedoSource, DepthFrom, Distance, InputPath, MaterialSource, ObjectJob, OutputFormat, Overlap, Scaling,
             StackingModel, TargetSpec,
         },
     },
@@ -94,15 +94,13 @@ impl Prepared {
             }
         }
         watch.stage("meshes", job.objects.len() as u64);
+        let loaded = load_solids(&job, &mut warnings, watch)?;
         let mut solids = Vec::new();
-        for (index, object) in job.objects.iter().enumerate() {
-            let (solid, transform, companions) = load_solid(&job, index, object, &mut warnings)?;
+        for (object, (solid, transform, companions)) in job.objects.iter().zip(loaded) {
             for path in companions {
                 add_input(&mut inputs, object.mesh.beside(&path), &path)?;
             }
             solids.push((solid, transform));
-            watch.advance(1);
-            watch.go_on()?;
         }
         let extent = solids.iter().fold(DVec3::ZERO, |extent, solid| extent.max(bounds(&solid.0)[1]));
         let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
@@ -291,7 +289,42 @@ pub(super) fn finish_materials(draft: MaterialDraft, job: &Job, watch: &dyn Watc
     Ok(file.into_set(&watch)?)
 }
 
-pub(super) fn load_solid(
+/// Reads all objects and leaves of them what is surface of their union.
+pub(super) fn load_solids(
+    job: &Job,
+    warnings: &mut Vec<String>,
+    watch: &dyn Watch,
+) -> Result<Vec<(Solid, DMat4, Vec<PathBuf>)>, RunError> {
+    let mut loaded = Vec::new();
+    for (index, object) in job.objects.iter().enumerate() {
+        loaded.push(load_solid(job, index, object, warnings)?);
+        watch.advance(1);
+        watch.go_on()?;
+    }
+    let mut solids: Vec<&mut Solid> = loaded.iter_mut().map(|(solid, ..)| solid).collect();
+    let shared = mesh::unite(&mut solids);
+    let name = |index: usize| format!("object {} ({})", index + 1, job.objects[index].mesh.shown());
+    if let (Some(&[first, second]), Overlap::Refuse) = (shared.first(), job.overlap) {
+        let found = format!("{} and {} at the same place", name(first), name(second));
+        let expected = "objects that share no space, or overlap = \"union\"";
+        return Err(job.refuse(&format!("object[{second}].position-mm"), found, expected).into());
+    }
+    for [first, second] in shared {
+        warnings.push(format!(
+            "{} and {} share space: they are one, and a voxel in both is laid from the surface of the first",
+            name(first),
+            name(second)
+        ));
+    }
+    if let Some(buried) = solids.iter().position(|solid| solid.mesh.triangles.is_empty()) {
+        let found = format!("{}, which lies wholly within others", name(buried));
+        let expected = "an object some of which can be seen";
+        return Err(job.refuse(&format!("object[{buried}].mesh"), found, expected).into());
+    }
+    Ok(loaded)
+}
+
+fn load_solid(
     job: &Job,
     index: usize,
     object: &ObjectJob,

@@ -31,7 +31,7 @@ pub struct StackingReport {
 pub struct StackingEntry {
     /// Layers, top first.
     pub layers: Vec<Layer<String>>,
-    /// Share of the surface's texels that have it, 0 to 1.
+    /// Share of the surface's area that has it, 0 to 1.
     pub share: f64,
     /// Albedo asked for per channel; `None` where the stacking was given.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -26,7 +26,7 @@ use crate::look::Volume;
 use crate::{
     job::{
         Prepared, RunError, StackingReport,
-        file::OutputFormat,
+        file::{OutputFormat, Overlap},
         look::{LOOK, Look, LookError, LookOptions, look_at},
         manifest::{Manifest, MeshRecord, Outcome, STACKINGS, json},
         verify::read_manifest,
@@ -126,6 +126,9 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     let mut warnings = prepared.warnings.clone();
     if counts[1..].iter().all(|&voxels| voxels == 0) {
         warnings.push("no voxel's centre lies inside an object: nothing will be printed".to_owned());
+    }
+    if slices == (0..prepared.lattice.dims[2]) {
+        warnings.extend(prepared.lost_volume(counts[1..].iter().sum()));
     }
     let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
     let mut manifest = Manifest::new(prepared, outcome);
@@ -228,6 +231,9 @@ impl Sinks<'_> {
     }
 }
 
+/// Printed and meshed volumes that differ by less are the same.
+const VOLUME_ALIKE: f64 = 0.02;
+
 impl Prepared {
     /// Every file that was read.
     pub fn files(&self) -> Vec<PathBuf> {
@@ -284,6 +290,26 @@ impl Prepared {
                 watch.advance(1);
             }
             Ok(())
+        })
+    }
+
+    /// What to say where `voxels` are not the volume of the objects: walls thinner than voxels are lost or thickened.
+    fn lost_volume(&self, voxels: u64) -> Option<String> {
+        // Objects that share space count it twice.
+        if self.job.overlap == Overlap::Union {
+            return None;
+        }
+        let printed = voxels as f64 * self.lattice.pitch.element_product();
+        let meshed: f64 = self.objects.iter().map(|object| object.health.volume_mm3).sum();
+        let off = printed / meshed - 1.0;
+        (off.abs() > VOLUME_ALIKE).then(|| {
+            let names: Vec<_> = self.objects.iter().map(|object| object.mesh.as_str()).collect();
+            format!(
+                "{}: {printed:.2} mm³ are printed of {meshed:.2} mm³ of the mesh ({:+.1}%): parts thinner than a voxel \
+                 are lost or come out thicker",
+                names.join(", "),
+                100.0 * off
+            )
         })
     }
 

@@ -15,7 +15,7 @@ use crate::{disjoint_sets::DisjointSets, mesh::bounds};
 /// Gaps up to this times the longest side of the mesh are rounding. Coordinates with six digits are off by up to half a
 /// millionth each, so that two corners miss each other by up to 1.7 millionths; corners computed in single precision
 /// were seen to miss by 1.3. The finest voxel is seven times as long as this gap on the J750's whole tray.
-const GAP: f64 = 4e-6;
+pub(super) const GAP: f64 = 4e-6;
 
 /// Joins corners; says whether any were.
 pub(super) fn join(mesh: &mut TriangleMesh, edges: &Edges, health: &mut HealthReport) -> bool {

@@ -8,6 +8,7 @@
 //!    2013, eq. 5) of such a surface is an integer everywhere off it.
 //! 4. [`nesting`]: shells turn outwards, cavities stay cavities.
 //! 5. The shape is refused if it is a sheet or holds no volume.
+//! 6. [`crossing`] tells whether anything overlaps or touches; if so, [`union`] leaves what is surface of all together.
 
 mod boundary;
 mod clean;
@@ -19,10 +20,12 @@ mod nesting;
 mod orient;
 mod report;
 mod sheets;
+mod union;
 
 use glam::DVec3;
 
 use self::edges::Edges;
+pub use self::union::unite;
 use super::{HealthReport, MeshError, Solid, TriangleMesh};
 
 /// Largest cap area, as a fraction of the mesh area, that still counts as mending.
@@ -43,7 +46,8 @@ const NEEDLE_ASPECT: f64 = 1e-12;
 /// Makes a mesh fit for slicing and reports its health.
 ///
 /// The triangles of the result keep their order and attributes; a flipped one has its second and third corner
-/// exchanged. Needles (distinct corners, no area) take part in everything but end among the caps: depth is never
+/// exchanged. Where bodies overlap, touch or lie in each other, what has inside on both sides is left out, and triangles
+/// that are surface in part are replaced by those parts, whose attributes are interpolated. Needles (distinct corners, no area) take part in everything but end among the caps: depth is never
 /// measured from them.
 ///
 /// # Errors
@@ -98,11 +102,22 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     }
     health.caps = caps.len();
     set_needles_aside(&mut mesh, &mut caps, &mut health);
-    health.self_intersections = crossing::count(&mesh);
+    let tolerance = union::tolerance(mesh.corner_bounds());
+    let meetings = crossing::count(&mesh, tolerance);
+    health.self_intersections = Some(meetings.crossings);
+    let may_be_buried = meetings.crossings + meetings.contacts + health.non_manifold_edges > 0;
+    let whole = if may_be_buried || shells.may_meet(tolerance.touch) {
+        union::bare(&mut mesh, &caps, &mut health)
+    } else {
+        None
+    };
+    if mesh.triangles.is_empty() {
+        return Err(MeshError::NoVolume { volume_mm3: health.volume_mm3, area_mm2: health.area_mm2 });
+    }
     if mesh.triangles.len() < health.triangles || health.joined_corners > 0 {
         super::read::weld(&mut mesh.positions, &mut mesh.triangles);
     }
-    Ok(Solid { mesh, caps, health })
+    Ok(Solid { mesh, caps, whole, health })
 }
 
 /// Moves triangles without area to the caps, where they keep the boundary closed and disturb no distance.
@@ -120,8 +135,14 @@ fn is_needle([a, b, c]: [DVec3; 3]) -> bool {
 
 impl TriangleMesh {
     /// Positions of every triangle's corners.
-    pub(super) fn corners(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
+    pub fn corners(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
         self.triangles.iter().map(|t| t.map(|i| self.positions[i as usize]))
+    }
+
+    /// Corners of the box around the triangles.
+    fn corner_bounds(&self) -> (DVec3, DVec3) {
+        let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        self.corners().flatten().fold(start, |(low, high), p| (low.min(p), high.max(p)))
     }
 
     /// Exchanges two corners of a triangle, which turns it inside out.
@@ -136,7 +157,7 @@ impl TriangleMesh {
     }
 
     /// Drops triangles by index, with their attributes.
-    fn keep(&mut self, keep: impl Fn(usize) -> bool) {
+    pub(super) fn keep(&mut self, keep: impl Fn(usize) -> bool) {
         fn retain<T>(list: &mut Vec<T>, keep: &impl Fn(usize) -> bool) {
             let mut t = 0;
             list.retain(|_| {
@@ -148,6 +169,7 @@ impl TriangleMesh {
         retain(&mut self.uvs, &keep);
         retain(&mut self.corner_colors, &keep);
         retain(&mut self.material_of, &keep);
+        retain(&mut self.patch_of, &keep);
     }
 }
 

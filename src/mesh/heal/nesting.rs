@@ -137,6 +137,18 @@ impl Shells {
             .collect()
     }
 
+    /// Whether the boxes of any two come as near as `touch`.
+    pub(super) fn may_meet(&self, touch: f64) -> bool {
+        let mut order: Vec<&Shell> = self.all.iter().collect();
+        order.sort_by(|a, b| a.low.x.total_cmp(&b.low.x));
+        // Those that begin after a shell's end are beyond it.
+        order.iter().enumerate().any(|(i, shell)| {
+            let after = order[i + 1..].iter().take_while(|other| other.low.x - touch <= shell.high.x);
+            let meets = |other: &&Shell| (other.low.max(shell.low) - touch).cmple(other.high.min(shell.high)).all();
+            after.into_iter().any(|other| meets(other))
+        })
+    }
+
     /// The closed surface of every shell: its triangles and caps.
     fn members(&self, mesh: &TriangleMesh, caps: &[Cap]) -> Vec<Vec<[DVec3; 3]>> {
         let mut members = vec![Vec::new(); self.len()];

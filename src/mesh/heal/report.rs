@@ -94,6 +94,14 @@ impl HealthReport {
                 counted(crossings, "pair")
             ),
         );
+        say(
+            usize::from(self.buried_area_mm2 > 0.0),
+            format!(
+                "{:.2} mm² of faces have inside on both sides or lie on others, where parts overlap or touch: they are \
+                 no surface, and no depth is measured from them.",
+                self.buried_area_mm2
+            ),
+        );
         said
     }
 }

@@ -259,6 +259,7 @@ fn finish(mut raw: RawMesh, path: &Path, options: &LoadOptions) -> Result<Loaded
             uvs: raw.uvs,
             corner_colors: raw.corner_colors,
             material_of: raw.material_of,
+            patch_of: Vec::new(),
             materials: raw.materials,
         },
         file_to_mesh: DMat4::from_scale(DVec3::splat(mm)) * turn,

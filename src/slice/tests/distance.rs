@@ -45,7 +45,7 @@ fn ball() -> Solid {
             }
         }
     }
-    Solid { mesh, caps: Vec::new(), health: HealthReport::default() }
+    Solid { mesh, caps: Vec::new(), whole: None, health: HealthReport::default() }
 }
 
 fn lattice() -> Lattice {

@@ -47,6 +47,24 @@ fn volumes() {
 }
 
 #[test]
+fn buried_faces_are_no_surface() {
+    for (name, volume, area) in [
+        ("f1_overlap.stl", 64.0 + 18.0, 96.0 + 24.0),
+        ("f4_touch.stl", 128.0, 160.0),
+        ("f4c_coplanar.stl", 96.0, 128.0),
+    ] {
+        let Some(loaded) = read(name) else { return };
+        let health = solid(loaded.unwrap()).health;
+        let (found, expected) = ((health.volume_mm3, health.area_mm2), (volume, area));
+        assert!(
+            (found.0 - volume).abs() < 1e-6 && (found.1 - area).abs() < 1e-6,
+            "{name}: {found:?}, not {expected:?}"
+        );
+        assert!(health.buried_area_mm2 > 1.0);
+    }
+}
+
+#[test]
 fn what_is_left_out_is_said() {
     let Some(loaded) = read("d2_type_support.3mf") else { return };
     let warnings = loaded.unwrap().warnings;

@@ -12,5 +12,6 @@ mod placing;
 mod printed;
 mod shapes;
 mod shared;
+mod union;
 mod winding;
 mod writers;

@@ -7,7 +7,7 @@ use glam::DVec3;
 use lumislice::mesh::{Solid, close};
 use proptest::prelude::*;
 
-use super::shapes::{box_triangles, corners, mesh_of, sphere, winding};
+use super::shapes::{box_triangles, mesh_of, sphere, winding};
 
 /// Every directed edge, by the bits of its ends, has its reverse as often.
 fn assert_no_boundary(surface: &[[DVec3; 3]]) {
@@ -27,7 +27,7 @@ fn assert_no_boundary(surface: &[[DVec3; 3]]) {
 }
 
 fn closed_surface(solid: &Solid) -> Vec<[DVec3; 3]> {
-    [corners(&solid.mesh), solid.caps.clone()].concat()
+    solid.outline().collect()
 }
 
 fn assert_integer(surface: &[[DVec3; 3]], p: DVec3) -> i64 {

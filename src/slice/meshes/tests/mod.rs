@@ -70,7 +70,7 @@ fn outer_triangles(meshes: &MaterialMeshes) -> Vec<[u32; 3]> {
 
 /// A closed mesh as a solid.
 fn solid(mesh: TriangleMesh) -> Solid {
-    Solid { mesh, caps: Vec::new(), health: HealthReport::default() }
+    Solid { mesh, caps: Vec::new(), whole: None, health: HealthReport::default() }
 }
 
 /// A box.

@@ -1,0 +1,103 @@
+//! What is surface: bodies and objects that overlap or touch, and what shares weigh.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::support::{Bench, JOB, cube, stl};
+
+/// Voxels of a slice that are of this colour.
+fn pixels(bench: &Bench, out: &str, slice: u32) -> Vec<Vec<[u8; 4]>> {
+    let file = fs::File::open(bench.path(format!("{out}/slices/slice_{slice}.png"))).unwrap();
+    let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    let pixels: Vec<[u8; 4]> = bytes.chunks(4).map(|p| [p[0], p[1], p[2], p[3]]).collect();
+    pixels.chunks(info.width as usize).map(<[_]>::to_vec).collect()
+}
+
+/// A job of two cubes, the second with these keys; `root` comes before all tables.
+fn two(second: &str, root: &str) -> String {
+    let rest = &JOB[JOB.find("[printer]").unwrap()..];
+    format!("{root}\n[[object]]\nmesh = \"cube.stl\"\n[[object]]\nmesh = \"cube.stl\"\n{second}\n{rest}")
+}
+
+#[test]
+fn objects_that_touch_have_no_surface_between_them() {
+    let bench = Bench::new();
+    bench.write("job.toml", two("position-mm = [4.0, 0.0, 0.0]", "").as_bytes());
+    bench.slice("out");
+    let rows = pixels(&bench, "out", 10);
+    assert_eq!((rows.len(), rows[0].len()), (20, 40));
+    let core = rows[10][10];
+    // From the core of one to the core of the other there is nothing else.
+    assert!(rows[10][10..30].iter().all(|p| *p == core), "{:?}", rows[10]);
+    assert_ne!(rows[10][0], core);
+    assert_eq!(rows[10][0], rows[10][39]);
+}
+
+#[test]
+fn objects_that_share_space_are_refused_unless_the_job_joins_them() {
+    let bench = Bench::new();
+    bench.write("job.toml", two("position-mm = [2.0, 1.0, 1.0]", "").as_bytes());
+    let parts = ["object 1 (cube.stl) and object 2 (cube.stl) at the same place", "overlap = \"union\""];
+    bench.run(["slice", "job.toml", "-o", "out"]).refuses(2, &parts);
+    bench.write("job.toml", two("position-mm = [2.0, 1.0, 1.0]", "overlap = \"union\"").as_bytes());
+    let ran = bench.slice("out");
+    assert!(ran.stderr.contains("share space"), "{}", ran.stderr);
+    let rows = pixels(&bench, "out", 12);
+    // Through the middle of what they share: layers at both ends, the core between.
+    let row = &rows[rows.len() / 2];
+    let core = row[10];
+    assert!(row[8..22].iter().all(|p| *p == core), "{row:?}");
+    assert_ne!(row[0], core);
+    bench.write("job.toml", two("scale = 0.5\nposition-mm = [1.0, 1.0, 1.0]", "overlap = \"union\"").as_bytes());
+    bench.run(["slice", "job.toml", "-o", "within"]).refuses(2, &["object 2", "wholly within others"]);
+}
+
+#[test]
+fn a_wall_thinner_than_a_voxel_is_named_with_its_loss() {
+    let bench = Bench::new();
+    let wall: Vec<_> = cube(4.0).into_iter().map(|t| t.map(|[x, y, z]| [x, y, z * 0.3])).collect();
+    bench.write("cube.stl", &stl(&wall));
+    bench.job_with("[0.2, 0.2, 0.2]", "[0.2, 0.2, 0.8]");
+    let ran = bench.slice("out");
+    assert!(ran.stderr.contains("cube.stl: 25.60 mm³ are printed of 19.20 mm³ of the mesh (+33.3%)"), "{}", ran.stderr);
+}
+
+/// A cube with one red face, as two materials without a texture.
+#[test]
+fn shares_are_of_area() {
+    let bench = Bench::new();
+    let corners = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 0 0 4\nv 4 0 4\nv 4 4 4\nv 0 4 4\n";
+    let faces =
+        "mtllib m.mtl\nusemtl red\nf 5 6 7 8\nusemtl grey\nf 1 4 3 2\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+    bench.write("box.obj", format!("{corners}{faces}").as_bytes());
+    bench.write("m.mtl", b"newmtl red\nKd 0.8 0.8 0.8\nnewmtl grey\nKd 0.3 0.3 0.3\n");
+    for (k, shares) in [(2, vec![1.0 / 6.0, 5.0 / 6.0]), (1, vec![1.0])] {
+        let job = JOB
+            .replace("cube.stl", "box.obj")
+            .replace(
+                "kind = \"stacking\"\nstack = \"white:0.5,support:0.6\"",
+                "kind = \"texture\"\nmean-free-path-mm = 0.5",
+            )
+            .replace(
+                "[stacking]",
+                &format!("[clusters]\nk = {k}\n[stacking]\ndepth = 3\nunits = 16\nmax-thickness-mm = 2.0"),
+            );
+        bench.write("job.toml", job.as_bytes());
+        let out = format!("out-{k}");
+        bench.slice(&out);
+        let json: Value = serde_json::from_slice(&fs::read(bench.path(&out).join("stackings.json")).unwrap()).unwrap();
+        let stackings = json["objects"][0]["stackings"].as_array().unwrap();
+        let mut found: Vec<f64> = stackings.iter().map(|entry| entry["share"].as_f64().unwrap()).collect();
+        found.sort_by(f64::total_cmp);
+        assert_eq!(found.len(), shares.len());
+        assert!(found.iter().zip(&shares).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
+        if k == 1 {
+            // The mean over the surface, not over the two colours.
+            let albedo = stackings[0]["target_albedo"][0].as_f64().unwrap();
+            assert!((albedo - (0.8 + 5.0 * 0.3) / 6.0).abs() < 1e-3, "{albedo}");
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! Bodies that overlap, touch, lie in each other or cross themselves: what is left is the surface of their union.
+//!
+//! The referee knows bodies as such and asks solid angles, body by body; it cuts nothing.
+
+use glam::{DMat3, DVec3};
+use lumislice::{
+    mesh::{Solid, close},
+    sdf::closest_point,
+};
+
+use super::shapes::{box_triangles, corners, mesh_of, reversed, sphere, winding};
+
+type Body = Vec<[DVec3; 3]>;
+
+/// A stream of numbers that is the same on every machine.
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn below(&mut self, end: usize) -> usize {
+        ((self.unit() * end as f64) as usize).min(end - 1)
+    }
+
+    fn vector(&mut self, low: f64, high: f64) -> DVec3 {
+        DVec3::from([0; 3].map(|_| low + (high - low) * self.unit()))
+    }
+
+    fn rotation(&mut self) -> DMat3 {
+        let [x, y, z] = self.vector(0.0, std::f64::consts::TAU).to_array();
+        DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x)
+    }
+}
+
+/// Two to four bodies: boxes between whole numbers, which share planes, edges and corners; balls, boxes and rings at
+/// any angle; and all of it turned and rounded to single precision, so that what lay on each other does so no more.
+fn bodies(random: &mut Random) -> Vec<Body> {
+    let count = 2 + random.below(3);
+    let mut bodies: Vec<Body> = (0..count)
+        .map(|_| match random.below(6) {
+            0..3 => {
+                let low = DVec3::from([0; 3].map(|_| random.below(4) as f64));
+                let size = DVec3::from([0; 3].map(|_| 1.0 + random.below(3) as f64));
+                box_triangles(low, low + size)
+            }
+            3 => sphere(random.vector(1.0, 4.0), 0.6 + random.unit(), 5),
+            4 => {
+                let (turn, at) = (random.rotation(), random.vector(1.0, 4.0));
+                box_triangles(DVec3::splat(-0.8), DVec3::new(0.8, 1.1, 0.6))
+                    .iter()
+                    .map(|t| t.map(|p| turn * p + at))
+                    .collect()
+            }
+            // A ring whose tube is wider than its hole crosses itself and winds twice around its middle.
+            _ => ring(random.vector(2.0, 3.0), 0.7, 0.5 + 0.5 * random.unit()),
+        })
+        .collect();
+    match random.below(3) {
+        0 => {}
+        1 => round(&mut bodies, DMat3::IDENTITY),
+        _ => round(&mut bodies, random.rotation()),
+    }
+    bodies
+}
+
+fn round(bodies: &mut [Body], turn: DMat3) {
+    for p in bodies.iter_mut().flatten().flatten() {
+        *p = (turn * *p * 1.1).as_vec3().as_dvec3();
+    }
+}
+
+/// A torus, coarse.
+fn ring(center: DVec3, large: f64, small: f64) -> Body {
+    let (around, across) = (8, 6);
+    let at = |i: usize, j: usize| {
+        let angle = |n: usize, of: usize| (n % of) as f64 / of as f64 * std::f64::consts::TAU + 0.1;
+        let ((sa, ca), (sb, cb)) = (angle(i, around).sin_cos(), angle(j, across).sin_cos());
+        let reach = large + small * cb;
+        center + DVec3::new(reach * ca, reach * sa, small * sb)
+    };
+    let quads = (0..around).flat_map(|i| (0..across).map(move |j| (i, j)));
+    quads
+        .flat_map(|(i, j)| {
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            [[a, b, c], [a, c, d]]
+        })
+        .collect()
+}
+
+fn is_inside(bodies: &[Body], p: DVec3) -> bool {
+    bodies.iter().any(|body| winding(body, p) > 0.5)
+}
+
+fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a).normalize_or_zero()
+}
+
+/// Height above the longest side.
+fn width([a, b, c]: &[DVec3; 3]) -> f64 {
+    (b - a).cross(c - a).length() / (b - a).length().max((c - b).length()).max((a - c).length())
+}
+
+fn point_of([a, b, c]: &[DVec3; 3], random: &mut Random) -> DVec3 {
+    let (s, t) = (random.unit().sqrt(), random.unit());
+    *a * (1.0 - s) + (*b * (1.0 - t) + *c * t) * s
+}
+
+fn distance(surface: &[[DVec3; 3]], p: DVec3) -> f64 {
+    surface.iter().map(|t| closest_point(p, t).distance_squared).fold(f64::INFINITY, f64::min).sqrt()
+}
+
+/// How far off a face its sides are asked for, above the gap that counts as touching.
+const OFF: f64 = 1e-4;
+/// Faces may be misjudged this near to where others meet them.
+const NEAR: f64 = 3e-4;
+
+/// Every face that is left has inside behind it alone, and every point of a face that has is on one that is left.
+fn check(name: &str, bodies: &[Body], solid: &Solid, random: &mut Random) {
+    let left = corners(&solid.mesh);
+    let all: Body = bodies.concat();
+    let sides = |t: &[DVec3; 3], p: DVec3| [1.0, -1.0].map(|side| is_inside(bodies, p + side * OFF * normal(t)));
+    for t in left.iter().filter(|t| width(t) > NEAR) {
+        for _ in 0..3 {
+            let p = point_of(t, random);
+            if (0..3).all(|i| closest_point(p, &[t[i], t[(i + 1) % 3], t[i]]).distance_squared > NEAR * NEAR) {
+                assert_eq!(sides(t, p), [false, true], "{name}: {p} of {t:?} is left");
+                let again = left.iter().filter(|o| closest_point(p, o).distance_squared < 1e-10).count();
+                assert_eq!(again, 1, "{name}: {p} of {t:?} is there {again} times");
+            }
+        }
+    }
+    for t in &all {
+        for _ in 0..20 {
+            let p = point_of(t, random);
+            let [before, behind] = sides(t, p);
+            let gap = distance(&left, p);
+            if before != behind {
+                assert!(gap < OFF, "{name}: {p} of {t:?} is surface, and {gap} mm from what is left");
+            }
+        }
+    }
+    // Depth: the nearest point of what is left is surface, and no surface is nearer.
+    for _ in 0..20 {
+        let p = random.vector(0.0, 6.0);
+        let depth = distance(&left, p);
+        for t in &all {
+            let nearest = closest_point(p, t);
+            let on = nearest.point;
+            let inner = nearest.barycentric.iter().all(|w| *w > 1e-3);
+            if inner && nearest.distance_squared.sqrt() < depth - OFF {
+                let [before, behind] = sides(t, on);
+                assert_eq!(before, behind, "{name}: {on} of {t:?} is surface and nearer to {p} than {depth}");
+            }
+        }
+    }
+}
+
+fn random_bodies(seeds: std::ops::Range<u64>) {
+    for seed in seeds {
+        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        for _ in 0..8 {
+            random.unit();
+        }
+        let bodies = bodies(&mut random);
+        let solid = close(mesh_of(&bodies.concat())).unwrap_or_else(|error| panic!("{seed}: {error}"));
+        check(&seed.to_string(), &bodies, &solid, &mut random);
+    }
+}
+
+#[test]
+fn random_bodies_leave_the_surface_of_their_union() {
+    random_bodies(0..60);
+}
+
+#[test]
+#[ignore = "a thousand, some minutes"]
+fn a_thousand_random_bodies_leave_the_surface_of_their_union() {
+    random_bodies(1000..2000);
+}
+
+#[test]
+#[ignore = "writes what scripts/union-check reads"]
+fn unions_for_another_kernel() {
+    let folder = std::path::PathBuf::from(std::env::var_os("LUMISLICE_UNIONS_OUT").expect("a folder to write to"));
+    let list = |body: &[[DVec3; 3]]| -> Vec<[[f64; 3]; 3]> { body.iter().map(|t| t.map(|p| p.to_array())).collect() };
+    for seed in 5000..6000_u64 {
+        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        // Bodies that cross themselves wind twice, which manifold does not take.
+        let bodies: Vec<Body> = bodies(&mut random).into_iter().filter(|body| body.len() != 96).collect();
+        if bodies.is_empty() {
+            continue;
+        }
+        let solid = close(mesh_of(&bodies.concat())).unwrap();
+        let bodies: Vec<_> = bodies.iter().map(|body| list(body)).collect();
+        let surface =
+            serde_json::json!({ "triangles": list(&corners(&solid.mesh)), "volume_mm3": solid.health.volume_mm3 });
+        std::fs::write(folder.join(format!("{seed}.bodies.json")), serde_json::json!(bodies).to_string()).unwrap();
+        std::fs::write(folder.join(format!("{seed}.surface.json")), surface.to_string()).unwrap();
+    }
+}
+
+fn cube(low: [f64; 3], high: [f64; 3]) -> Body {
+    box_triangles(DVec3::from(low), DVec3::from(high))
+}
+
+fn other_diagonals(body: &Body) -> Body {
+    // Quads are pairs of triangles a b c, a c d.
+    body.chunks(2)
+        .flat_map(|pair| {
+            let ([a, b, c], [_, _, d]) = (pair[0], pair[1]);
+            [[a, b, d], [b, c, d]]
+        })
+        .collect()
+}
+
+#[test]
+fn areas_and_volumes() {
+    let large = cube([0.0; 3], [4.0; 3]);
+    let beside = cube([4.0, 0.0, 0.0], [8.0, 4.0, 4.0]);
+    for (name, bodies, area, volume) in [
+        ("overlap", vec![large.clone(), cube([2.0, 0.5, 0.5], [6.0, 3.5, 3.5])], 96.0 + 24.0, 64.0 + 18.0),
+        ("touch, unlike diagonals", vec![large.clone(), other_diagonals(&beside)], 160.0, 128.0),
+        ("touch, like diagonals", vec![large.clone(), beside.clone()], 160.0, 128.0),
+        ("touch in part", vec![large.clone(), cube([4.0, 1.0, 1.0], [6.0, 2.0, 2.0])], 96.0 + 8.0, 66.0),
+        ("coplanar", vec![large.clone(), cube([2.0, 0.0, 0.0], [6.0, 4.0, 4.0])], 128.0, 96.0),
+        ("nested", vec![large.clone(), cube([1.0; 3], [3.0; 3])], 96.0, 64.0),
+        ("nested on a face", vec![large.clone(), cube([0.0, 1.0, 1.0], [3.0; 3])], 96.0, 64.0),
+        ("twice", vec![large.clone(), other_diagonals(&large)], 96.0, 64.0),
+        ("on an edge", vec![large.clone(), cube([4.0, 4.0, 0.0], [6.0, 6.0, 4.0])], 96.0 + 40.0, 80.0),
+        ("a sheet inside", vec![large.clone(), cube([1.0, 1.0, 2.0], [3.0, 3.0, 2.0])], 96.0, 64.0),
+    ] {
+        for turned in [false, true] {
+            let mut bodies = bodies.clone();
+            if turned {
+                let turn = Random(7).rotation();
+                round(&mut bodies, turn);
+            }
+            let scale: f64 = if turned { 1.1 } else { 1.0 };
+            let solid = close(mesh_of(&bodies.concat())).unwrap();
+            let (found, expected) = (solid.health.area_mm2, area * scale.powi(2));
+            assert!((found / expected - 1.0).abs() < 2e-5, "{name}, turned {turned}: {found} mm², not {expected}");
+            let (found, expected) = (solid.health.volume_mm3, volume * scale.powi(3));
+            assert!((found / expected - 1.0).abs() < 2e-5, "{name}, turned {turned}: {found} mm³, not {expected}");
+        }
+    }
+}
+
+#[test]
+fn what_does_not_meet_stays_as_it_is() {
+    let shell =
+        [sphere(DVec3::ZERO, 3.0, 8), reversed(&sphere(DVec3::ZERO, 2.0, 8)), sphere(DVec3::ZERO, 1.0, 8)].concat();
+    let mesh = mesh_of(&shell);
+    let solid = close(mesh.clone()).unwrap();
+    assert_eq!((solid.mesh.positions, solid.mesh.triangles), (mesh.positions, mesh.triangles));
+    assert!(solid.whole.is_none() && solid.health.warnings().is_empty());
+}
