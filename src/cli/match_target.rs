@@ -64,17 +64,19 @@ pub struct MatchArgs {
     /// Blocks a stack may be made of, 1 to 12; each further one multiplies the time.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = parse_depth, help_heading = "Search")]
     depth: usize,
-    /// What is minimised: l2 (the paper's sum of squares over frequencies, which favours the broad shape), spatial (the
+    /// What is minimised: natural (the error in lightness under natural light, in which the albedo counts most), l2
+    /// (the paper's sum of squares over frequencies, which favours the broad shape), spatial (the
     /// square of the profile's error over the surface, which favours its centre) or relative (errors as shares of the
     /// target, which favours dark channels).
-    #[arg(long, value_enum, default_value_t = NormArg::L2, help_heading = "Search")]
+    #[arg(long, value_enum, default_value_t = NormArg::Natural, help_heading = "Search")]
     objective: NormArg,
     /// Weight of the albedo against the other coefficients, 0 or more.
     #[arg(long, value_name = "W", default_value_t = 1.0, help_heading = "Search")]
     dc_weight: f64,
-    /// Who judges: km (layers of whole units, proven the best by Kubelka-Munk) or transport (refines that to layers of
-    /// any thickness in a model that holds for thin ones too; needs volume coefficients).
-    #[arg(long, value_enum, default_value_t = JudgeArg::Km, help_heading = "Search")]
+    /// Who judges: transport (layers of any thickness in a model that holds for thin ones too; needs volume
+    /// coefficients, which are fitted to profiles where there are none) or km (layers of whole units, proven the best
+    /// by Kubelka-Munk).
+    #[arg(long, value_enum, default_value_t = JudgeArg::Transport, help_heading = "Search")]
     model: JudgeArg,
     /// Thinnest layer, mm; default 0.027 (transport only).
     #[arg(long, value_name = "MM", value_parser = parse_layer, help_heading = "Search")]
@@ -110,6 +112,7 @@ impl JudgeArg {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum NormArg {
+    Natural,
     L2,
     Spatial,
     Relative,
@@ -228,6 +231,7 @@ impl MatchArgs {
 
     fn objective(&self) -> Objective {
         let norm = match self.objective {
+            NormArg::Natural => Norm::Natural,
             NormArg::L2 => Norm::L2,
             NormArg::Spatial => Norm::Spatial,
             NormArg::Relative => Norm::Relative,
