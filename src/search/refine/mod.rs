@@ -83,11 +83,13 @@ struct Tables {
 
 /// Directions of the cheap model.
 const COARSE: TransportOptions = TransportOptions { polar: 4, orders: 4 };
+/// Candidates that are fitted at all.
+const RANKED: usize = 8;
 /// Evaluations of a fit that only ranks, and of one that counts.
 const RANKING_STEPS: usize = 5;
 const FINAL_STEPS: usize = 8;
 /// Corrections of the cheap model by the dear one in a fit that counts, and evaluations of the dear one that end it.
-const CORRECTIONS: usize = 3;
+const CORRECTIONS: usize = 2;
 const POLISHING_STEPS: usize = 3;
 /// A correction that moves no layer by more, mm, is the last.
 const SETTLED_MM: f64 = 1e-4;
@@ -160,7 +162,7 @@ impl Refiner {
         let unrefined_objective = self.options.objective.of(&unrefined, target);
         let goal = self.goal(target);
         let starts = distinct(candidates);
-        let mut ranked = self.fits(&self.coarse, &goal, RANKING_STEPS, starts.clone());
+        let mut ranked = self.fits(&self.coarse, &goal, RANKING_STEPS, self.promising(&goal, starts.clone()));
         ranked.truncate(self.refine.finalists);
         let finished = self.corrected(&goal, ranked.into_iter().map(start).collect());
         let Some(mut best) = finished.into_iter().next().and_then(|best| self.polished(&goal, best)) else {
@@ -229,6 +231,14 @@ impl Refiner {
         };
         let answers: Vec<_> = targets.par_iter().with_max_len(1).map(one).collect();
         answers.into_iter().collect()
+    }
+
+    /// The best of `starts` as they stand.
+    fn promising(&self, goal: &Goal, starts: Vec<Start>) -> Vec<Start> {
+        let stands = |start: Start| (self.coarse.objective(goal, &start.0, &start.1), start);
+        let mut starts: Vec<_> = starts.into_iter().map(stands).collect();
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        starts.into_iter().map(|(_, start)| start).take(RANKED).collect()
     }
 
     /// Fits each start, best first.
