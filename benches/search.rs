@@ -9,14 +9,14 @@ use std::time::{Duration, Instant};
 
 use lumislice::{
     optics::{FrequencyGrid, MaterialSet, Model, ResinId, Stack, predict},
-    search::{Found, Match, MatchOptions, Matcher, ResinLimit, SearchOptions, SearchTarget},
+    search::{Found, Judge, Match, MatchOptions, Matcher, ResinLimit, SearchOptions, SearchTarget},
     watch::Unwatched,
 };
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
 fn matcher(set: &MaterialSet, search: SearchOptions) -> Matcher {
-    Matcher::new(set, &MatchOptions { search, ..MatchOptions::default() }).unwrap()
+    Matcher::new(set, &MatchOptions { search, judge: Judge::KubelkaMunk, ..MatchOptions::default() }).unwrap()
 }
 
 fn match_all(matcher: &Matcher, targets: &[SearchTarget]) -> Vec<Found> {

@@ -4,7 +4,7 @@
 use lumislice::{
     appearance::material_target,
     optics::MaterialSet,
-    search::{Judge, MatchOptions, Matcher, SearchOptions},
+    search::{MatchOptions, Matcher, Objective, SearchOptions},
     watch::Unwatched,
 };
 
@@ -15,8 +15,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let set = MaterialSet::builtin("synthetic")?;
     let target = material_target(&[albedo], &[mean_free_path_mm], set.channels.len(), &set.grid)?;
     let core = set.resin("black").map(|(id, _)| id);
-    let search = SearchOptions { core, ..SearchOptions::default() };
-    let options = MatchOptions { search, judge: Judge::Transport, ..MatchOptions::default() };
+    let search = SearchOptions { core, objective: Objective::default(), ..SearchOptions::default() };
+    let options = MatchOptions { search, ..MatchOptions::default() };
     let found = Matcher::new(&set, &options)?.match_targets(&[target], &Unwatched)?.remove(0);
     println!("{} over black reflects {:.4}", set.named(found.stacking()), found.reflection()[0][0]);
     Ok(())

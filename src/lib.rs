@@ -25,13 +25,13 @@
 //! ```
 //! use lumislice::appearance::material_target;
 //! use lumislice::optics::MaterialSet;
-//! use lumislice::search::{MatchOptions, Matcher, SearchOptions};
+//! use lumislice::search::{MatchOptions, Matcher, Objective, SearchOptions};
 //! use lumislice::watch::Unwatched;
 //!
 //! let set = MaterialSet::builtin("synthetic")?;
 //! let target = material_target(&[0.4], &[0.5], 1, &set.grid)?; // albedo, mean free path in mm
 //! let core = set.resin("black").map(|(id, _)| id);
-//! let search = SearchOptions { core, depth: 3, ..SearchOptions::default() };
+//! let search = SearchOptions { core, depth: 3, objective: Objective::default(), ..SearchOptions::default() };
 //! let matcher = Matcher::new(&set, &MatchOptions { search, ..MatchOptions::default() })?;
 //! let found = matcher.match_targets(&[target], &Unwatched)?.remove(0);
 //! println!("{} over black", set.named(found.stacking()));

@@ -131,10 +131,8 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     let csv = args.csv.as_deref().map(OutputFile::open).transpose()?;
     let mut targets = args.targets(materials.file.channels().len())?;
     let bars = Bars::new(args.json);
-    let by_job = stacking.map(|stacking| match stacking.model {
-        StackingModel::KubelkaMunk => Judge::Km,
-        StackingModel::Transport { .. } => Judge::Transport,
-    });
+    // A job by transport makes do with Kubelka–Munk where a resin has no coefficients, and so does its gamut.
+    let by_job = stacking.filter(|stacking| stacking.model == StackingModel::KubelkaMunk).map(|_| Judge::Km);
     let by_transport = args.fit(&mut materials, args.model.or(by_job), &named, &bars)?;
     let layers = args.layers(job.as_ref(), by_transport);
     if let (Some(path), Some(job)) = (&args.job, job) {

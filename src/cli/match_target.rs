@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use lumislice::{
     appearance::{material_target, srgb_albedo},
-    optics::{DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, Model, Prediction, Stack, predict},
+    colour::{delta_e_2000, lab},
+    optics::{DEFAULT_SEED, EdgeResponse, FrequencyGrid, Light, MaterialSet, Model, Prediction, Stack, predict},
     plot::Figure,
     search::{
         Judge, Judged, Match, MatchOptions, Matcher, Norm, Objective, RefineOptions, SearchError, SearchOptions,
@@ -64,17 +65,19 @@ pub struct MatchArgs {
     /// Blocks a stack may be made of, 1 to 12; each further one multiplies the time.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = parse_depth, help_heading = "Search")]
     depth: usize,
-    /// What is minimised: l2 (the paper's sum of squares over frequencies, which favours the broad shape), spatial (the
+    /// What is minimised: natural (the error in lightness under natural light, in which the albedo counts most), l2
+    /// (the paper's sum of squares over frequencies, which favours the broad shape), spatial (the
     /// square of the profile's error over the surface, which favours its centre) or relative (errors as shares of the
     /// target, which favours dark channels).
-    #[arg(long, value_enum, default_value_t = NormArg::L2, help_heading = "Search")]
+    #[arg(long, value_enum, default_value_t = NormArg::Natural, help_heading = "Search")]
     objective: NormArg,
     /// Weight of the albedo against the other coefficients, 0 or more.
     #[arg(long, value_name = "W", default_value_t = 1.0, help_heading = "Search")]
     dc_weight: f64,
-    /// Who judges: km (layers of whole units, proven the best by Kubelka-Munk) or transport (refines that to layers of
-    /// any thickness in a model that holds for thin ones too; needs volume coefficients).
-    #[arg(long, value_enum, default_value_t = JudgeArg::Km, help_heading = "Search")]
+    /// Who judges: transport (layers of any thickness in a model that holds for thin ones too; needs volume
+    /// coefficients, which are fitted to profiles where there are none) or km (layers of whole units, proven the best
+    /// by Kubelka-Munk).
+    #[arg(long, value_enum, default_value_t = JudgeArg::Transport, help_heading = "Search")]
     model: JudgeArg,
     /// Thinnest layer, mm; default 0.027 (transport only).
     #[arg(long, value_name = "MM", value_parser = parse_layer, help_heading = "Search")]
@@ -110,6 +113,7 @@ impl JudgeArg {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum NormArg {
+    Natural,
     L2,
     Spatial,
     Relative,
@@ -195,6 +199,7 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
         search: &found.search,
         answer,
     };
+    shown.warn_of_a_far_miss();
     if let Some(plot) = plot {
         plot.finish(&shown.figure(traced.as_ref())?)?;
     }
@@ -228,6 +233,7 @@ impl MatchArgs {
 
     fn objective(&self) -> Objective {
         let norm = match self.objective {
+            NormArg::Natural => Norm::Natural,
             NormArg::L2 => Norm::L2,
             NormArg::Spatial => Norm::Spatial,
             NormArg::Relative => Norm::Relative,
@@ -282,7 +288,46 @@ struct Shown<'a> {
     search: &'a Match,
 }
 
+/// What of a target and its answer meets the eye: pairs of asked and predicted.
+struct Look {
+    albedo: Vec<[f64; 2]>,
+    /// Width of a shadow's edge from a tenth to nine tenths of the light; `None` beyond 40 mm.
+    edge_mm: Vec<[Option<f64>; 2]>,
+    delta_e_2000: f64,
+}
+
+/// Albedos that differ by less look much alike.
+const ALIKE: f64 = 0.05;
+
 impl Shown<'_> {
+    fn look(&self) -> Look {
+        let both = || self.target.channels.iter().zip(&self.answer.reflection);
+        let albedo: Vec<[f64; 2]> = both().map(|(t, r)| [t, r].map(|spectrum| spectrum[0])).collect();
+        let width = |spectrum: &Vec<f64>| EdgeResponse::new(spectrum, &self.set.grid).width_mm();
+        let colour = |which: usize| {
+            let of = |channel: usize| albedo.get(channel).unwrap_or(&albedo[0])[which];
+            lab(if albedo.len() == 3 { [of(0), of(1), of(2)] } else { [of(0); 3] })
+        };
+        Look {
+            edge_mm: both().map(|(t, r)| [width(t), width(r)]).collect(),
+            delta_e_2000: delta_e_2000(colour(0), colour(1)),
+            albedo,
+        }
+    }
+
+    /// Says it where the answer comes out lighter or darker than asked.
+    fn warn_of_a_far_miss(&self) {
+        let albedos = self.target.channels.iter().zip(&self.answer.reflection).map(|(t, r)| [t[0], r[0]]);
+        let gap = |[asked, found]: &[f64; 2]| (asked - found).abs();
+        if let Some([asked, found]) = albedos.max_by(|a, b| gap(a).total_cmp(&gap(b))).filter(|pair| gap(pair) > ALIKE)
+        {
+            say(&format!(
+                "warning: albedo {found:.2} in place of {asked:.2}: the resins reach no nearer within what is allowed, \
+                 see `lumislice gamut`"
+            ));
+        }
+    }
+
     fn figure(&self, monte_carlo: Option<&Prediction>) -> Result<Figure> {
         let stacking = &self.answer.stacking;
         let named: Vec<_> = self.named(stacking).map(|(name, mm)| format!("{name} {mm:.3}")).collect();
@@ -317,6 +362,8 @@ impl Shown<'_> {
             "proven": search.proven,
             "nodes": search.nodes,
         });
+        let Look { albedo, edge_mm, delta_e_2000 } = self.look();
+        document["look"] = json!({ "albedo": albedo, "edge_mm": edge_mm, "delta_e_2000": delta_e_2000 });
         if let Some(unrefined) = &self.unrefined {
             let objective = json!({ "km": unrefined.kubelka_munk, "transport": unrefined.transport });
             document["unrefined"] = json!({ "stack": stack(unrefined), "objective": objective });
@@ -335,13 +382,16 @@ impl Shown<'_> {
             let squares: f64 = r.iter().zip(t).map(|(r, t)| (r - t) * (r - t)).sum();
             (squares / r.len() as f64).sqrt()
         };
+        let Look { albedo, edge_mm, delta_e_2000 } = self.look();
         let channels = self.set.channels.iter().enumerate().map(|(channel, name)| {
-            let albedo = |spectra: &[Vec<f64>]| number(spectra[channel].first().copied(), 4);
-            let (asked, predicted) = (albedo(&self.target.channels), albedo(&answer.reflection));
-            vec![name.clone(), asked, predicted, format!("{:.5}", rms(channel))]
+            let [asked, predicted] = albedo[channel].map(|albedo| number(Some(albedo), 4));
+            let [edge_asked, edge] = edge_mm[channel].map(|mm| number(mm, 3));
+            vec![name.clone(), asked, predicted, edge_asked, edge, format!("{:.5}", rms(channel))]
         });
         let rows: Vec<_> = channels.collect();
-        text += &table(&["channel", "albedo asked", "predicted", "rms of a coefficient"], &rows);
+        let edge = "shadow's edge asked, mm";
+        text += &table(&["channel", "albedo asked", "predicted", edge, "predicted", "rms of a coefficient"], &rows);
+        text += &format!("colour difference {delta_e_2000:.2} (CIEDE2000; 1 is just visible)\n");
         let score = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3e}"));
         let row = |name: &str, judged: &Judged, monte_carlo: Option<f64>| {
             vec![name.to_owned(), score(Some(judged.kubelka_munk)), score(judged.transport), score(monte_carlo)]

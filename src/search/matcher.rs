@@ -13,10 +13,10 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Judge {
     /// Scalar Kubelka–Munk: layers of whole units, proven the best.
-    #[default]
     KubelkaMunk,
     /// Transport, which holds for thin layers too: what Kubelka–Munk finds is refined to layers of any thickness. Needs
     /// the coefficients of all resins.
+    #[default]
     Transport,
 }
 

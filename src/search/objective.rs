@@ -1,10 +1,11 @@
-//! What counts as alike: the objective of Hašan et al. 2010, equation 5, and two others. All are weighted sums of
-//! squares over the coefficients, so that bounds, fits and clusters hold for each of them.
+//! What counts as alike. All objectives are weighted sums of squares over the coefficients, as equation 5 of Hašan et
+//! al. 2010 is, so that bounds, fits and clusters hold for each of them.
 //!
 //! With coefficients R̂_i, i < n, at evenly spaced frequencies from 0, per channel:
 //!
 //! | norm | weight of (R̂_i − R̂_t,i)² | |
 //! | --- | --- | --- |
+//! | natural | ∝ s²/i, DC [`NATURAL_DC`] s² | the error of the lightness under natural light |
 //! | L2 | 1 | the paper's |
 //! | spatial | ∝ k_i Δk | by Parseval ∫ (R − R_t)² dA = (1/2π) ∫ (R̂ − R̂_t)² k dk |
 //! | relative | 1 / mean_j R̂_t,j² | a channel's error as a share of its target |
@@ -14,12 +15,15 @@
 //! would have. Spatial weights are scaled to 1 on average.
 
 use super::SearchTarget;
+use crate::colour::lightness_slope;
 
 /// Which errors count how much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Norm {
-    /// Every coefficient alike.
+    /// The expected square of the error in lightness under natural light.
     #[default]
+    Natural,
+    /// Every coefficient alike, as in the paper.
     L2,
     /// The square of the error of R(r), integrated over the surface.
     Spatial,
@@ -40,21 +44,26 @@ pub struct Objective {
 /// as shares of this. It is the order of what the models are off by (docs/accuracy.md).
 pub(crate) const BLACK_RMS: f64 = 1e-3;
 
+/// Weight of the albedo where the first frequency above it weighs 1 and the i-th 1/i. Over a grid of 128 steps these
+/// sum to 5.4: light that varies by a tenth of its mean over the 40 mm that the grid spans. Evidence: docs/objective.md.
+const NATURAL_DC: f64 = 500.0;
+
 impl Default for Objective {
-    /// The paper's.
+    /// Natural light.
     fn default() -> Self {
-        Self { norm: Norm::L2, dc_weight: 1.0 }
+        Self { norm: Norm::Natural, dc_weight: 1.0 }
     }
 }
 
 impl Norm {
     /// Every norm and its name in jobs and at the command line.
-    pub const ALL: [(&'static str, Self); 3] =
-        [("l2", Self::L2), ("spatial", Self::Spatial), ("relative", Self::Relative)];
+    pub const ALL: [(&'static str, Self); 4] =
+        [("natural", Self::Natural), ("l2", Self::L2), ("spatial", Self::Spatial), ("relative", Self::Relative)];
 
     /// Its name in jobs.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Natural => "natural",
             Self::L2 => "l2",
             Self::Spatial => "spatial",
             Self::Relative => "relative",
@@ -63,15 +72,21 @@ impl Norm {
 }
 
 impl Objective {
+    /// The paper's: every coefficient counts alike.
+    pub const L2: Self = Self { norm: Norm::L2, dc_weight: 1.0 };
+
     /// Weights of one channel of `coefficients` coefficients, whatever the target.
     pub(crate) fn fixed_weights(&self, coefficients: usize) -> Vec<f64> {
         let ring = |i: usize| if i == 0 { 0.125 } else { i as f64 };
+        let natural = |i: usize| if i == 0 { NATURAL_DC } else { 1.0 / i as f64 };
+        let scaled = |weight: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            let scale = coefficients as f64 / (0..coefficients).map(weight).sum::<f64>();
+            (0..coefficients).map(|i| scale * weight(i)).collect()
+        };
         let mut weights: Vec<f64> = match self.norm {
+            Norm::Natural => scaled(&natural),
             Norm::L2 | Norm::Relative => vec![1.0; coefficients],
-            Norm::Spatial => {
-                let scale = coefficients as f64 / (0..coefficients).map(ring).sum::<f64>();
-                (0..coefficients).map(|i| scale * ring(i)).collect()
-            }
+            Norm::Spatial => scaled(&ring),
         };
         if let Some(dc) = weights.first_mut() {
             *dc *= self.dc_weight;
@@ -82,11 +97,15 @@ impl Objective {
     /// Weights of one channel whose coefficients should be `target`.
     pub fn weights(&self, target: &[f64]) -> Vec<f64> {
         let mut weights = self.fixed_weights(target.len());
-        if self.norm == Norm::Relative {
-            let square: f64 = weights.iter().zip(target).map(|(weight, t)| weight * t * t).sum();
-            let mean = (square / target.len() as f64).max(BLACK_RMS * BLACK_RMS);
-            weights.iter_mut().for_each(|weight| *weight /= mean);
-        }
+        let factor = match (self.norm, target.first()) {
+            (Norm::Relative, _) => {
+                let square: f64 = weights.iter().zip(target).map(|(weight, t)| weight * t * t).sum();
+                1.0 / (square / target.len() as f64).max(BLACK_RMS * BLACK_RMS)
+            }
+            (Norm::Natural, Some(&albedo)) => lightness_slope(albedo).powi(2),
+            _ => return weights,
+        };
+        weights.iter_mut().for_each(|weight| *weight *= factor);
         weights
     }
 
@@ -103,7 +122,23 @@ impl Objective {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::FrequencyGrid;
+    use crate::{colour::lightness, optics::FrequencyGrid};
+
+    /// An albedo alone off by a little is off by as much in lightness, whatever its size.
+    #[test]
+    fn natural_errors_are_in_lightness() {
+        let objective = Objective::default();
+        let dc_share = NATURAL_DC / (NATURAL_DC + (1..128).map(|i| 1.0 / f64::from(i)).sum::<f64>());
+        for albedo in [0.002, 0.05, 0.3, 0.9] {
+            let target: Vec<f64> = (0..128).map(|i| albedo / f64::from(i + 1)).collect();
+            let off = [0.999, 1.0].map(|factor| [vec![factor * albedo], target[1..].to_vec()].concat());
+            let [error, none] = off.map(|reflection| {
+                objective.of(&[reflection], &SearchTarget { channels: vec![target.clone()] }) / 128.0
+            });
+            let expected = dc_share * (lightness(albedo) - lightness(0.999 * albedo)).powi(2) / 1e4;
+            assert!((error / expected - 1.0).abs() < 2e-3 && none == 0.0, "{albedo}: {error} for {expected}");
+        }
+    }
 
     /// R = e^{−r²/2s²}/(2πs²) has R̂ = e^{−k²s²/2}: two of them differ by an integral that is known.
     #[test]

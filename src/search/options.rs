@@ -27,13 +27,13 @@ pub struct SearchOptions {
 }
 
 impl Default for SearchOptions {
-    /// The paper's section 8.3, without limits or core.
+    /// The paper's section 8.3, its objective too, without limits or core.
     fn default() -> Self {
         Self {
             max_thickness_mm: 5.0,
             units: 64,
             depth: 6,
-            objective: Objective::default(),
+            objective: Objective::L2,
             limits: Vec::new(),
             core: None,
             max_nodes: None,

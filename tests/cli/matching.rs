@@ -21,8 +21,23 @@ fn a_predicted_stack_is_found_again() {
     // Whole units of 5/64 mm.
     let layers = "white:0.46875,support:1.25,black:0.3125";
     bench.run(["predict", "--materials", "synthetic", "--stack", layers, "--csv", "p.csv"]).exits(0);
-    let json = bench.run(["match", "--materials", "synthetic", "--target", "p.csv", "--json"]).exits(0).json();
-    assert_eq!(keys(&json), ["stack", "objective", "bound", "proven", "nodes"]);
+    let json = bench.run([
+        "match",
+        "--materials",
+        "synthetic",
+        "--target",
+        "p.csv",
+        "--json",
+        "--model",
+        "km",
+        "--objective",
+        "l2",
+    ]);
+    let json = json.exits(0).json();
+    assert_eq!(keys(&json), ["stack", "objective", "bound", "proven", "nodes", "look"]);
+    assert!(json["look"]["delta_e_2000"].as_f64().unwrap() < 0.1, "{json}");
+    let edge = &json["look"]["edge_mm"][0];
+    assert!((edge[1].as_f64().unwrap() / edge[0].as_f64().unwrap() - 1.0).abs() < 0.01, "{json}");
     assert_eq!(keys(&json["objective"]), ["km", "transport", "monte_carlo"]);
     assert!(json["objective"]["transport"].as_f64().unwrap() > 0.0, "what transport says of it");
     assert_eq!(json["objective"]["monte_carlo"], Value::Null);
@@ -44,14 +59,15 @@ fn refined_layers_do_what_was_promised() {
     let stack = ["--stack", "white:0.3,support:1.0", "--core", "black", "--csv", "p.csv"];
     let make = ["predict", "--materials", "synthetic", "--model", "monte-carlo"];
     bench.run(make.iter().chain(&stack).chain(&photons)).exits(0);
-    let find = ["match", "--materials", "synthetic", "--target", "p.csv", "--core", "black", "--json"];
+    let find =
+        ["match", "--materials", "synthetic", "--target", "p.csv", "--core", "black", "--objective", "l2", "--json"];
     let refined = bench.run(find.iter().chain(&["--model", "transport"]).chain(&photons)).exits(0).json();
     let score = |json: &Value, judge: &str| json[judge].as_f64().unwrap();
     let promised = score(&refined["objective"], "transport");
     // Two Monte Carlo runs of a million photons differ by about 4e-5 where nothing else differs.
     assert!(promised < 1e-4 && score(&refined["objective"], "monte_carlo") < promised + 1e-4, "{refined}");
     assert!(score(&refined["unrefined"]["objective"], "transport") > 5.0 * promised, "{refined}");
-    assert_eq!(keys(&refined), ["stack", "objective", "bound", "proven", "nodes", "unrefined"]);
+    assert_eq!(keys(&refined), ["stack", "objective", "bound", "proven", "nodes", "look", "unrefined"]);
     let steps = bench.run(find.iter().chain(&["--model", "transport", "--layer-step-mm", "0.05"])).exits(0).json();
     for (_, mm) in self::stack(&steps) {
         assert!((mm / 0.05 - (mm / 0.05).round()).abs() < 1e-9 && mm > 0.04, "{steps}");
@@ -70,7 +86,8 @@ pub fn no_resins_profile() -> String {
 #[test]
 fn what_cannot_be_refined_is_refused() {
     let target = ["--albedo", "0.4", "--mean-free-path-mm", "0.5"];
-    find(&[&target[..], &["--min-layer-mm", "0.1"]].concat()).refuses(2, &["--min-layer-mm", "--model transport"]);
+    find(&[&target[..], &["--min-layer-mm", "0.1", "--model", "km"]].concat())
+        .refuses(2, &["--min-layer-mm", "--model transport"]);
     let bench = Bench::new();
     bench.write("p.csv", no_resins_profile().as_bytes());
     bench.write(
@@ -104,7 +121,7 @@ fn more_light_than_fell_is_refused() {
 
 #[test]
 fn an_albedo_and_a_mean_free_path_are_a_target() {
-    let args = ["--albedo", "0.5", "--mean-free-path-mm", "0.3", "--core", "black", "--dc-weight", "100"];
+    let args = ["--albedo", "0.5", "--mean-free-path-mm", "0.3", "--core", "black"];
     let ran = find(&args).exits(0);
     assert!(
         ["from the observer down", "0.5000", "rms", "proven"].iter().all(|word| ran.stdout.contains(word)),
@@ -119,7 +136,7 @@ fn an_albedo_and_a_mean_free_path_are_a_target() {
 
 #[test]
 fn a_colour_is_a_target() {
-    let shared = ["--mean-free-path-mm", "0.5", "--depth", "3", "--core", "black", "--json"];
+    let shared = ["--mean-free-path-mm", "0.5", "--depth", "3", "--core", "black", "--model", "km", "--json"];
     let albedo = |set: &str, more: &[&str]| {
         let json = run(["match", "--materials", set].iter().chain(more).chain(&shared)).exits(0).json();
         (stack(&json), json["objective"]["km"].as_f64().unwrap())
@@ -147,15 +164,16 @@ fn a_colour_is_a_target() {
 fn objectives_choose_different_layers() {
     let target =
         ["--materials", "inks-rgb-7", "--albedo", "0.5,0.1,0.02", "--mean-free-path-mm", "0.4", "--core", "black"];
-    let [l2, spatial, relative] = ["l2", "spatial", "relative"].map(|objective| {
-        let search = ["--depth", "4", "--json", "--objective", objective];
+    let [natural, l2, spatial, relative] = ["natural", "l2", "spatial", "relative"].map(|objective| {
+        let search = ["--depth", "4", "--json", "--model", "km", "--objective", objective];
         let json = run(["match"].iter().chain(&target).chain(&search)).exits(0).json();
         assert_eq!(json["proven"], true);
         stack(&json)
     });
     assert!(l2 != spatial && l2 != relative && spatial != relative, "{l2:?} {spatial:?} {relative:?}");
-    let unset = run(["match"].iter().chain(&target).chain(&["--depth", "4", "--json"])).exits(0).json();
-    assert_eq!(stack(&unset), l2);
+    let unset = ["--depth", "4", "--json", "--model", "km"];
+    let unset = run(["match"].iter().chain(&target).chain(&unset)).exits(0).json();
+    assert!(stack(&unset) == natural && natural != l2, "{natural:?} {l2:?}");
     find(&["--albedo", "0.5", "--mean-free-path-mm", "1", "--objective", "l1"]).exits(2);
 }
 
@@ -165,7 +183,8 @@ fn support_keeps_its_depth_unless_told_otherwise() {
     let bench = Bench::new();
     bench.run(["predict", "--materials", "synthetic", "--stack", "support:5", "--csv", "s.csv"]).exits(0);
     let find = |more: &[&str]| {
-        let args = ["match", "--materials", "synthetic", "--target", "s.csv", "--depth", "4", "--json"];
+        let args =
+            ["match", "--materials", "synthetic", "--target", "s.csv", "--depth", "4", "--model", "km", "--json"];
         stack(&bench.run(args.iter().chain(more)).exits(0).json())
     };
     let limited = find(&[]);
@@ -175,6 +194,24 @@ fn support_keeps_its_depth_unless_told_otherwise() {
     let deep = find(&["--min-depth", "support:0", "--min-depth", "white:1.0"]);
     let above: f64 = deep.iter().take_while(|layer| layer.0 != "white").map(|layer| layer.1).sum();
     assert!(above >= 1.0, "{deep:?}");
+}
+
+/// Asked without further ado, an albedo that some stack reaches is met; one that none reaches is told.
+#[test]
+fn by_default_the_albedo_is_met() {
+    let wide = |albedo: &str| {
+        let target = ["--albedo", albedo, "--mean-free-path-mm", "1.2", "--core", "black", "--json"];
+        let ran = find(&target).exits(0);
+        let found = ran.json()["look"]["albedo"][0][1].as_f64().unwrap();
+        (found, ran.stderr)
+    };
+    for albedo in ["0.598", "0.2"] {
+        let (found, words) = wide(albedo);
+        assert!((found / albedo.parse::<f64>().unwrap() - 1.0).abs() < 0.01, "{found} for {albedo}");
+        assert!(!words.contains("warning: "), "{words}");
+    }
+    let (found, words) = wide("0.9");
+    assert!(found < 0.7 && words.contains("warning: albedo"), "{found}: {words}");
 }
 
 #[test]

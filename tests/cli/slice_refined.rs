@@ -25,7 +25,7 @@ fn stacking(bench: &Bench, out: &str) -> Value {
 #[test]
 fn a_job_may_ask_for_refined_stackings() {
     let bench = Bench::new();
-    job(&bench, FOUND, "");
+    job(&bench, FOUND, "model = \"km\"");
     bench.slice("km");
     job(&bench, FOUND, "model = \"transport\"\nmin-layer-mm = 0.2\nlayer-step-mm = 0.1");
     bench.slice("transport");
@@ -63,7 +63,7 @@ fn a_given_stacking_is_predicted_by_the_model_asked_for() {
         bench.slice(out);
         stacking(&bench, out)["predicted_albedo"][0].as_f64().unwrap()
     };
-    let (km, transport) = (albedo("", "km"), albedo("model = \"transport\"", "transport"));
+    let (km, transport) = (albedo("model = \"km\"", "km"), albedo("model = \"transport\"", "transport"));
     let stack = ["--stack", "white:0.5,support:0.6", "--core", "black", "--model", "transport", "--json"];
     let json = bench.run(["predict", "--materials", "synthetic"].iter().chain(&stack)).exits(0).json();
     assert!((transport - json["reflection"][0].as_f64().unwrap()).abs() < 1e-3);
@@ -73,7 +73,7 @@ fn a_given_stacking_is_predicted_by_the_model_asked_for() {
 #[test]
 fn thicknesses_that_nothing_uses_are_refused() {
     let bench = Bench::new();
-    job(&bench, FOUND, "min-layer-mm = 0.2");
+    job(&bench, FOUND, "min-layer-mm = 0.2\nmodel = \"km\"");
     bench.run(["slice", "job.toml"]).refuses(2, &["job.toml:14", "stacking.min-layer-mm", "model = \"transport\""]);
     job(&bench, FOUND, "model = \"transprot\"");
     bench.run(["slice", "job.toml"]).refuses(2, &["stacking.model", "did you mean `transport`?"]);

@@ -6,7 +6,7 @@ use crate::optics::FrequencyGrid;
 use crate::search::{Norm, SearchTarget};
 
 fn options(k: usize) -> ClusterOptions {
-    ClusterOptions { k, ..Default::default() }
+    ClusterOptions { k, objective: Objective::L2, ..Default::default() }
 }
 
 fn unit(random: &mut Xoshiro256PlusPlus) -> f64 {
@@ -66,9 +66,25 @@ fn relative_clusters_lower_relative_errors() {
         let of = |(point, label): (&[f64], &ClusterId)| square(&found.centroids[label.index()], point, relative);
         (points.chunks(256).zip(&found.labels).map(of).sum::<f64>(), found.total)
     };
-    let ((own, reported), (plain, _)) = (total(relative), total(Objective::default()));
+    let ((own, reported), (plain, _)) = (total(relative), total(Objective::L2));
     assert!(own < 0.5 * plain, "{own} against {plain}");
     assert!((own / reported - 1.0).abs() < 0.1, "{own}, but {reported} was reported");
+}
+
+/// Errors in lightness of single points against their clusters, as the search sees them.
+#[test]
+fn natural_clusters_lower_errors_in_lightness() {
+    let (mut points, _) = materials(1200, 6);
+    points.chunks_mut(128).step_by(3).flatten().for_each(|r| *r *= 0.1);
+    let weights = vec![1.0; 600];
+    let natural = Objective::default();
+    let total = |objective: Objective| {
+        let found = cluster(&points, &weights, &ClusterOptions { objective, ..options(30) }).unwrap();
+        let of = |(point, label): (&[f64], &ClusterId)| square(&found.centroids[label.index()], point, natural);
+        points.chunks(256).zip(&found.labels).map(of).sum::<f64>()
+    };
+    let (own, plain) = (total(natural), total(Objective::L2));
+    assert!(own < 0.8 * plain, "{own} against {plain}");
 }
 
 /// Lloyd's iteration without bounds, from the same seeds.
@@ -82,7 +98,7 @@ fn bounds_change_nothing() {
     let mut labels = vec![0; 600];
     for round in 0..found.iterations {
         for (point, label) in points.chunks(128).zip(&mut labels) {
-            let distance = |c: usize| square(point, &centroids[c * 128..(c + 1) * 128], Objective::default());
+            let distance = |c: usize| square(point, &centroids[c * 128..(c + 1) * 128], Objective::L2);
             *label = (0..15).min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap();
         }
         if round + 1 < found.iterations {
@@ -122,7 +138,7 @@ fn a_weight_is_that_many_points() {
     let repeated: Vec<f64> = points.chunks(128).zip(&weights).flat_map(|(row, w)| row.repeat(*w as usize)).collect();
     let plain = cluster(&repeated, &vec![1.0; repeated.len() / 128], &options(1)).unwrap();
     assert!((one.total - plain.total).abs() < 1e-10);
-    assert!(square(&one.centroids[0], &plain.centroids[0], Objective::default()) < 1e-24);
+    assert!(square(&one.centroids[0], &plain.centroids[0], Objective::L2) < 1e-24);
 }
 
 #[test]

@@ -35,7 +35,10 @@ pub(super) fn paper(dc_weight: f64) -> String {
         JOB,
         "with the settings of Hašan et al. 2010, section 8.3",
         "",
-        &format!("max-thickness-mm = 5.0\nunits = 64\ndepth = 6\ndc-weight = {dc_weight:?}\n"),
+        &format!(
+            "max-thickness-mm = 5.0\nunits = 64\ndepth = 6\n\
+             objective = \"l2\"\nmodel = \"km\"\ndc-weight = {dc_weight:?}\n"
+        ),
     )
 }
 

@@ -37,9 +37,9 @@ pub struct StackingOptions {
     pub units: usize,
     /// Depth of the search tree (blocks, not layers), 1 to 12; default 6.
     pub depth: usize,
-    /// What the search minimises; default the paper's, its weight of the albedo (k = 0) from 0 to 1000000.
+    /// What the search minimises; default natural light's, its weight of the albedo (k = 0) from 0 to 1000000.
     pub objective: Objective,
-    /// The model stackings are judged by; default scalar Kubelka–Munk.
+    /// The model stackings are judged by; default transport, or Kubelka–Munk where a resin fits no coefficients.
     pub model: StackingModel,
     /// Resin that fills the inside below the stacking; `None`: nothing does. A job always has one, by default `black`.
     pub core: Option<String>,
@@ -285,8 +285,7 @@ pub(super) fn read_stacking(table: &Table<'_>) -> Result<StackingOptions> {
 }
 
 fn read_model(table: &Table<'_>) -> Result<StackingModel> {
-    let transport =
-        table.get("model").map_or(Ok(false), |value| value.choice(&[("km", false), ("transport", true)]))?;
+    let transport = table.get("model").map_or(Ok(true), |value| value.choice(&[("km", false), ("transport", true)]))?;
     let number = |key| {
         let value = table.get(key);
         match value.filter(|_| !transport) {

@@ -6,11 +6,13 @@
 //!
 //! ```text
 //!   match_sequences ──► a short fit of each ──► a long fit of the best few ──► one layer more or less? ──► Refined
-//!                        few directions                           all directions
+//!                        the cheap model                 the cheap model, corrected by the dear one
 //! ```
 //!
-//! Layers more or less are tried in few directions, whose error is that of the layers so far. The model is asked at a
-//! third of the frequencies ([`nodes`]). Nothing is random, and nothing depends on the number of threads.
+//! All but the last steps are done in few directions at an eighth of the frequencies, as if that erred by what it errs
+//! by where the fit stands: a fit asks for what the cheap model gives where the dear one, of more directions at a third
+//! of the frequencies ([`nodes`]), gives the target (space mapping, Bandler et al. 1994, with a shift for the mapping).
+//! Nothing is random, and nothing depends on the number of threads.
 
 mod fit;
 mod nodes;
@@ -65,19 +67,34 @@ pub struct Refined {
 pub(super) struct Refiner {
     options: SearchOptions,
     refine: RefineOptions,
-    /// The frequencies that the model is asked at.
-    nodes: Nodes,
-    /// One per channel, at the nodes: few directions, and all.
-    coarse: Vec<ModalReflection>,
-    fine: Vec<ModalReflection>,
+    coarse: Tables,
+    fine: Tables,
     resins: usize,
 }
 
-/// Directions that tell good sequences from bad ones.
+/// The transport model of a set of resins.
+#[derive(Debug)]
+struct Tables {
+    /// The frequencies that it is asked at.
+    nodes: Nodes,
+    /// One per channel, at the nodes.
+    channels: Vec<ModalReflection>,
+}
+
+/// Directions of the cheap model.
 const COARSE: TransportOptions = TransportOptions { polar: 4, orders: 4 };
+/// Candidates that are fitted at all.
+const RANKED: usize = 8;
 /// Evaluations of a fit that only ranks, and of one that counts.
 const RANKING_STEPS: usize = 5;
-const FINAL_STEPS: usize = 12;
+const FINAL_STEPS: usize = 8;
+/// Corrections of the cheap model by the dear one in a fit that counts, and evaluations of the dear one that end it.
+const CORRECTIONS: usize = 2;
+const POLISHING_STEPS: usize = 3;
+/// A correction that moves no layer by more, mm, is the last.
+const SETTLED_MM: f64 = 1e-4;
+/// An edit whose objective by the corrected cheap model is larger by this factor is not asked of the dear one.
+const PROMISING: f64 = 1.1;
 /// A layer more must lower the objective by this share.
 const WORTH_A_LAYER: f64 = 0.1;
 /// Rounds of trying a layer more or less, and layers that are tried in each.
@@ -112,22 +129,19 @@ impl Refiner {
         options: &SearchOptions,
         refine: RefineOptions,
     ) -> Self {
-        let nodes = Nodes::new(grid.len());
-        let chosen: Vec<f64> = nodes.indices.iter().map(|&i| grid.as_slice()[i]).collect();
-        let channels = resins.first().map_or(0, Vec::len);
-        let tables = |directions: TransportOptions| -> Vec<ModalReflection> {
+        let tables = |nodes: Nodes, directions: TransportOptions| {
+            let chosen: Vec<f64> = nodes.indices.iter().map(|&i| grid.as_slice()[i]).collect();
             let channel = |channel: usize| {
                 let resins: Vec<_> = resins.iter().map(|resin| resin[channel]).collect();
                 ModalReflection::new(&resins, options.core.map(|core| core.0), &chosen, directions)
             };
-            (0..channels).map(channel).collect()
+            Tables { channels: (0..resins.first().map_or(0, Vec::len)).map(channel).collect(), nodes }
         };
         Self {
-            coarse: tables(COARSE),
-            fine: tables(TransportOptions::REFLECTION),
+            coarse: tables(Nodes::few(grid.len()), COARSE),
+            fine: tables(Nodes::new(grid.len()), TransportOptions::REFLECTION),
             options: options.clone(),
             refine,
-            nodes,
             resins: resins.len(),
         }
     }
@@ -135,7 +149,7 @@ impl Refiner {
     /// R̂ of a stacking over the search's core per channel in the transport model.
     pub fn reflection(&self, stacking: &Stack) -> Vec<Vec<f64>> {
         let layers: Vec<_> = stacking.pairs().map(|(resin, mm)| (resin.0, mm)).collect();
-        self.fine.iter().map(|channel| self.nodes.spread(&channel.reflection(&layers))).collect()
+        self.fine.reflection(&layers)
     }
 
     /// The best stacking for `target` that can be reached from `candidates`, best first as
@@ -148,10 +162,10 @@ impl Refiner {
         let unrefined_objective = self.options.objective.of(&unrefined, target);
         let goal = self.goal(target);
         let starts = distinct(candidates);
-        let mut ranked = self.fits(&self.coarse, &goal, RANKING_STEPS, starts.clone());
+        let mut ranked = self.fits(&self.coarse, &goal, RANKING_STEPS, self.promising(&goal, starts.clone()));
         ranked.truncate(self.refine.finalists);
-        let finished = self.fits(&self.fine, &goal, FINAL_STEPS, ranked.into_iter().map(start).collect());
-        let Some(mut best) = finished.into_iter().next() else {
+        let finished = self.corrected(&goal, ranked.into_iter().map(start).collect());
+        let Some(mut best) = finished.into_iter().next().and_then(|best| self.polished(&goal, best)) else {
             // Limits that whole units keep and thin layers do not: nothing to refine.
             let stacking = candidates.first().map_or_else(Stack::default, |best| best.stacking.clone());
             return Ok(Refined {
@@ -219,16 +233,48 @@ impl Refiner {
         answers.into_iter().collect()
     }
 
+    /// The best of `starts` as they stand.
+    fn promising(&self, goal: &Goal, starts: Vec<Start>) -> Vec<Start> {
+        let stands = |start: Start| (self.coarse.objective(goal, &start.0, &start.1), start);
+        let mut starts: Vec<_> = starts.into_iter().map(stands).collect();
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        starts.into_iter().map(|(_, start)| start).take(RANKED).collect()
+    }
+
     /// Fits each start, best first.
-    fn fits(&self, model: &[ModalReflection], goal: &Goal, steps: usize, starts: Vec<Start>) -> Vec<Fitted> {
-        let fitted = starts.into_iter().filter_map(|(sequence, mm)| {
-            let polytope = Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)?;
-            let found = fit(&mm, &polytope, steps, |mm| self.residuals(model, goal, &sequence, mm))?;
-            Some((sequence, found))
-        });
-        let mut fitted: Vec<_> = fitted.collect();
-        fitted.sort_by(|a, b| a.1.objective.total_cmp(&b.1.objective));
-        fitted
+    fn fits(&self, model: &Tables, goal: &Goal, steps: usize, starts: Vec<Start>) -> Vec<Fitted> {
+        best_first(starts.into_iter().filter_map(|start| self.fit(model, goal, steps, start)))
+    }
+
+    fn fit(&self, model: &Tables, goal: &Goal, steps: usize, (sequence, mm): Start) -> Option<Fitted> {
+        let polytope = Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)?;
+        let found = fit(&mm, &polytope, steps, |mm| model.residuals(goal, &sequence, mm))?;
+        Some((sequence, found))
+    }
+
+    /// Fits each start in the cheap model, corrected by the dear one where the fit stands, best first.
+    fn corrected(&self, goal: &Goal, starts: Vec<Start>) -> Vec<Fitted> {
+        let one = |start: Start| {
+            let mut best: Option<Fitted> = None;
+            let mut here = start;
+            for _ in 0..CORRECTIONS {
+                let shifted = self.shifted(goal, &here);
+                let next = self.fit(&self.coarse, &shifted, FINAL_STEPS, here.clone())?;
+                let moved = next.1.mm.iter().zip(&here.1).map(|(to, from)| (to - from).abs()).fold(0.0, f64::max);
+                here = (next.0.clone(), next.1.mm.clone());
+                best = Some(next);
+                if moved < SETTLED_MM {
+                    break;
+                }
+            }
+            best
+        };
+        best_first(starts.into_iter().filter_map(one))
+    }
+
+    /// The end of a fit, in the dear model.
+    fn polished(&self, goal: &Goal, found: Fitted) -> Option<Fitted> {
+        self.fit(&self.fine, goal, POLISHING_STEPS, start(found))
     }
 
     fn goal(&self, target: &SearchTarget) -> Goal {
@@ -236,56 +282,38 @@ impl Refiner {
         Goal { wanted: target.channels.clone(), roots: target.channels.iter().map(roots).collect() }
     }
 
-    fn residuals(&self, model: &[ModalReflection], goal: &Goal, sequence: &[usize], mm: &[f64]) -> Residuals {
+    /// What the cheap model should give near `layers` for the dear one to give `goal` there.
+    fn shifted(&self, goal: &Goal, (sequence, mm): &Start) -> Goal {
         let layers: Vec<_> = sequence.iter().copied().zip(mm.iter().copied()).collect();
-        let mut residuals = Residuals { values: Vec::new(), per_mm: vec![Vec::new(); layers.len()] };
-        for ((model, wanted), roots) in model.iter().zip(&goal.wanted).zip(&goal.roots) {
-            let slope = model.slope(&layers);
-            let reflection = self.nodes.spread(&slope.reflection);
-            let off = reflection.iter().zip(wanted).zip(roots);
-            residuals.values.extend(off.map(|((found, wanted), root)| root * (found - wanted)));
-            for (all, per_mm) in residuals.per_mm.iter_mut().zip(&slope.per_mm) {
-                all.extend(self.nodes.spread(per_mm).iter().zip(roots).map(|(slope, root)| root * slope));
-            }
-        }
-        residuals
-    }
-
-    /// What few directions should give near `layers` for all directions to give `goal` there.
-    fn shifted(&self, goal: &Goal, (sequence, found): &Fitted) -> Goal {
-        let layers: Vec<_> = sequence.iter().copied().zip(found.mm.iter().copied()).collect();
-        let channel = |((wanted, coarse), fine): ((&Vec<f64>, &ModalReflection), &ModalReflection)| {
-            let (coarse, fine) = (coarse.reflection(&layers), fine.reflection(&layers));
-            let shift: Vec<f64> = coarse.iter().zip(&fine).map(|(coarse, fine)| coarse - fine).collect();
-            wanted.iter().zip(self.nodes.spread(&shift)).map(|(wanted, shift)| wanted + shift).collect()
+        let (coarse, fine) = (self.coarse.reflection(&layers), self.fine.reflection(&layers));
+        let channel = |((wanted, coarse), fine): ((&Vec<f64>, Vec<f64>), Vec<f64>)| {
+            wanted.iter().zip(coarse).zip(fine).map(|((wanted, coarse), fine)| wanted + coarse - fine).collect()
         };
-        let wanted = goal.wanted.iter().zip(&self.coarse).zip(&self.fine).map(channel).collect();
+        let wanted = goal.wanted.iter().zip(coarse).zip(fine).map(channel).collect();
         Goal { wanted, roots: goal.roots.clone() }
     }
 
     /// Fits end in the nearest valley: a start that is better as it stands lies in a deeper one, which no finalist was
     /// in.
     fn deeper(&self, found: &Fitted, starts: Vec<Start>, goal: &Goal) -> Option<Fitted> {
-        let shifted = self.shifted(goal, found);
-        let better = |(sequence, mm): &Start| {
-            self.residuals(&self.coarse, &shifted, sequence, mm).objective() < found.1.objective
-        };
+        let shifted = self.shifted(goal, &start(found.clone()));
+        let better = |(sequence, mm): &Start| self.coarse.objective(&shifted, sequence, mm) < found.1.objective;
         let starts = starts.into_iter().filter(better).collect();
-        self.fits(&self.fine, goal, FINAL_STEPS, starts)
-            .into_iter()
-            .next()
-            .filter(|fitted| fitted.1.objective < found.1.objective)
+        let best = self.corrected(goal, starts).into_iter().next()?;
+        self.polished(goal, best).filter(|fitted| fitted.1.objective < found.1.objective)
     }
 
     /// The best of all stackings with one layer less or more, if it is worth it.
     fn edit(&self, found: &Fitted, goal: &Goal) -> Option<Fitted> {
-        let shifted = self.shifted(goal, found);
+        let shifted = self.shifted(goal, &start(found.clone()));
+        let objective = found.1.objective;
         let best_of = |starts: Vec<Start>| {
             let mut ranked = self.fits(&self.coarse, &shifted, 2 * RANKING_STEPS, starts);
             ranked.truncate(1);
-            self.fits(&self.fine, goal, FINAL_STEPS, ranked.into_iter().map(start).collect()).into_iter().next()
+            ranked.retain(|fitted| fitted.1.objective <= PROMISING * objective);
+            let best = self.corrected(goal, ranked.into_iter().map(start).collect()).into_iter().next()?;
+            self.polished(goal, best)
         };
-        let objective = found.1.objective;
         let fewer = best_of(self.without_a_layer(found, &shifted)).filter(|fewer| fewer.1.objective <= objective);
         fewer.or_else(|| {
             let more = best_of(self.with_a_layer(found, &shifted))?;
@@ -295,7 +323,7 @@ impl Refiner {
 
     /// The stacking without the layer that is missed least.
     fn without_a_layer(&self, (sequence, found): &Fitted, goal: &Goal) -> Vec<Start> {
-        let residuals = self.residuals(&self.coarse, goal, sequence, &found.mm);
+        let residuals = self.coarse.residuals(goal, sequence, &found.mm);
         let Some(loss) = residuals.loss_without(&found.mm) else { return Vec::new() };
         let Some(least) = (0..sequence.len()).min_by(|&a, &b| loss[a].total_cmp(&loss[b])) else { return Vec::new() };
         let layers = sequence.iter().zip(&found.mm).enumerate().filter(|&(i, _)| i != least);
@@ -319,7 +347,7 @@ impl Refiner {
             layers.extend(nothing());
         }
         let (all, mm): Start = layers.iter().copied().unzip();
-        let residuals = self.residuals(&self.coarse, goal, &all, &mm);
+        let residuals = self.coarse.residuals(goal, &all, &mm);
         let mut slopes: Vec<(f64, usize)> = residuals
             .per_mm
             .iter()
@@ -345,7 +373,7 @@ impl Refiner {
     /// others can make up for better. `None` where that ends outside the limits.
     fn on_steps(&self, (sequence, found): Fitted, goal: &Goal, step_mm: f64) -> Option<Fitted> {
         let mut polytope = Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)?;
-        let residuals = |mm: &[f64]| self.residuals(&self.fine, goal, &sequence, mm);
+        let residuals = |mm: &[f64]| self.fine.residuals(goal, &sequence, mm);
         let stiffness: Vec<f64> = residuals(&found.mm).per_mm.iter().map(|slope| dot(slope, slope)).collect();
         let mut order: Vec<usize> = (0..sequence.len()).collect();
         order.sort_by(|&a, &b| stiffness[b].total_cmp(&stiffness[a]));
@@ -379,6 +407,41 @@ impl Refiner {
         }
         Some((sequence, Fit { mm: thickness(&counts), objective: here.objective() }))
     }
+}
+
+impl Tables {
+    /// R̂ per channel of layers from the observer down.
+    fn reflection(&self, layers: &[(usize, f64)]) -> Vec<Vec<f64>> {
+        self.channels.iter().map(|channel| self.nodes.spread(&channel.reflection(layers))).collect()
+    }
+
+    fn objective(&self, goal: &Goal, sequence: &[usize], mm: &[f64]) -> f64 {
+        let layers: Vec<_> = sequence.iter().copied().zip(mm.iter().copied()).collect();
+        let channels = self.reflection(&layers).into_iter().zip(&goal.wanted).zip(&goal.roots);
+        let square = |((found, wanted), root): ((&f64, &f64), &f64)| (root * (found - wanted)).powi(2);
+        channels.map(|((found, wanted), roots)| found.iter().zip(wanted).zip(roots).map(square).sum::<f64>()).sum()
+    }
+
+    fn residuals(&self, goal: &Goal, sequence: &[usize], mm: &[f64]) -> Residuals {
+        let layers: Vec<_> = sequence.iter().copied().zip(mm.iter().copied()).collect();
+        let mut residuals = Residuals { values: Vec::new(), per_mm: vec![Vec::new(); layers.len()] };
+        for ((model, wanted), roots) in self.channels.iter().zip(&goal.wanted).zip(&goal.roots) {
+            let slope = model.slope(&layers);
+            let reflection = self.nodes.spread(&slope.reflection);
+            let off = reflection.iter().zip(wanted).zip(roots);
+            residuals.values.extend(off.map(|((found, wanted), root)| root * (found - wanted)));
+            for (all, per_mm) in residuals.per_mm.iter_mut().zip(&slope.per_mm) {
+                all.extend(self.nodes.spread(per_mm).iter().zip(roots).map(|(slope, root)| root * slope));
+            }
+        }
+        residuals
+    }
+}
+
+fn best_first(fitted: impl Iterator<Item = Fitted>) -> Vec<Fitted> {
+    let mut fitted: Vec<_> = fitted.collect();
+    fitted.sort_by(|a, b| a.1.objective.total_cmp(&b.1.objective));
+    fitted
 }
 
 /// Counts of steps with at most three layers one step thinner or thicker: those that promise most to second order, most

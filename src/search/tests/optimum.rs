@@ -78,7 +78,13 @@ fn equals_brute_force_at_depth_3() {
     ];
     for (core, limits) in spaces {
         let of = |norm, dc_weight| Objective { norm, dc_weight };
-        for objective in [of(Norm::L2, 1.0), of(Norm::L2, 10.0), of(Norm::Spatial, 1.0), of(Norm::Relative, 1.0)] {
+        for objective in [
+            of(Norm::Natural, 1.0),
+            of(Norm::L2, 1.0),
+            of(Norm::L2, 10.0),
+            of(Norm::Spatial, 1.0),
+            of(Norm::Relative, 1.0),
+        ] {
             let options =
                 SearchOptions { units: 12, depth: 3, objective, core, limits: limits.clone(), ..Default::default() };
             let table = BlockTable::new(&resins, &options).unwrap();

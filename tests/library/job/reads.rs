@@ -6,9 +6,14 @@ use std::sync::LazyLock;
 
 use lumislice::job::{
     Job, JobError,
-    file::{AlbedoSource, Distance, MAX_JOB_BYTES, MaterialSource, OutputFormat, Scaling, TargetSpec, Unit},
+    file::{
+        AlbedoSource, Distance, MAX_JOB_BYTES, MaterialSource, OutputFormat, Scaling, StackingModel, TargetSpec, Unit,
+    },
 };
-use lumislice::{optics::Stack, search::ResinLimit};
+use lumislice::{
+    optics::Stack,
+    search::{Norm, Objective, ResinLimit},
+};
 use proptest::prelude::*;
 
 /// The least a job needs.
@@ -56,9 +61,10 @@ fn defaults() {
     assert_eq!((job.clusters.k, job.clusters.seed), (100, 1));
     let stacking = &job.stacking;
     assert_eq!(
-        (stacking.max_thickness_mm, stacking.units, stacking.depth, stacking.objective.dc_weight),
-        (5.0, 64, 6, 1.0)
+        (stacking.max_thickness_mm, stacking.units, stacking.depth, stacking.objective),
+        (5.0, 64, 6, Objective { norm: Norm::Natural, dc_weight: 1.0 })
     );
+    assert_eq!(stacking.model, StackingModel::Transport { min_layer_mm: None, layer_step_mm: None });
     assert_eq!(stacking.core.as_deref(), Some("black"));
     assert_eq!(job.field.distance, Distance::Exact);
     assert_eq!(job.output.formats, [OutputFormat::Png, OutputFormat::Preview]);
