@@ -17,7 +17,7 @@ use std::{
 use glam::DVec3;
 use lumislice::{
     appearance::{LayerField, LayerStack},
-    job::{Job, Prepared, Scaling},
+    job::{Job, Prepared, file::Scaling},
     mesh::{LoadOptions, Placement, Size, TriangleMesh, close, load, place},
     slice::{ObjectField, Palette, RowBuffers, Slicer, encode_rgba},
     voxel::{Lattice, MaterialId, Printer},

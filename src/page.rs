@@ -11,6 +11,21 @@ pub(crate) fn page(title: &str, css: &str, body: &str) -> String {
     )
 }
 
+/// A PNG file as the address of an image, so that a page holds it.
+pub(crate) fn png_address(png: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(22 + png.len().div_ceil(3) * 4);
+    out.push_str("data:image/png;base64,");
+    for three in png.chunks(3) {
+        let bits = (0..3).fold(0_u32, |bits, n| bits << 8 | u32::from(three.get(n).copied().unwrap_or(0)));
+        for n in 0..4 {
+            let digit = char::from(DIGITS[(bits >> (18 - 6 * n)) as usize & 63]);
+            out.push(if n <= three.len() { digit } else { '=' });
+        }
+    }
+    out
+}
+
 /// Text for element content and quoted attributes.
 pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
@@ -39,6 +54,14 @@ mod tests {
             escape("<b>\"A\" & 'B'</b>\n\u{1b}"),
             "&lt;b&gt;&quot;A&quot; &amp; &#39;B&#39;&lt;/b&gt;\n\u{fffd}"
         );
+    }
+
+    #[test]
+    fn images_are_base64() {
+        for (png, text) in [(&b""[..], ""), (b"f", "Zg=="), (b"fo", "Zm8="), (b"foo", "Zm9v"), (b"foobar", "Zm9vYmFy")]
+        {
+            assert_eq!(png_address(png), format!("data:image/png;base64,{text}"));
+        }
     }
 
     #[test]

@@ -96,7 +96,7 @@ pub struct ChartMap {
 }
 
 /// Unowned so far.
-const NOBODY: u32 = u32::MAX;
+const UNSET: u32 = u32::MAX;
 
 impl ChartMap {
     /// Draws those triangles of `mesh` that are `on_page`, with their `charts`, into an image of `width` × `height`
@@ -105,7 +105,7 @@ impl ChartMap {
     /// Texture coordinates outside [0, 1] wrap around. Where charts overlap, the triangle drawn first keeps the texel.
     pub fn new(mesh: &TriangleMesh, charts: &[u16], on_page: impl Fn(usize) -> bool, width: u32, height: u32) -> Self {
         let texels = width as usize * height as usize;
-        let mut map = Self { width, height, chart: vec![0; texels], source: vec![NOBODY; texels] };
+        let mut map = Self { width, height, chart: vec![0; texels], source: vec![UNSET; texels] };
         for (triangle, (uvs, &chart)) in mesh.uvs.iter().zip(charts).enumerate() {
             if on_page(triangle) {
                 map.draw(uvs, chart);
@@ -125,7 +125,7 @@ impl ChartMap {
         let [a, b, c] = uvs.map(|uv| uv * size - Vec2::splat(0.5));
         for_covered_texels([a, b, c], 0.0, size, |x, y| {
             let texel = wrap(x, self.width) + self.width * wrap(y, self.height);
-            if self.source[texel as usize] == NOBODY {
+            if self.source[texel as usize] == UNSET {
                 self.source[texel as usize] = texel;
                 self.chart[texel as usize] = chart;
             }
@@ -149,7 +149,7 @@ impl ChartMap {
                 for neighbour in
                     [left + self.width * y, right + self.width * y, x + self.width * up, x + self.width * down]
                 {
-                    if self.source[neighbour as usize] == NOBODY {
+                    if self.source[neighbour as usize] == UNSET {
                         self.source[neighbour as usize] = self.source[texel as usize];
                         self.chart[neighbour as usize] = self.chart[texel as usize];
                         next.push(neighbour);

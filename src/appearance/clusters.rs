@@ -95,7 +95,8 @@ pub enum ClusterError {
     },
     /// Points and weights do not fit together.
     #[error(
-        "{values} values for {points} weighted points, expected at least one point and a whole number of channels of {coefficients} coefficients each"
+        "{values} values for {points} weighted points, expected at least one point and a whole number of channels of \
+            {coefficients} coefficients each"
     )]
     Shape {
         /// Number of values.

@@ -19,6 +19,17 @@ pub enum LayerField {
     Textured(Box<TexturedLayers>),
 }
 
+/// One of the texels around a surface point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceShare {
+    /// Which texel, counted through the pages of the atlas; 0 where layers are the same everywhere.
+    pub texel: usize,
+    /// Label of its stacking.
+    pub stacking: u16,
+    /// Its share in the point, 0 to 1.
+    pub share: f32,
+}
+
 /// What a brick asks its layer field about.
 #[derive(Debug, Clone, Copy)]
 pub struct BrickQuery<'a> {
@@ -44,6 +55,24 @@ impl LayerField {
         match self {
             Self::Uniform(stack) => stack.core,
             Self::Textured(layers) => layers.core(),
+        }
+    }
+
+    /// Who shares in the layers of the surface point with texture coordinates `uv` on triangle `triangle`; the shares
+    /// sum to 1.
+    pub fn shares(&self, triangle: u32, uv: Vec2) -> [SurfaceShare; 4] {
+        match self {
+            Self::Uniform(_) => {
+                std::array::from_fn(|n| SurfaceShare { texel: 0, stacking: 0, share: if n == 0 { 1.0 } else { 0.0 } })
+            }
+            Self::Textured(layers) => {
+                let (texels, weights) = layers.texels_around(triangle, uv.x, uv.y);
+                std::array::from_fn(|n| SurfaceShare {
+                    texel: texels[n],
+                    stacking: layers.label(texels[n]),
+                    share: weights[n],
+                })
+            }
         }
     }
 

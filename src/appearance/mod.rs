@@ -27,7 +27,7 @@ pub use diffusion::{DiffusionError, NormalizedDiffusion};
 pub use equation_7::{LocalProfiles, TexelRings};
 pub(crate) use equation_7::{mirrored, spread};
 pub use heights::HeightFields;
-pub use layers::{BrickQuery, LayerField, LayerStack};
+pub use layers::{BrickQuery, LayerField, LayerStack, SurfaceShare};
 pub use limits::{SlotLimits, enforce_limits};
 pub use material::{MaterialError, material_target, srgb_albedo};
 pub use slots::SlotTable;

@@ -257,9 +257,17 @@ impl TexturedLayers {
         resolve(self, &points[..count], out);
     }
 
-    /// The four texels around a point and their weights; texels of other charts weigh nothing, unless all four are.
+    /// The stackings of the four texels around a point and their weights; see [`Self::texels_around`].
     #[inline(always)]
     pub(super) fn footprint(&self, triangle: u32, u: f32, v: f32) -> Footprint {
+        let (texels, weights) = self.texels_around(triangle, u, v);
+        Footprint { labels: texels.map(|texel| self.texels[texel].label), weights }
+    }
+
+    /// The four texels around a point, counted through all pages, and their weights; texels of other charts weigh
+    /// nothing, unless all four are.
+    #[inline(always)]
+    pub(super) fn texels_around(&self, triangle: u32, u: f32, v: f32) -> ([usize; 4], [f32; 4]) {
         let Place { page, chart } = self.places[triangle as usize];
         let Page { width, height, start } = self.pages[usize::from(page)];
         let (x, y) = (u * width as f32 - 0.5, v * height as f32 - 0.5);
@@ -269,11 +277,11 @@ impl TexturedLayers {
         let (left, right) = (wrap_near(x0, width), wrap_near(x0.wrapping_add(1), width));
         let (top, bottom) = (wrap_near(y0, height), wrap_near(y0.wrapping_add(1), height));
         let row = |y: u32| start + y as usize * width as usize;
-        let texel = |x: u32, row: usize| self.texels[x as usize + row];
+        let texel = |x: u32, row: usize| x as usize + row;
         let texels =
             [texel(left, row(top)), texel(right, row(top)), texel(left, row(bottom)), texel(right, row(bottom))];
         let mut weights = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
-        let own = texels.map(|t| t.chart == chart);
+        let own = texels.map(|texel| self.texels[texel].chart == chart);
         if own != [true; 4] && own.contains(&true) {
             let owned: f32 = weights.iter().zip(own).filter(|(_, own)| *own).map(|(w, _)| w).sum();
             let count = own.iter().filter(|own| **own).count() as f32;
@@ -282,7 +290,12 @@ impl TexturedLayers {
                 *weight = if own { share } else { 0.0 };
             }
         }
-        Footprint { labels: texels.map(|t| t.label), weights }
+        (texels, weights)
+    }
+
+    /// The stacking of a texel, counted through all pages.
+    pub(super) fn label(&self, texel: usize) -> u16 {
+        self.texels[texel].label
     }
 }
 

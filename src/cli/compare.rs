@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lumislice::{
-    job::{CompareError, CompareRequest, Comparison, JobFit, Spread, compare_into},
+    job::compare::{self, CompareError, CompareRequest, Comparison, JobFit, Spread, compare_into},
     output::{Existing, OutputFolder},
 };
 
@@ -55,7 +55,7 @@ pub struct CompareArgs {
 /// Runs the command.
 pub fn run(args: &CompareArgs) -> Result<Answer> {
     let existing = Existing::overwrite(args.overwrite);
-    OutputFolder::check(&args.output, existing).map_err(CompareError::from)?;
+    OutputFolder::check(&args.output, &compare::OWNER, existing).map_err(CompareError::from)?;
     let materials = args.materials.as_deref().map(Materials::read).transpose()?.map(|materials| materials.file);
     if args.photons == 1 {
         refuse!("--photons: found 1, expected 0 or at least 2");
@@ -116,7 +116,8 @@ fn fits(comparison: &Comparison) -> String {
     let header = ["stackings of", "objective", "worst", "by Kubelka–Munk", "worst", "albedo rms"];
     let rows: Vec<_> = comparison.jobs.iter().map(row).collect();
     format!(
-        "\n{}objective: squared difference from the clusters' profiles as they are, summed over frequencies, mean over texels; \
+        "\n{}objective: squared difference from the clusters' profiles as they are, summed over frequencies, mean \
+            over texels; \
          a job with gamut-map or another dc-weight aims elsewhere\n",
         table(&header, &rows)
     )

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use lumislice::{
     appearance::bssrdf::{BssrdfError, ClusterCount, FactorOptions},
-    job::{FactorError, FactorRequest, Factored, factor_into},
+    job::factor::{self, FactorError, FactorRequest, Factored, factor_into},
     output::{Existing, OutputFolder},
     words::counted,
 };
@@ -65,7 +65,7 @@ fn parse_weight(text: &str) -> Result<f64, String> {
 /// Runs the command.
 pub fn run(args: &FactorArgs) -> Result<Answer> {
     let existing = Existing::overwrite(args.overwrite);
-    OutputFolder::check(&args.output, existing).map_err(FactorError::from)?;
+    OutputFolder::check(&args.output, &factor::OWNER, existing).map_err(FactorError::from)?;
     let request = FactorRequest {
         dataset: args.dataset.clone(),
         luminance: args.luminance,
@@ -113,7 +113,8 @@ fn warn(factored: &Factored) {
         if tail.fitted + tail.stretched > 0 && tail.mean_energy_in_tail > MOST_BEYOND * all {
             let (share, from) = (100.0 * tail.mean_energy_in_tail / all, tail.from_mm);
             say(&format!(
-                "warning: {channel}: {share:.1}% of the albedo lies beyond the windows, which end at {from:.4} mm: is the pitch in mm?"
+                "warning: {channel}: {share:.1}% of the albedo lies beyond the windows, which end at {from:.4} mm: is \
+                    the pitch in mm?"
             ));
         }
         if tail.none > 0 && tail.none > factored.width * factored.height / 100 {

@@ -90,8 +90,8 @@ mod tests {
     use std::path::PathBuf;
 
     use lumislice::{
-        appearance::bssrdf::BssrdfError, job::CompareError, job::FactorError, job::RunError, job::verify::VerifyError,
-        measure::MeasureError, optics::OpticsError, output::OutputError,
+        appearance::bssrdf::BssrdfError, job::RunError, job::compare::CompareError, job::factor::FactorError,
+        job::verify::VerifyError, measure::MeasureError, optics::OpticsError, output::OutputError,
     };
 
     use super::*;

@@ -5,7 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use lumislice::{
     appearance::material_target,
-    job::{self, Job, MaterialSource, StackingModel, StackingOptions},
+    job::{
+        self, Job,
+        file::{MaterialSource, StackingModel, StackingOptions},
+    },
     optics::{FrequencyGrid, MaterialSet, ResinId, Stack},
     plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
     search::{

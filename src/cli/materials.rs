@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use lumislice::{
-    job::{SUPPORT, SUPPORT_MIN_DEPTH_MM},
+    job::file::{SUPPORT, SUPPORT_MIN_DEPTH_MM},
     optics::{MaterialFile, MaterialSet, OpticsError},
     search::ResinLimit,
 };

@@ -7,6 +7,7 @@ mod compare;
 mod factor;
 mod failure;
 mod gamut;
+mod look;
 mod match_plot;
 mod match_target;
 mod material;
@@ -56,6 +57,7 @@ enum Command {
     Material(material::MaterialArgs),
     Factor(factor::FactorArgs),
     Compare(compare::CompareArgs),
+    Look(look::LookArgs),
     Preview(preview::PreviewArgs),
     Verify(verify::VerifyArgs),
     Printers(printers::PrintersArgs),
@@ -98,6 +100,7 @@ pub fn run() -> ExitCode {
         Command::Material(args) => material::run(args),
         Command::Factor(args) => factor::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Look(args) => look::run(args),
         Command::Preview(args) => preview::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Printers(args) => printers::run(args),

@@ -171,7 +171,8 @@ impl PredictArgs {
     fn check(&self) -> Result<()> {
         if self.model == ModelArg::Km && self.light == Source::Normal {
             refuse!(
-                "--light normal: Kubelka-Munk knows diffuse light only, expected --model transport or monte-carlo beside \
+                "--light normal: Kubelka-Munk knows diffuse light only, expected --model transport or monte-carlo \
+                    beside \
                  it"
             );
         }

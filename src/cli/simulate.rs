@@ -91,7 +91,8 @@ impl SimulateArgs {
             file.resin_id(name)?;
             if file.volume(name).is_none() {
                 refuse!(
-                    "--resin {name}: found no coefficients to simulate, expected scattering-per-mm and absorption-per-mm"
+                    "--resin {name}: found no coefficients to simulate, expected scattering-per-mm and \
+                        absorption-per-mm"
                 );
             }
         }

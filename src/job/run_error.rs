@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::JobError;
+use super::{JobError, look::LookError};
 use crate::{
     blame::{Blame, Blamed, Remedy},
     mesh::MeshError,
@@ -72,6 +72,9 @@ pub enum RunError {
     /// Pictures.
     #[error(transparent)]
     Preview(#[from] PreviewError),
+    /// The look of what was sliced.
+    #[error(transparent)]
+    Look(Box<LookError>),
     /// The output folder.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -108,6 +111,7 @@ impl Blamed for RunError {
             Self::Lattice(error) => error.blame(),
             Self::Meshes(error) => error.blame(),
             Self::Preview(error) => error.blame(),
+            Self::Look(error) => error.blame(),
             Self::Output(error) => error.blame(),
             Self::Texture { .. } | Self::Slices { .. } => Blame::Input,
             Self::Stopped(stopped) => stopped.blame(),

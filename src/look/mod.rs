@@ -10,20 +10,35 @@
 //! covered:* refractive indices count as matched, whatever the resins say: voxel faces and the top neither reflect nor
 //! bend; polarisation; time of flight.
 
+mod camera;
+mod film;
 mod grid;
+mod lamps;
 mod light;
+mod scene;
+mod smooth;
+mod spots;
+mod strides;
 mod tally;
 #[cfg(test)]
 mod tests;
+mod volume;
 mod walk;
 
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
 
+pub use camera::Camera;
+pub use film::{Film, Stage};
 pub use grid::VoxelGrid;
+pub use lamps::{Beam, Ground, LAMPS, Lamps, Lit};
 pub use light::{Pattern, TexelGrid};
+pub use scene::Scene;
+pub use smooth::{Shown, smooth};
+pub use spots::{Site, Spot};
 pub use tally::{ExitImage, Response};
+pub use volume::{Volume, VolumeTooLarge};
 
 use crate::optics::{
     Light, OpticsError, VolumeCoefficients,

@@ -145,7 +145,8 @@ impl fmt::Display for Finding {
             Self::Gradient { per_mm, significance } => {
                 write!(
                     f,
-                    "gradient across the field, {per_mm:.1e} of the peak per mm ({significance:.0} σ); cancels over rings"
+                    "gradient across the field, {per_mm:.1e} of the peak per mm ({significance:.0} σ); cancels over \
+                        rings"
                 )
             }
             Self::Ellipticity { share, error } => {

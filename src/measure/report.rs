@@ -54,9 +54,12 @@ const CSS: &str = "body{font:16px/1.45 system-ui,sans-serif;max-width:72rem;marg
     svg{max-width:100%;height:auto}td{white-space:nowrap}.how{color:#666;font-size:.9em}";
 
 /// What the pictures' marks mean.
-const HOW_TO_READ: &str = "<p class=\"how\">Tilt below x°: none was seen, and a smaller one than x would not be; it is told by perspective, and not known \
-    without distance-mm. Pictures: white where pixels are masked or no brighter than the dark; circles a quarter and a half of the way to the edge. \
-    Profiles: dotted as the camera sees them, before stray light and blur are taken off. Asymmetry: what is left of each ring about its mean; a tilt or a \
+const HOW_TO_READ: &str = "<p class=\"how\">Tilt below x°: none was seen, and a smaller one than x would not be; it \
+    is told by perspective, and not known \
+    without distance-mm. Pictures: white where pixels are masked or no brighter than the dark; circles a quarter and \
+    a half of the way to the edge. \
+    Profiles: dotted as the camera sees them, before stray light and blur are taken off. Asymmetry: what is left of \
+    each ring about its mean; a tilt or a \
     gradient shows in the 1st harmonic, ellipses in the 2nd.</p>\n";
 
 /// What the slab's coefficients are, if any fit.
@@ -64,7 +67,8 @@ fn coefficients(channel: &ChannelMeasurement) -> String {
     let (Some(found), Ok(fit)) = (channel.coefficients(), &channel.fit) else { return String::new() };
     let [reduced, absorption, g] = found.map(|(value, error)| plus_minus(value, error));
     format!(
-        "<p>Coefficients that fit this slab, for the transport model: scattering (1 − g) {reduced} per mm, absorption {absorption} per mm, g {g}; \
+        "<p>Coefficients that fit this slab, for the transport model: scattering (1 − g) {reduced} per mm, absorption \
+            {absorption} per mm, g {g}; \
          residual {:.1e} rms.</p>\n",
         fit.residual
     )
@@ -79,7 +83,8 @@ fn table(channel: &ChannelMeasurement) -> String {
         let scan = &series.scan;
         let half = series.profile.radius_of_energy(0.5).map_or("—".into(), |radius| format!("{radius:.3} mm"));
         text += &format!(
-            "<tr><th>{name}</th><td>{}</td><td>{:.2}, {:.2} ± {:.4}</td><td>{half}</td><td>{}</td><td>{}</td><td>{:.2}</td>\
+            "<tr><th>{name}</th><td>{}</td><td>{:.2}, {:.2} ± \
+                {:.4}</td><td>{half}</td><td>{}</td><td>{}</td><td>{:.2}</td>\
              <td>{:.2}%</td></tr>\n",
             plus_minus(series.albedo.value, series.albedo.error),
             scan.centre_px[0],

@@ -133,7 +133,7 @@ pub(super) fn scan(
     let (grid, centre_error_px) = centre::refine(&picture, grid, what)?;
     let first = Rings::of(&picture, grid, None);
     let rings = Rings::of(&picture, grid, Some(&Model::through(&grid, &filled(&first.mean))));
-    let mut profile = Reckoning { grid, mean: filled(&rings.mean), error: filled(&rings.error) };
+    let mut profile = ProfileEstimate { grid, mean: filled(&rings.mean), error: filled(&rings.error) };
     let seen = profile.mean.clone();
     profile.subtract_level(series.dark.is_empty(), &mut findings);
     let tilt = name_asymmetry(&rings, &profile, series.camera_distance_mm, &mut findings);
@@ -180,13 +180,13 @@ impl ScannedProfile {
 }
 
 /// A profile under work.
-struct Reckoning {
+struct ProfileEstimate {
     grid: Grid,
     mean: Vec<f64>,
     error: Vec<f64>,
 }
 
-impl Reckoning {
+impl ProfileEstimate {
     fn peak(&self) -> f64 {
         self.mean.iter().copied().fold(0.0, f64::max)
     }
@@ -226,7 +226,7 @@ impl Reckoning {
 /// Names what is lopsided; the answer is the tilt, named or not.
 fn name_asymmetry(
     rings: &Rings,
-    profile: &Reckoning,
+    profile: &ProfileEstimate,
     distance_mm: Option<f64>,
     findings: &mut Vec<Finding>,
 ) -> Option<SeenTilt> {

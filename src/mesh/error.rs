@@ -59,7 +59,8 @@ pub enum MeshError {
     },
     /// Nothing is left of the mesh once triangles without area are dropped.
     #[error(
-        "the mesh has no surface: all of its {triangles} triangles have no area or cancel each other, expected a closed surface"
+        "the mesh has no surface: all of its {triangles} triangles have no area or cancel each other, expected a \
+            closed surface"
     )]
     NoSurface {
         /// Triangles before cleaning.
@@ -67,7 +68,8 @@ pub enum MeshError {
     },
     /// A surface with so large an opening that closing it would be a guess.
     #[error(
-        "the mesh is an open sheet: closing its {holes} holes ({open_edges} open edges) takes {percent:.1}% of its surface area, \
+        "the mesh is an open sheet: closing its {holes} holes ({open_edges} open edges) takes {percent:.1}% of its \
+            surface area, \
          expected at most {limit_percent:.0}%: give the sheet a thickness or close it in a modeller"
     )]
     OpenSheet {
@@ -82,7 +84,8 @@ pub enum MeshError {
     },
     /// A closed surface around nothing.
     #[error(
-        "the mesh encloses {volume_mm3:e} mm³ under {area_mm2:e} mm² of surface, expected a solid: is it a flat or double-sided sheet?"
+        "the mesh encloses {volume_mm3:e} mm³ under {area_mm2:e} mm² of surface, expected a solid: is it a flat or \
+            double-sided sheet?"
     )]
     NoVolume {
         /// Enclosed volume.

@@ -1,4 +1,4 @@
-//! Volume coefficients of a resin and the derived lengths the room reckons with.
+//! Volume coefficients of a resin and the derived lengths the room computes with.
 
 use super::OpticsError;
 

@@ -18,7 +18,8 @@ use crate::picture::{Pixels, png};
 pub(super) fn encode(drawing: &Drawing, title: &str) -> String {
     let (width, height) = (Number(drawing.width), Number(drawing.height));
     let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} \
+            {height}\" \
          role=\"img\">\n<title>{}</title>\n<defs>\n",
         Escaped(title)
     );
@@ -55,7 +56,8 @@ fn push(out: &mut String, item: &Item) {
             line(
                 out,
                 format_args!(
-                    "<path d=\"{steps}\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"{}\" stroke-linejoin=\"round\"{dash}{}/>",
+                    "<path d=\"{steps}\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"{}\" \
+                        stroke-linejoin=\"round\"{dash}{}/>",
                     Number(*width),
                     Opacity("stroke", *opacity),
                 ),

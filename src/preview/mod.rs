@@ -9,6 +9,7 @@
 //! | `preview/cuts.png`    | three orthogonal cuts through one point |
 //! | `preview/cutaway.png` | the object with a quarter taken out, shaded |
 //! | `preview/slice_K.png` | a few slices, large |
+//! | `preview/film.png` | many slices, small, for the page to leaf through |
 //!
 //! Memory is bounded whatever the job: a [`volume`] of at most 12 M cells (24 MB), and at most 18 [`section`]s of at
 //! most 4 MB. Everything is sampled at positions that the lattice alone decides, so the pictures do not depend on
@@ -19,9 +20,11 @@ mod collect;
 mod cutaway;
 mod cuts;
 mod enclosed;
+mod film;
 mod folder;
 mod legend;
 mod light;
+mod look;
 mod march;
 mod report;
 mod sampling;
@@ -38,8 +41,11 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 pub use collect::PreviewBuilder;
+pub use film::{FILM_STRIP, FilmStrip};
 pub use folder::from_folder;
-pub use report::{ReportData, ReportHealth, ReportMaterial, ReportPicture, ReportStacking, report_html};
+pub(crate) use folder::{SliceColours, read_slice};
+pub(crate) use look::{LookPanel, look_sheet};
+pub use report::{ReportData, ReportFilm, ReportHealth, ReportMaterial, ReportPicture, ReportStacking, report_html};
 
 use crate::voxel::{MaterialId, Slab};
 
@@ -91,7 +97,8 @@ pub enum PreviewError {
     },
     /// A slice is not as large as the lattice.
     #[error(
-        "{}: found {} × {} pixels, expected the lattice's {} × {}", path.display(), found[0], found[1], expected[0], expected[1]
+        "{}: found {} × {} pixels, expected the lattice's {} × \
+            {}", path.display(), found[0], found[1], expected[0], expected[1]
     )]
     Size {
         /// The slice.
@@ -103,7 +110,8 @@ pub enum PreviewError {
     },
     /// A slice holds something that is no material's colour.
     #[error(
-        "{}: found the colour {found:?} in column {column} of row {row}, expected the RGBA of one of the materials", path.display()
+        "{}: found the colour {found:?} in column {column} of row {row}, expected the RGBA of one of the \
+            materials", path.display()
     )]
     Colour {
         /// The slice.

@@ -1,10 +1,12 @@
-//! A page to read beside the print: one HTML file without scripts, whose pictures lie in `preview/`.
+//! A page to read beside the print: one HTML file with its pictures in it, that can be mailed. It needs no script but
+//! for leafing through slices.
 
 use std::fmt::{self, Write};
 
+use super::FilmStrip;
 use crate::{
     optics::{ResinId, Stack},
-    page::{escape, page},
+    page::{escape, page, png_address},
     words::counted,
 };
 
@@ -35,8 +37,12 @@ pub struct ReportData {
     pub warnings: Vec<String>,
     /// What was found in the meshes.
     pub health: Vec<ReportHealth>,
+    /// What the numbers of the look say, a sentence each.
+    pub look: Vec<String>,
     /// Pictures in the order they are shown.
     pub pictures: Vec<ReportPicture>,
+    /// Slices to leaf through.
+    pub film: Option<ReportFilm>,
 }
 
 /// A row of the table of materials.
@@ -63,6 +69,8 @@ pub struct ReportStacking {
     pub stack: Stack,
     /// Part of the surface it is for, 0 to 1, if known.
     pub share: Option<f64>,
+    /// The albedo that is asked for and the one that is predicted, as sRGB, if known.
+    pub albedo: [Option<[u8; 3]>; 2],
     /// Predicted error, if known.
     pub error: Option<f64>,
 }
@@ -83,6 +91,17 @@ pub struct ReportPicture {
     pub path: String,
     /// A sentence below it.
     pub caption: String,
+    /// The file; if it is empty, the page shows what lies at its path.
+    pub png: Vec<u8>,
+}
+
+/// Slices to leaf through.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReportFilm {
+    /// How they lie in the picture.
+    pub layout: FilmStrip,
+    /// The picture.
+    pub png: Vec<u8>,
 }
 
 /// Width of the longest stacking's bar without its core, pixels.
@@ -106,11 +125,25 @@ fn write_body(page: &mut String, data: &ReportData) -> fmt::Result {
     let extent = std::array::from_fn::<_, 3, _>(|axis| f64::from(data.dims[axis]) * data.pitch_mm[axis]);
     writeln!(page, "<main>\n<header>\n<h1>{}</h1>", escape(&data.job))?;
     writeln!(page, "<p>{} mm{}</p>\n</header>", times(extent.map(|mm| number(mm, 2))), on(&data.printer))?;
+    // The look opens the page, or without one the first picture; the rest follow the tables.
+    let looks = data.pictures.iter().take_while(|picture| picture.path.starts_with("look/")).count();
+    let (first, rest) = data.pictures.split_at(looks.max(1).min(data.pictures.len()));
+    let cutaway = rest.iter().find(|picture| looks > 0 && picture.path == CUTAWAY);
+    for picture in first.iter().take(1) {
+        figure(page, picture)?;
+    }
+    for sentence in &data.look {
+        writeln!(page, "<p class=\"note\">{}</p>", escape(sentence))?;
+    }
+    cutaway.map_or(Ok(()), |picture| figure(page, picture))?;
     warnings(page, &data.warnings)?;
-
-    // The first picture opens the page, the rest follow the tables.
-    let mut pictures = data.pictures.iter();
-    pictures.next().map_or(Ok(()), |picture| figure(page, picture))?;
+    if first.len() > 1 {
+        writeln!(page, "<details open>\n<summary>More light</summary>")?;
+        first[1..].iter().try_for_each(|picture| figure(page, picture))?;
+        writeln!(page, "</details>")?;
+    }
+    data.film.as_ref().map_or(Ok(()), |slices| film(page, slices))?;
+    let pictures = rest.iter().filter(|picture| cutaway.is_none() || picture.path != CUTAWAY);
     writeln!(page, "<h2>Job</h2>\n<dl>")?;
     let voxels: u64 = data.dims.iter().map(|&dim| u64::from(dim)).product();
     fact(page, "Size", &format!("{} mm", times(extent.map(|mm| number(mm, 3)))))?;
@@ -139,6 +172,42 @@ fn write_body(page: &mut String, data: &ReportData) -> fmt::Result {
     writeln!(page, "</main>")
 }
 
+/// The picture of the object cut open.
+const CUTAWAY: &str = "preview/cutaway.png";
+
+/// A picture of one slice, and a slider to choose it by.
+fn film(page: &mut String, film: &ReportFilm) -> fmt::Result {
+    let FilmStrip { frames, columns, rows, pixels: [width, height], size_mm, height_mm } = film.layout;
+    if frames < 2 {
+        return Ok(());
+    }
+    writeln!(page, "<h2>Slices</h2>\n<div class=\"film\">")?;
+    write!(page, "<div id=\"frame\" role=\"img\" aria-label=\"One slice, seen from above\" style=\"")?;
+    write!(page, "aspect-ratio:{width}/{height};max-width:{}px;", (3 * width).clamp(240, 760))?;
+    write!(page, "background-size:{}% {}%;", 100 * columns, 100 * rows)?;
+    writeln!(page, "background-image:url({})\"></div>", png_address(&film.png))?;
+    let middle = frames / 2;
+    writeln!(page, "<label>Height <output id=\"height\"></output>")?;
+    writeln!(
+        page,
+        "<input id=\"slice\" type=\"range\" min=\"0\" max=\"{}\" value=\"{middle}\"></label>\n</div>",
+        frames - 1
+    )?;
+    let [across, along] = size_mm.map(|mm| number(mm, 1));
+    writeln!(page, "<p class=\"note\">{across} × {along} mm seen from above, in the colours of the resins.</p>")?;
+    writeln!(
+        page,
+        "<script>\n(() => {{\n  const slider = document.getElementById(\"slice\");\n  const show = () => {{\n    \
+         const n = Number(slider.value);\n    document.getElementById(\"frame\").style.backgroundPosition =\n      \
+         `${{100 * (n % {columns}) / {}}}% ${{100 * Math.floor(n / {columns}) / {}}}%`;\n    \
+         document.getElementById(\"height\").textContent = ((n + 0.5) * {} / {frames}).toFixed(2) + \" mm\";\n  }};\n  \
+         slider.addEventListener(\"input\", show);\n  show();\n}})();\n</script>",
+        (columns - 1).max(1),
+        rows.max(2) - 1,
+        number(height_mm, 4),
+    )
+}
+
 fn on(printer: &str) -> String {
     if printer.is_empty() { String::new() } else { format!(" on {}", escape(printer)) }
 }
@@ -156,8 +225,12 @@ fn warnings(page: &mut String, warnings: &[String]) -> fmt::Result {
 }
 
 fn figure(page: &mut String, picture: &ReportPicture) -> fmt::Result {
-    let (path, caption) = (escape(&url(&picture.path)), escape(&picture.caption));
-    writeln!(page, "<figure>\n<img src=\"{path}\" alt=\"{caption}\">")?;
+    let caption = escape(&picture.caption);
+    let path = if picture.png.is_empty() { escape(&url(&picture.path)) } else { png_address(&picture.png) };
+    // Several pictures side by side are too small for a phone; they can be moved with the keys too.
+    let look = picture.path.starts_with("look/");
+    let class = if look { " class=\"wide look\" tabindex=\"0\"" } else { "" };
+    writeln!(page, "<figure>\n<div{class}><img src=\"{path}\" alt=\"{caption}\"></div>")?;
     if !caption.is_empty() {
         writeln!(page, "<figcaption>{caption}</figcaption>")?;
     }
@@ -173,7 +246,7 @@ fn materials(page: &mut String, data: &ReportData) -> fmt::Result {
     if data.materials.is_empty() {
         return Ok(());
     }
-    writeln!(page, "<h2>Materials</h2>\n<table>\n<thead><tr><th></th><th>Material</th>")?;
+    writeln!(page, "<h2>Materials</h2>\n<div class=\"wide\"><table>\n<thead><tr><th></th><th>Material</th>")?;
     for heading in ["Voxels", "Volume, mm³", "Mass, g"] {
         writeln!(page, "<th class=\"number\">{heading}</th>")?;
     }
@@ -199,7 +272,7 @@ fn materials(page: &mut String, data: &ReportData) -> fmt::Result {
     let grams = data.materials.iter().map(|material| material.grams).sum::<Option<f64>>();
     let voxels = data.materials.iter().map(|material| material.voxels).sum();
     row(page, "", "Sum", voxels, data.materials.iter().map(|material| material.volume_mm3).sum(), grams)?;
-    writeln!(page, "</tfoot>\n</table>")?;
+    writeln!(page, "</tfoot>\n</table></div>")?;
     if !data.materials_note.is_empty() {
         writeln!(page, "<p class=\"note\">{}</p>", escape(&data.materials_note))?;
     }
@@ -221,14 +294,35 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
     write!(page, "<p class=\"note\">Layers from the surface (left) inwards, thickness in mm, all to one scale")?;
     let core = data.stackings.iter().any(|stacking| stacking.stack.core.is_some());
     writeln!(page, "{}.</p>", if core { "; the last block is the core, which goes on" } else { "" })?;
-    writeln!(page, "<table>\n<thead><tr><th>Stacking</th><th>Layers</th>")?;
+    let folded = data.stackings.len() > FOLDED;
+    if folded {
+        writeln!(page, "<details>\n<summary>All {} stackings</summary>", data.stackings.len())?;
+    }
+    let swatches = data.stackings.iter().any(|stacking| stacking.albedo != [None; 2]);
+    writeln!(page, "<div class=\"wide\"><table>\n<thead><tr><th>Stacking</th>")?;
+    if swatches {
+        writeln!(page, "<th>Asked, predicted</th>")?;
+    }
+    writeln!(page, "<th>Layers</th>")?;
     let headings = [(shares, "Surface"), (true, "Thickness, mm"), (errors, error_name)];
     for (_, heading) in headings.iter().filter(|(shown, _)| *shown) {
         writeln!(page, "<th class=\"number\">{}</th>", escape(heading))?;
     }
     writeln!(page, "</tr></thead>\n<tbody>")?;
     for stacking in &data.stackings {
-        writeln!(page, "<tr><td>{}</td><td>", escape(&stacking.name))?;
+        writeln!(page, "<tr><td>{}</td>", escape(&stacking.name))?;
+        if swatches {
+            writeln!(page, "<td class=\"pair\">")?;
+            for (name, albedo) in ["asked", "predicted"].iter().zip(stacking.albedo) {
+                if let Some([r, g, b]) = albedo {
+                    let colour = format!("#{r:02x}{g:02x}{b:02x}");
+                    svg(page, "swatch", [26.0, 22.0], &format!("{name} {colour}"))?;
+                    writeln!(page, "<rect width=\"26\" height=\"22\" fill=\"{colour}\"/></svg>")?;
+                }
+            }
+            writeln!(page, "</td>")?;
+        }
+        writeln!(page, "<td>")?;
         bar(page, stacking, data, scale)?;
         writeln!(page, "</td>")?;
         let share = stacking.share.map_or_else(|| "–".to_owned(), |share| format!("{} %", number(100.0 * share, 1)));
@@ -239,8 +333,12 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
         }
         writeln!(page, "</tr>")?;
     }
-    writeln!(page, "</tbody>\n</table>")
+    writeln!(page, "</tbody>\n</table></div>")?;
+    if folded { writeln!(page, "</details>") } else { Ok(()) }
 }
+
+/// More stackings than that are folded away.
+const FOLDED: usize = 8;
 
 /// A stacking's layers side by side, to scale, and what they are in words.
 fn bar(page: &mut String, stacking: &ReportStacking, data: &ReportData, scale: f64) -> fmt::Result {
@@ -397,7 +495,7 @@ mod tests {
                 ..Default::default()
             }],
             warnings: vec!["x < y".into()],
-            pictures: vec![ReportPicture { path: "preview/a b\".png".into(), caption: "it's".into() }],
+            pictures: vec![ReportPicture { path: "preview/a b\".png".into(), caption: "it's".into(), png: Vec::new() }],
             ..Default::default()
         }
     }

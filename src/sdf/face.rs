@@ -56,7 +56,11 @@ mod tests {
 
     proptest! {
         #[test]
-        fn an_answer_is_the_closest_point(triangle in [vector(3.0), vector(3.0), vector(3.0)], centre in vector(3.0), offset in vector(0.5)) {
+        fn an_answer_is_the_closest_point(
+            triangle in [vector(3.0), vector(3.0), vector(3.0)],
+            centre in vector(3.0),
+            offset in vector(0.5),
+        ) {
             let radius = 0.5 * 3.0_f64.sqrt();
             let face = Face::new(&triangle, centre, radius);
             let exact = closest_point(centre + offset, &triangle).barycentric;

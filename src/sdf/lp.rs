@@ -160,7 +160,7 @@ impl LpField {
         scratch: &mut LpScratch,
     ) {
         let wanted = |voxel: usize| mask[voxel / 8] >> (voxel % 8) & 1 != 0;
-        // Voxels that nobody asks for pass as lying on the surface.
+        // Voxels that are not asked for pass as lying on the surface.
         scratch.start(offsets.voxel.iter().map(|&voxel| {
             let voxel = usize::from(voxel);
             if wanted(voxel) { surface.distance[voxel] } else { 0.0 }

@@ -148,7 +148,8 @@ pub enum SearchError {
     },
     /// The limits leave no stacking.
     #[error(
-        "no stacking of at most {units} units of {unit_mm} mm in {depth} blocks keeps the resins' limits; loosen a limit \
+        "no stacking of at most {units} units of {unit_mm} mm in {depth} blocks keeps the resins' limits; loosen a \
+            limit \
          or raise depth"
     )]
     Infeasible {

@@ -9,7 +9,7 @@ use super::{
     descent::{Bricks, DEPTH_MARGIN, Descent, DescentScratch, EMPTY, FULL, Leaves, Mask, is_set},
 };
 use crate::{
-    appearance::{BrickQuery, LayerField},
+    appearance::{BrickQuery, LayerField, SurfaceShare},
     mesh::Solid,
     sdf::{
         BlockBox, BrickOffsets, BrickSurface, DepthRange, Face, InsideRows, SliceRuns, Surface, closest_point,
@@ -109,6 +109,11 @@ impl ObjectField {
     /// The layers.
     pub fn layers(&self) -> &LayerField {
         &self.layers
+    }
+
+    /// Who shares in the layers below the point of a triangle nearest to `p`.
+    pub fn shares(&self, triangle: u32, p: DVec3) -> [SurfaceShare; 4] {
+        self.layers.shares(triangle, self.uv(triangle, p))
     }
 
     /// Texture coordinates of the point of a triangle nearest to `p`; 0 where the layers need none.

@@ -207,6 +207,13 @@ impl Slab {
         }
     }
 
+    /// The content of the brick at `[x, y, z]`, counted from the corner of the slab.
+    pub fn tile(&self, at: [usize; 3]) -> Tile<'_> {
+        let shape = self.shape.0;
+        let block = at[0] / shape[0] + self.blocks_per_row * (at[1] / shape[1]);
+        self.blocks[block].tile(self.shape.brick_index(std::array::from_fn(|axis| at[axis] % shape[axis])))
+    }
+
     /// Copies row (j, k) of material ids into `row`, which is `dims[0]` long.
     pub fn read_row(&self, j: u32, k: u32, row: &mut [u8]) {
         let shape = self.shape.voxels();

@@ -14,6 +14,7 @@ mod compare;
 mod factor;
 mod gamut;
 mod interrupt;
+mod look;
 mod matching;
 mod material;
 mod measure;

@@ -75,7 +75,8 @@ fn what_cannot_be_refined_is_refused() {
     bench.write("p.csv", no_resins_profile().as_bytes());
     bench.write(
         "m.toml",
-        b"[[resin]]\nname = \"glass\"\nrgba = [1, 2, 3]\ndensity-g-per-cm3 = 1\nreflection = \"p.csv\"\nthickness-mm = 1",
+        b"[[resin]]\nname = \"glass\"\nrgba = [1, 2, 3]\ndensity-g-per-cm3 = 1\nreflection = \"p.csv\"\nthickness-mm \
+            = 1",
     );
     let by_profile = ["match", "--materials", "m.toml", "--model", "transport"];
     let ran = bench.run(by_profile.iter().chain(&target)).exits(0);

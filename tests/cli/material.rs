@@ -71,7 +71,8 @@ fn colours_that_printers_mix_up_are_refused() {
     let set = |white: &str, black: &str| {
         let resin = |name: &str, rgba: &str| {
             format!(
-                "[[resin]]\nname = \"{name}\"\nrgba = {rgba}\ndensity-g-per-cm3 = 1\nscattering-per-mm = 1\nabsorption-per-mm = 1\n"
+                "[[resin]]\nname = \"{name}\"\nrgba = {rgba}\ndensity-g-per-cm3 = 1\nscattering-per-mm = \
+                    1\nabsorption-per-mm = 1\n"
             )
         };
         bench.write("m.toml", (resin("white", white) + &resin("black", black)).as_bytes());

@@ -117,7 +117,8 @@ fn a_resin_without_coefficients_has_no_photons_to_trace() {
     bench.run(["predict", "--materials", "synthetic", "--stack", "white:1", "--csv", "p.csv"]).exits(0);
     bench.write(
         "m.toml",
-        b"[[resin]]\nname = \"glass\"\nrgba = [1, 2, 3]\ndensity-g-per-cm3 = 1\nreflection = \"p.csv\"\nthickness-mm = 1",
+        b"[[resin]]\nname = \"glass\"\nrgba = [1, 2, 3]\ndensity-g-per-cm3 = 1\nreflection = \"p.csv\"\nthickness-mm \
+            = 1",
     );
     let ran = bench.run(["predict", "--materials", "m.toml", "--stack", "glass:1", "--json"]).exits(0);
     assert!((ran.json()["reflection"][0].as_f64().unwrap() - 0.55).abs() < 0.1);

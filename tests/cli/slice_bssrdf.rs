@@ -112,7 +112,8 @@ fn what_factor_did_not_write_is_refused() {
         &["clusters[1].profiles: found `../p.csv`"],
     );
     with("factored/factored.json", &other("\"Y\"", "\"Y\", \"Z\""), &["clusters[0].profiles: found 1 paths"]);
-    let one = r#"{"version": 1, "pitch_mm": 1.0, "width": 4, "height": 2, "channels": ["Y"], "clusters": [{"profiles": ["profiles/cluster_000.csv"]}]}"#;
+    let one = r#"{"version": 1, "pitch_mm": 1.0, "width": 4, "height": 2, "channels": ["Y"],
+    "clusters": [{"profiles": ["profiles/cluster_000.csv"]}]}"#;
     with("factored/factored.json", one, &["labels.png: found label 1 with 1 clusters"]);
     with("factored/labels.png", "", &["labels.png: found"]);
     with("factored/profiles/cluster_001.csv", "r_mm,reflection_per_mm2\n0,nan\n", &["cluster_001.csv"]);

@@ -3,7 +3,7 @@
 use crate::support::{keys, run};
 
 /// Every command with the flags that scripts may use.
-const COMMANDS: [(&str, &[&str]); 15] = [
+const COMMANDS: [(&str, &[&str]); 16] = [
     ("slice", &["--output", "--overwrite", "--slices <A..B>", "--dry-run", "--json"]),
     (
         "predict",
@@ -51,6 +51,25 @@ const COMMANDS: [(&str, &[&str]); 15] = [
     (
         "compare",
         &["OUT", "--map", "--dataset", "--materials", "--photons", "--seed", "--output", "--overwrite", "--json"],
+    ),
+    (
+        "look",
+        &[
+            "OUT",
+            "--job",
+            "--spots",
+            "--at",
+            "--photons",
+            "--seed",
+            "--output",
+            "--mitsuba",
+            "--size",
+            "--samples",
+            "--time",
+            "--view",
+            "--overwrite",
+            "--json",
+        ],
     ),
     ("preview", &["OUT"]),
     ("verify", &["OUT", "--json"]),

@@ -116,7 +116,12 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn the_cull_keeps_the_nearest(seed in any::<u64>(), count in 1..60usize, snapped in any::<bool>(), flat in any::<bool>()) {
+    fn the_cull_keeps_the_nearest(
+        seed in any::<u64>(),
+        count in 1..60usize,
+        snapped in any::<bool>(),
+        flat in any::<bool>(),
+    ) {
         let mut random = Random::new(seed);
         let mut triangles = soup(&mut random, count, snapped);
         if flat {
@@ -138,7 +143,12 @@ proptest! {
     }
 
     #[test]
-    fn the_hierarchy_finds_the_nearest(seed in any::<u64>(), count in 1..80usize, snapped in any::<bool>(), far in any::<bool>()) {
+    fn the_hierarchy_finds_the_nearest(
+        seed in any::<u64>(),
+        count in 1..80usize,
+        snapped in any::<bool>(),
+        far in any::<bool>(),
+    ) {
         let mut random = Random::new(seed);
         let shift = if far { DVec3::new(9e5, -9e5, 1e5) } else { DVec3::ZERO };
         let triangles: Triangles = soup(&mut random, count, snapped).into_iter().map(|t| t.map(|p| p + shift)).collect();

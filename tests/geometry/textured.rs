@@ -182,7 +182,8 @@ proptest! {
                 let uv = textured.uv_on(&mut random, triangle);
                 let depth = random.between(range.min.max(0.0), range.max) as f32;
                 let found = textured.layers.material(triangle, uv, depth);
-                prop_assert_eq!(found, id, "{:?} at {} on {}, depth {}, limits {:?}", range, uv, triangle, depth, &textured.limits);
+                prop_assert_eq!(found, id, "{:?} at {} on {}, depth {}, limits \
+                    {:?}", range, uv, triangle, depth, &textured.limits);
             }
         }
     }

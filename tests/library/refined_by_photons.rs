@@ -195,7 +195,8 @@ fn what_was_promised_is_what_photons_see() {
     }
     ratios.sort_by(f64::total_cmp);
     println!(
-        "better than the discrete answer by {:.1} in the median of {realisable}; on {close} targets the two cannot be told apart",
+        "better than the discrete answer by {:.1} in the median of {realisable}; on {close} targets the two cannot be \
+            told apart",
         ratios[ratios.len() / 2]
     );
     assert!(ratios[ratios.len() / 2] > 10.0);

@@ -97,7 +97,7 @@ pub struct Factors {
 
 /// First differences along r are expected below this: a ring is allowed to be e times its neighbour.
 const FIRST_DIFFERENCE: f32 = 1.0;
-/// Precision of ln(P/g) itself, next to nothing: for texels nobody measured.
+/// Precision of ln(P/g) itself, next to nothing: for texels that were not measured.
 const RIDGE: f32 = 1e-3;
 /// Evidence: `scripts/factor-check`. At 0.1 the grains of the stone set were smoothed away, 10.4% error where SciPy's
 /// least squares, with no smoothness, reaches 6.3%; at 0.3 it is 6.5%, at 1 6.5%. The others change by 0.02% or less,

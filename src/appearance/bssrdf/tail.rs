@@ -27,7 +27,7 @@ const REACH_WINDOWS: f64 = 4.0;
 const SLOPE_FROM: f64 = 0.6;
 /// Slopes per mm are kept within 1/reach and this many per window radius: steeper, the tail holds nothing.
 const STEEPEST: f64 = 50.0;
-/// m of a tail whose energy nobody measured.
+/// m of a tail whose energy was not measured.
 const FAR_FIELD: f64 = 1.0;
 
 /// How a texel's tail came about.

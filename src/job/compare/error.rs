@@ -44,7 +44,8 @@ pub enum CompareError {
     },
     /// A resin whose photons cannot be traced.
     #[error(
-        "material set {set}: resin {resin}: found no coefficients, expected scattering-per-mm and absorption-per-mm to trace photons by"
+        "material set {set}: resin {resin}: found no coefficients, expected scattering-per-mm and absorption-per-mm \
+            to trace photons by"
     )]
     NoCoefficients {
         /// The set.

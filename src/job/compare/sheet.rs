@@ -25,7 +25,8 @@ impl Comparison {
             .columns(2 * self.lamps.len())
             .panel_size(size[0], size[1])
             .caption(format!(
-                "mm. Linear radiosity shown as sRGB, one exposure per light. Differences: blue is darker than {}, red brighter, full colour at ±{:.0}% of white.",
+                "mm. Linear radiosity shown as sRGB, one exposure per light. Differences: blue is darker than {}, red \
+                    brighter, full colour at ±{:.0}% of white.",
                 self.stages[0].name,
                 100.0 * FULL_COLOUR,
             ));
@@ -108,14 +109,16 @@ impl Comparison {
 
     fn words(&self) -> String {
         format!(
-            "{} × {} texels of {} mm. Each stage is compared with {}, scaled as its job scaled the target. Radiosity per irradiance; rms and correlation have the photons' noise taken off.",
+            "{} × {} texels of {} mm. Each stage is compared with {}, scaled as its job scaled the target. Radiosity \
+                per irradiance; rms and correlation have the photons' noise taken off.",
             self.width, self.height, self.pitch_mm, self.stages[0].name
         )
     }
 
     fn table(&self) -> String {
         let mut rows = String::from(
-            "<table><tr><th>stage</th><th>against</th><th>light</th><th>bias</th><th>rms</th><th>relative rms</th><th>correlation</th><th>noise</th></tr>\n",
+            "<table><tr><th>stage</th><th>against</th><th>light</th><th>bias</th><th>rms</th><th>relative \
+                rms</th><th>correlation</th><th>noise</th></tr>\n",
         );
         let mut row = |stage: &str, against: &str, lamp: &str, apart: &super::Difference| {
             let correlation = apart.correlation.map_or("–".to_owned(), |value| format!("{value:.4}"));
@@ -147,8 +150,10 @@ impl Comparison {
             return String::new();
         }
         let mut rows = String::from(
-            "<h2>Stackings against clusters</h2>\n<p>Σ (R̂ − R̂<sub>t</sub>)² over the Hankel coefficients, with the cluster's profile as its job scaled it.</p>\n\
-             <table><tr><th>job</th><th>by transport: mean</th><th>worst</th><th>by Kubelka–Munk: mean</th><th>worst</th><th>albedo rms</th><th>target scaled by</th></tr>\n",
+            "<h2>Stackings against clusters</h2>\n<p>Σ (R̂ − R̂<sub>t</sub>)² over the Hankel coefficients, with the \
+                cluster's profile as its job scaled it.</p>\n\
+             <table><tr><th>job</th><th>by transport: mean</th><th>worst</th><th>by Kubelka–Munk: \
+             mean</th><th>worst</th><th>albedo rms</th><th>target scaled by</th></tr>\n",
         );
         for job in &self.jobs {
             let (transport, scalar) = (job.transport, job.kubelka_munk);
@@ -171,9 +176,11 @@ impl Comparison {
 /// A difference of this share of white has its full colour.
 const FULL_COLOUR: f64 = 0.25;
 
-const CSS: &str = "body{font-family:system-ui,sans-serif;color:#1f2630;margin:2rem auto;max-width:1500px;padding:0 1rem}\
+const CSS: &str = "body{font-family:system-ui,sans-serif;color:#1f2630;margin:2rem auto;max-width:1500px;padding:0 \
+    1rem}\
 figure{margin:1rem 0;overflow-x:auto}svg{max-width:100%;height:auto}table{border-collapse:collapse}\
-td,th{padding:.2rem .7rem;text-align:right;border-bottom:1px solid #ddd}td:nth-child(-n+3),th:nth-child(-n+3){text-align:left}\
+td,th{padding:.2rem .7rem;text-align:right;border-bottom:1px solid \
+#ddd}td:nth-child(-n+3),th:nth-child(-n+3){text-align:left}\
 .warning{color:#a33}";
 
 /// −1 blue, 0 white, 1 red.

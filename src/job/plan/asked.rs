@@ -12,7 +12,10 @@ use crate::{
         self, AppearancePage, Atlas, ClusterId, LabelMap, NormalizedDiffusion, cluster, distinct_appearances,
     },
     colour::{byte_to_linear, srgb_to_linear, to_channels},
-    job::{AlbedoSource, InputPath, RunError, TargetSpec},
+    job::{
+        RunError,
+        file::{AlbedoSource, InputPath, TargetSpec},
+    },
     optics::ProfileFile,
     search::SearchTarget,
 };
@@ -26,6 +29,33 @@ pub(super) struct Wanted {
     /// How far the spectra of each cluster are from their mean; `None` where nothing was clustered.
     pub rms: Vec<Option<f64>>,
     pub surface: Surface,
+    pub map: AskedMap,
+}
+
+/// What every texel asks for by itself, before anything was clustered; of nothing where targets say it all.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct AskedMap {
+    /// Index of the appearance of every texel of all pages.
+    of_texel: Vec<u32>,
+    appearances: Vec<Asked>,
+    /// The target of every label.
+    pub(in crate::job) targets: Vec<SearchTarget>,
+}
+
+/// What is asked for somewhere.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Asked {
+    /// Albedo per channel, 0 to 1.
+    pub albedo: Vec<f64>,
+    /// Mean free path, mm.
+    pub mean_free_path_mm: f64,
+}
+
+impl AskedMap {
+    /// What a texel asks for, counted through all pages.
+    pub fn of(&self, texel: usize) -> Option<&Asked> {
+        self.appearances.get(*self.of_texel.get(texel)? as usize)
+    }
 }
 
 /// Where which target is wanted.
@@ -47,6 +77,7 @@ pub(super) fn wanted(
             shares: Vec::new(),
             rms: Vec::new(),
             surface: Surface::Uniform,
+            map: AskedMap::default(),
         }),
         TargetSpec::Profile { paths } => Ok(Wanted {
             kind: "profile",
@@ -54,6 +85,7 @@ pub(super) fn wanted(
             shares: vec![1.0],
             rms: vec![None],
             surface: Surface::Uniform,
+            map: AskedMap::default(),
         }),
         TargetSpec::Clusters { labels, profiles } => {
             let (width, height, labels_of) = read_labels(labels.as_ref())?;
@@ -109,6 +141,7 @@ fn labelled(
         rms: vec![None; targets.len()],
         targets,
         surface: Surface::Labelled { atlas, labels: vec![LabelMap(labels)] },
+        map: AskedMap::default(),
     }
 }
 
@@ -179,12 +212,23 @@ fn texture_wanted(
     let rms = |fit: &appearance::ClusterFit| Some(fit.rms / ((channels * coefficients) as f64).sqrt());
     let label = |&appearance: &u32| clusters.labels[appearance as usize];
     let labels = appearances.index.iter().map(|page| LabelMap(page.iter().map(label).collect())).collect();
+    let texels = atlas.pages().iter().zip(&appearances.index);
+    let map = AskedMap {
+        targets: Vec::new(),
+        of_texel: texels.flat_map(|(page, index)| page.source.iter().map(|&source| index[source as usize])).collect(),
+        appearances: appearances
+            .distinct
+            .into_iter()
+            .map(|it| Asked { albedo: it.albedo, mean_free_path_mm: it.mean_free_path * mean_free_path_mm })
+            .collect(),
+    };
     Ok(Wanted {
         kind: "texture",
         targets: clusters.centroids.iter().map(target).collect(),
         shares: clusters.fits.iter().map(|fit| fit.weight / total).collect(),
         rms: clusters.fits.iter().map(rms).collect(),
         surface: Surface::Labelled { atlas, labels },
+        map,
     })
 }
 

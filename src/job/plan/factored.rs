@@ -3,7 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use super::images::read_labels;
-use crate::job::{FACTORED, Factored, LABELS, RunError, factor::entry};
+use crate::job::{
+    RunError,
+    factor::entry,
+    factor::{FACTORED, Factored, LABELS},
+};
 use crate::{
     appearance::ClusterId,
     colour::LUMINANCE,

@@ -43,7 +43,8 @@ fn map_in_words(map: &GamutMap, shares: &[f64]) -> String {
     }
     let share: f64 = map.moves.iter().zip(shares).filter(|(moved, _)| moved.moves()).map(|(_, share)| share).sum();
     format!(
-        "moved {} of {all} targets ({:.0}% of the surface; {outside} lay outside of the gamut): albedo by factors of {}, width by {}",
+        "moved {} of {all} targets ({:.0}% of the surface; {outside} lay outside of the gamut): albedo by factors of \
+            {}, width by {}",
         map.moved(),
         100.0 * share,
         range(|moved| moved.albedo_factor),

@@ -6,7 +6,7 @@ use super::{
     prepare::{complete_uvs, finish_materials, load_solids, read_materials},
 };
 use crate::{
-    job::{DepthFrom, Job, RunError},
+    job::{Job, RunError, file::DepthFrom},
     search::SearchTarget,
     watch::Watch,
 };

@@ -22,6 +22,7 @@ mod prepare;
 mod stacking_report;
 mod stackings;
 
+pub use asked::{Asked, AskedMap};
 pub(super) use factored::FactoredMap;
 pub use job_targets::{JobTarget, targets};
 pub(super) use layer_maps::LayerMaps;

@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
     io::Read,
     path::{Path, PathBuf},
 };
@@ -12,13 +11,16 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::{
-    StackingReport, checks, context::TargetContext, factored::FactoredMap, images::picture_size,
+    AskedMap, StackingReport, checks, context::TargetContext, factored::FactoredMap, images::picture_size,
     stackings::object_layers,
 };
 use crate::{
     job::{
-        AlbedoSource, DepthFrom, Distance, InputPath, Job, MaterialSource, ObjectJob, OutputFormat, Overlap, RunError,
-        Scaling, StackingModel, TargetSpec,
+        Job, RunError,
+        file::{
+            AlbedoSource, DepthFrom, Distance, InputPath, MaterialSource, ObjectJob, OutputFormat, Overlap, Scaling,
+            StackingModel, TargetSpec,
+        },
     },
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
     optics::{MaterialFile, MaterialSet, OpticsError, ResinId},
@@ -61,6 +63,8 @@ pub struct PreparedObject {
     pub bounds: [DVec3; 2],
     /// Its stackings.
     pub stackings: StackingReport,
+    /// What its texture asks for.
+    pub asked: AskedMap,
 }
 
 /// A file that was read.
@@ -70,6 +74,9 @@ pub struct InputFile {
     pub path: String,
     /// Lower-case hexadecimal digest.
     pub sha256: String,
+    /// Where it was read.
+    #[serde(skip)]
+    pub file: PathBuf,
 }
 
 impl Prepared {
@@ -134,17 +141,18 @@ impl Prepared {
             let has_uvs = complete_uvs(&mut solid, &object.target)?;
             let context =
                 TargetContext { job: &job, materials: &materials, solid: &solid, has_uvs, object: index, watch };
-            let (layers, stackings) = object_layers(&context, &object.target, &mut warnings)?;
+            let (layers, stackings, asked) = object_layers(&context, &object.target, &mut warnings)?;
             watch.go_on()?;
             let field = ObjectField::new(&solid, lattice, layers)
                 .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
             fields.push(field.with_distance(distance));
             let (mesh, health) = (object.mesh.shown(), solid.health);
-            objects.push(PreparedObject { mesh, transform, health, bounds, stackings });
+            objects.push(PreparedObject { mesh, transform, health, bounds, stackings, asked });
         }
         checks::tiny_objects(&job, &objects, &lattice, &mut warnings)?;
         warnings.extend(checks::thin_layers(&job, &objects, &lattice));
-        let inputs = inputs.into_iter().map(|(path, sha256)| InputFile { path, sha256 }).collect();
+        warnings.extend(checks::few_slices(&job, &lattice));
+        let inputs = inputs.into_iter().map(|(path, (sha256, file))| InputFile { path, sha256, file }).collect();
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);
         let prepared = Self { job, materials, lattice, objects, palette, inputs, warnings, slicer };
@@ -200,12 +208,13 @@ impl Prepared {
     }
 }
 
-/// Digests of files by their paths as shown.
-type Inputs = BTreeMap<String, String>;
+/// Digests of files and where they lie, by their paths as shown.
+type Inputs = BTreeMap<String, (String, PathBuf)>;
 
 fn add_input(inputs: &mut Inputs, shown: String, path: &Path) -> Result<(), RunError> {
     if let std::collections::btree_map::Entry::Vacant(entry) = inputs.entry(shown) {
-        entry.insert(digest(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?);
+        let sha256 = digest(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?;
+        entry.insert((sha256, path.to_path_buf()));
     }
     Ok(())
 }
@@ -232,7 +241,7 @@ fn read_inputs(job: &Job) -> Result<Inputs, RunError> {
 }
 
 fn digest(path: &Path) -> std::io::Result<String> {
-    let mut file = fs::File::open(path)?;
+    let mut file = crate::regular_file::open(path)?;
     let (mut hasher, mut buffer) = (Sha256::new(), vec![0; 1 << 16]);
     loop {
         let read = file.read(&mut buffer)?;

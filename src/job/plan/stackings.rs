@@ -4,30 +4,34 @@ use glam::DVec3;
 
 use super::{
     GamutMapEntry, LayerMaps, SearchEntry, StackingEntry, StackingReport, TransportEntry,
-    asked::{Surface, wanted},
+    asked::{AskedMap, Surface, wanted},
     context::TargetContext,
 };
 use crate::{
     appearance::{
         AlignedStackings, Atlas, HeightFields, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers, align,
     },
-    job::{DepthFrom, Job, OutputFormat, RunError, StackingModel, TargetSpec},
+    job::{
+        Job, RunError,
+        file::{DepthFrom, OutputFormat, StackingModel, TargetSpec},
+    },
     optics::{OpticsError, ResinId, Stack},
     search::{Found, Matcher, RefineOptions, SearchTarget},
 };
 
-/// Turns the target of an object into its layers.
+/// Turns the target of an object into its layers, with what was asked for where.
 pub(super) fn object_layers(
     context: &TargetContext<'_>,
     target: &TargetSpec,
     warnings: &mut Vec<String>,
-) -> Result<(LayerField, StackingReport), RunError> {
+) -> Result<(LayerField, StackingReport, AskedMap), RunError> {
     let core = context.core()?;
     if let TargetSpec::Stacking { stack } = target {
         let layers = stack.pairs().filter_map(|(name, mm)| Some((context.materials.resin(name)?.0, mm)));
         let stacking = Stack::joined(layers).over(core);
         let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking)?);
-        return Ok(context.uniform("stacking", &stacking, core, entry));
+        let (layers, report) = context.uniform("stacking", &stacking, core, entry);
+        return Ok((layers, report, AskedMap::default()));
     }
     let wanted = wanted(context, target, warnings)?;
     let map = context.gamut_map(core, &wanted, warnings)?;
@@ -44,13 +48,16 @@ pub(super) fn object_layers(
         entries.push(entry);
     }
     warnings.extend(out_of_reach(&entries).map(|words| format!("object {}: {words}", context.object + 1)));
-    match &wanted.surface {
+    let (layers, report) = match &wanted.surface {
         Surface::Uniform => {
             let entry = entries.remove(0);
-            Ok(context.uniform(wanted.kind, matches[0].stacking(), core, entry))
+            context.uniform(wanted.kind, matches[0].stacking(), core, entry)
         }
-        Surface::Labelled { atlas, labels } => context.textured(wanted.kind, atlas, labels, &matches, entries, core),
-    }
+        Surface::Labelled { atlas, labels } => context.textured(wanted.kind, atlas, labels, &matches, entries, core)?,
+    };
+    let mut asked = wanted.map;
+    asked.targets = wanted.targets;
+    Ok((layers, report, asked))
 }
 
 /// Albedos that differ by less look much alike.
@@ -69,7 +76,8 @@ fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
     let share: f64 = far.iter().map(|(share, _)| share).sum();
     let (asked, found) = far.into_iter().map(|(_, pair)| pair).max_by(wider)?;
     Some(format!(
-        "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: the resins reach no \
+        "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: \
+            the resins reach no \
          nearer, see `lumislice gamut --job`, gamut-map and dc-weight",
         100.0 * share
     ))

@@ -7,23 +7,31 @@ mod heights;
 mod redraw;
 mod report;
 
-use std::{collections::BTreeMap, ops::Range, path::Path, time::Instant};
+use std::{
+    collections::BTreeMap,
+    ops::Range,
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use rayon::prelude::*;
 use serde_json::json;
 
 pub use estimate::Estimate;
 pub use redraw::{RedrawError, redraw};
+pub use report::REPORT;
 use report::write_pictures;
-pub use report::{REPORT, draw_again, report_data};
 
+use crate::look::Volume;
 use crate::{
     job::{
-        OutputFormat, Overlap, Prepared, RunError, STACKINGS, StackingReport,
-        manifest::{Manifest, MeshRecord, Outcome, json},
+        Prepared, RunError, StackingReport,
+        file::{OutputFormat, Overlap},
+        look::{LOOK, Look, LookError, LookOptions, look_at},
+        manifest::{Manifest, MeshRecord, Outcome, STACKINGS, json},
         verify::read_manifest,
     },
-    output::{Existing, GENERATOR, MANIFEST, OutputError, OutputFolder, SliceCounts, TIMINGS, Task, pretty},
+    output::{Existing, GENERATOR, MANIFEST, OutputError, OutputFolder, Owner, SliceCounts, TIMINGS, Task, pretty},
     preview::{PreviewBuilder, PreviewMaterial},
     slice::{
         RowBuffers, encode_mask, encode_rgba,
@@ -54,7 +62,7 @@ pub struct Finished {
 /// Slices a prepared job into `folder`.
 ///
 /// With [`Existing::Resume`] the slices that an interrupted run of the same job left whole are kept; where pictures are
-/// asked for, their voxels are reckoned again. A finished folder of the same job is left as it is.
+/// asked for, their voxels are computed again. A finished folder of the same job is left as it is.
 ///
 /// # Errors
 /// [`RunError::Output`] when the folder may not or cannot be written, [`RunError::Stopped`] when asked to stop; in both
@@ -62,7 +70,7 @@ pub struct Finished {
 pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn Watch) -> Result<Finished, RunError> {
     let started = Instant::now();
     prepared.refuse_misfits()?;
-    let dims = prepared.lattice.dims;
+    prepared.refuse_too_large()?;
     let slices = prepared.checked_slices(options.slices.clone())?;
     if options.existing == Existing::Resume
         && let Some(manifest) = prepared.finished(folder, &slices)?
@@ -70,8 +78,14 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
         return Ok(Finished { manifest, kept: slices.end - slices.start });
     }
     let stackings = prepared.stackings_json();
-    let task = Task { generator: GENERATOR.to_owned(), sha256: prepared.digest(), slices: [slices.start, slices.end] };
-    let (output, recorded) = OutputFolder::begin(folder, options.existing, &task)?;
+    let command = OWNER.command.to_owned();
+    let task = Task {
+        command,
+        generator: GENERATOR.to_owned(),
+        sha256: prepared.digest(),
+        slices: [slices.start, slices.end],
+    };
+    let (output, recorded) = OutputFolder::begin(folder, &OWNER, options.existing, &task, &prepared.files())?;
     if !output.keep(STACKINGS) {
         output.write(STACKINGS, &stackings)?;
     }
@@ -86,6 +100,7 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     }
     let sinks = Sinks { prepared, output: &output, kept: &kept, watch };
     let mut pictures = prepared.job.wants(OutputFormat::Preview).then(|| prepared.preview_builder());
+    let mut volume = prepared.look_volume(&slices)?;
     let drawn = pictures.is_some();
     let missing = |mut held: Range<u32>| held.any(|k| slices.contains(&k) && !kept.contains_key(&k));
     prepared.slicer().for_each_wanted_slab(
@@ -94,6 +109,9 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
         |slab| {
             if let Some(builder) = &mut pictures {
                 builder.observe(slab);
+            }
+            if let Some(volume) = &mut volume {
+                volume.add(slab);
             }
             sinks.take(slab, &slices, &mut counts)
         },
@@ -106,20 +124,24 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     let meshed = started.elapsed() - sliced;
 
     let mut warnings = prepared.warnings.clone();
-    if let Some(least) = prepared.job.printer.min_slices.filter(|&least| (dims[2] as usize) < least) {
-        warnings.push(format!("{} slices, fewer than the {least} that {} takes", dims[2], prepared.job.printer.name));
-    }
     if counts[1..].iter().all(|&voxels| voxels == 0) {
         warnings.push("no voxel's centre lies inside an object: nothing will be printed".to_owned());
     }
-    if slices == (0..dims[2]) {
+    if slices == (0..prepared.lattice.dims[2]) {
         warnings.extend(prepared.lost_volume(counts[1..].iter().sum()));
     }
     let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
     let mut manifest = Manifest::new(prepared, outcome);
     if let Some(builder) = pictures {
         watch.stage("pictures", 0);
-        write_pictures(&output, &manifest, &builder.finish()?)?;
+        let mut pictures = builder.finish(volume.as_ref())?;
+        let volume = volume.filter(|_| prepared.materials.has_coefficients());
+        if let Some(mut look) = volume.map(|volume| prepared.quick_look(volume, watch)).transpose()? {
+            output.write(LOOK, &pretty(&look))?;
+            pictures.splice(0..0, std::mem::take(&mut look.pictures));
+            manifest.look = Some(look.summary());
+        }
+        write_pictures(&output, &manifest, &pictures)?;
     }
     manifest.files = output.files();
     let timings = json!({
@@ -133,6 +155,25 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     Ok(Finished { manifest, kept: kept.len() as u32 })
 }
 
+/// Most voxels of a job that shows its look without being asked: it holds them in memory, at most a byte for each and
+/// mostly a tenth.
+const LOOK_VOXELS: u64 = 2_000_000_000;
+
+impl Prepared {
+    /// An empty volume for the cut-away's surface and the look that a whole job shows with its pictures; `None` for a
+    /// part of the slices and for a job too large for it.
+    fn look_volume(&self, slices: &Range<u32>) -> Result<Option<Volume>, RunError> {
+        let whole = *slices == (0..self.lattice.dims[2]) && self.lattice.voxels() <= LOOK_VOXELS;
+        let shown = whole && self.job.wants(OutputFormat::Preview);
+        Ok(shown.then(|| Volume::new(self.lattice)).transpose().map_err(LookError::from)?)
+    }
+
+    fn quick_look(&self, volume: Volume, watch: &dyn Watch) -> Result<Look, RunError> {
+        let options = LookOptions::quick();
+        Ok(look_at(self, &self.scene_of(volume)?, &options, watch)?)
+    }
+}
+
 fn slice_path(k: u32) -> String {
     format!("slices/slice_{k}.png")
 }
@@ -140,6 +181,12 @@ fn slice_path(k: u32) -> String {
 fn mask_path(resin: &str, k: u32) -> String {
     format!("masks/{resin}/slice_{k}.png")
 }
+
+/// What `slice` writes.
+pub const OWNER: Owner = Owner {
+    command: "slice",
+    names: &["slices/", "masks/", "meshes/", "heights/", "preview/", "look/", LOOK, STACKINGS, REPORT, TIMINGS],
+};
 
 /// Where slabs go.
 struct Sinks<'a> {
@@ -175,27 +222,8 @@ impl Sinks<'_> {
 
     fn take_slice(&self, slab: &Slab, k: u32, buffers: &mut Buffers) -> Result<[u64; 256], RunError> {
         self.watch.go_on()?;
-        let encoding = |error: std::io::Error| OutputError::Io {
-            action: "encoding",
-            path: self.output.root().join(format!("slice {k}")),
-            source: error,
-        };
-        let mut counts = [0; 256];
-        let Buffers { rows, file } = buffers;
-        file.clear();
-        // Counting is part of encoding, so slices are encoded even where only masks are wanted.
-        encode_rgba(slab, k, &self.prepared.palette, rows, &mut counts, file).map_err(encoding)?;
-        if self.prepared.job.wants(OutputFormat::Png) {
-            self.output.write(&slice_path(k), file)?;
-        }
-        if self.prepared.job.wants(OutputFormat::Masks) {
-            for (MaterialId(id), resin) in self.prepared.printed() {
-                file.clear();
-                encode_mask(slab, k, id, rows, file).map_err(encoding)?;
-                let name = &self.prepared.materials[resin].name;
-                self.output.write(&mask_path(name, k), file)?;
-            }
-        }
+        let counts =
+            self.prepared.encode_slice(slab, k, buffers, |path, content| Ok(self.output.write(path, content)?))?;
         let occurring = (0..=u8::MAX).map(|id| (id, counts[usize::from(id)])).filter(|&(_, voxels)| voxels > 0);
         self.output.finish_slice(k, occurring.collect())?;
         self.watch.advance(1);
@@ -224,6 +252,64 @@ impl Prepared {
                 names.join(", "),
                 100.0 * off
             )
+        })
+    }
+
+    /// Every file that was read.
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.inputs.iter().map(|input| input.file.clone()).chain([self.job.path.clone()]).collect()
+    }
+
+    /// Hands the files of slice `k` to `take`, and counts its voxels.
+    fn encode_slice(
+        &self,
+        slab: &Slab,
+        k: u32,
+        buffers: &mut Buffers,
+        mut take: impl FnMut(&str, &[u8]) -> Result<(), RunError>,
+    ) -> Result<[u64; 256], RunError> {
+        let encoding = |source: std::io::Error| OutputError::Io {
+            action: "encoding",
+            path: PathBuf::from(format!("slice {k}")),
+            source,
+        };
+        let mut counts = [0; 256];
+        let Buffers { rows, file } = buffers;
+        file.clear();
+        // Counting is part of encoding, so slices are encoded even where only masks are wanted.
+        encode_rgba(slab, k, &self.palette, rows, &mut counts, file).map_err(encoding)?;
+        if self.job.wants(OutputFormat::Png) {
+            take(&slice_path(k), file)?;
+        }
+        if self.job.wants(OutputFormat::Masks) {
+            for (MaterialId(id), resin) in self.printed() {
+                file.clear();
+                encode_mask(slab, k, id, rows, file).map_err(encoding)?;
+                take(&mask_path(&self.materials[resin].name, k), file)?;
+            }
+        }
+        Ok(counts)
+    }
+
+    /// Hands the files of `slices` to `take`, of those slabs that are `wanted`.
+    pub(super) fn for_each_sliced_file(
+        &self,
+        slices: Range<u32>,
+        wanted: impl Fn(Range<u32>) -> bool,
+        watch: &dyn Watch,
+        mut take: impl FnMut(&str, &[u8]),
+    ) -> Result<(), RunError> {
+        let mut buffers = Buffers::default();
+        self.slicer().for_each_wanted_slab(slices.clone(), wanted, |slab| {
+            for k in slab.slices().filter(|k| slices.contains(k)) {
+                watch.go_on()?;
+                self.encode_slice(slab, k, &mut buffers, |path, content| {
+                    take(path, content);
+                    Ok(())
+                })?;
+                watch.advance(1);
+            }
+            Ok(())
         })
     }
 

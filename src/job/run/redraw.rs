@@ -6,10 +6,12 @@ use super::report::{draw_again, write_pictures};
 use crate::{
     blame::{Blame, Blamed, Remedy},
     job::{
-        LatticeRecord, Manifest, RunError,
+        Manifest, RunError,
+        manifest::LatticeRecord,
         verify::{Finding, VerifyError, read_manifest},
     },
     output::{MANIFEST, OutputFolder, pretty},
+    preview::PreviewFile,
     voxel::Lattice,
 };
 
@@ -57,7 +59,8 @@ impl Blamed for RedrawError {
 pub fn redraw(folder: &Path) -> Result<Vec<String>, RedrawError> {
     let mut manifest = read_manifest(folder)?.map_err(RedrawError::Manifest)?;
     check(&manifest)?;
-    let pictures = draw_again(folder, &manifest)?;
+    let mut pictures = looks(folder, &manifest);
+    pictures.extend(draw_again(folder, &manifest)?);
     let output = OutputFolder::reopen(folder, &manifest.files).map_err(RunError::from)?;
     write_pictures(&output, &manifest, &pictures)?;
     let written = output.files();
@@ -66,6 +69,19 @@ pub fn redraw(folder: &Path) -> Result<Vec<String>, RedrawError> {
     manifest.files.sort_by(|a, b| a.path.cmp(&b.path));
     output.write_unlisted(MANIFEST, &pretty(&manifest)).map_err(RunError::from)?;
     Ok(written.into_iter().map(|file| file.path).collect())
+}
+
+/// The pictures of a look, which slices alone do not give again; what cannot be read is left out.
+fn looks(folder: &Path, manifest: &Manifest) -> Vec<PreviewFile> {
+    let listed = manifest.files.iter().filter(|file| file.path.starts_with("look/") && file.path.ends_with(".png"));
+    let mut found: Vec<PreviewFile> = listed
+        .filter_map(|file| {
+            Some(PreviewFile { path: file.path.clone(), png: std::fs::read(folder.join(&file.path)).ok()? })
+        })
+        .collect();
+    // As they are drawn: under the sky first.
+    found.sort_by_key(|file| ["soft", "edge", "behind", "spot"].iter().position(|name| file.path.contains(name)));
+    found
 }
 
 /// Whether there is a whole job to be drawn, of a size that can be.

@@ -1,12 +1,17 @@
 //! A finished job for human eyes: its pictures, and the page that shows them.
 
 use crate::{
-    job::{LatticeRecord, Manifest, MaterialRecord, ObjectRecord, RunError},
+    colour::linear_to_byte,
+    job::look::{Fit, LookSummary},
+    job::{
+        Manifest, RunError,
+        manifest::{LatticeRecord, MaterialRecord, ObjectRecord},
+    },
     optics::{ResinId, Stack},
     output::{MANIFEST, OutputFolder},
     preview::{
-        self, PreviewFile, PreviewMaterial, ReportData, ReportHealth, ReportMaterial, ReportPicture, ReportStacking,
-        report_html,
+        self, FilmStrip, PreviewFile, PreviewMaterial, ReportData, ReportFilm, ReportHealth, ReportMaterial,
+        ReportPicture, ReportStacking, report_html,
     },
     voxel::{Lattice, MaterialId},
 };
@@ -24,8 +29,7 @@ pub(super) fn write_pictures(
     for picture in pictures {
         output.write(&picture.path, &picture.png)?;
     }
-    let paths = pictures.iter().map(|picture| picture.path.as_str());
-    output.write(REPORT, report_html(&report_data(manifest, paths)).as_bytes())?;
+    output.write(REPORT, report_html(&report_data(manifest, pictures)).as_bytes())?;
     Ok(())
 }
 
@@ -33,7 +37,7 @@ pub(super) fn write_pictures(
 ///
 /// # Errors
 /// A slice that is missing or damaged.
-pub fn draw_again(folder: &std::path::Path, manifest: &Manifest) -> Result<Vec<PreviewFile>, RunError> {
+pub(super) fn draw_again(folder: &std::path::Path, manifest: &Manifest) -> Result<Vec<PreviewFile>, RunError> {
     Ok(preview::from_folder(folder, &manifest.lattice.lattice(), &preview_materials(manifest))?)
 }
 
@@ -54,7 +58,7 @@ impl LatticeRecord {
 }
 
 /// What the page says.
-pub fn report_data<'a>(manifest: &Manifest, pictures: impl Iterator<Item = &'a str>) -> ReportData {
+fn report_data(manifest: &Manifest, pictures: &[PreviewFile]) -> ReportData {
     let id = |name: &str| manifest.materials.iter().position(|material| material.name == name).map(ResinId);
     let slices = manifest.slices[1] - manifest.slices[0];
     let mut stackings = Vec::new();
@@ -70,6 +74,7 @@ pub fn report_data<'a>(manifest: &Manifest, pictures: impl Iterator<Item = &'a s
                 },
                 stack: Stack::new(layers).over(id(&object.core)),
                 share: (object.stackings.len() > 1).then_some(entry.share),
+                albedo: [entry.target_albedo.as_deref(), Some(&entry.predicted_albedo)].map(|albedo| albedo.map(shown)),
                 error: entry
                     .search
                     .as_ref()
@@ -104,8 +109,53 @@ pub fn report_data<'a>(manifest: &Manifest, pictures: impl Iterator<Item = &'a s
         error_name: "rms error of R\u{302}".to_owned(),
         warnings: manifest.warnings.clone(),
         health: manifest.objects.iter().map(health).collect(),
-        pictures: pictures.map(|path| ReportPicture { path: path.to_owned(), caption: caption(path) }).collect(),
+        look: manifest.look.as_ref().map(|look| look_words(look, &manifest.material_set.channels)).unwrap_or_default(),
+        pictures: pictures
+            .iter()
+            .filter(|picture| picture.path != preview::FILM_STRIP)
+            .map(|picture| ReportPicture {
+                path: picture.path.clone(),
+                caption: caption(&picture.path),
+                png: picture.png.clone(),
+            })
+            .collect(),
+        film: pictures
+            .iter()
+            .find(|picture| picture.path == preview::FILM_STRIP)
+            .map(|picture| ReportFilm { layout: FilmStrip::of(&manifest.lattice.lattice()), png: picture.png.clone() }),
     }
+}
+
+/// An albedo as it is shown: three channels are a colour, of others the first is grey.
+fn shown(albedo: &[f64]) -> [u8; 3] {
+    let grey = albedo.first().copied().unwrap_or(0.0);
+    let light = if let [r, g, b] = *albedo { [r, g, b] } else { [grey; 3] };
+    light.map(linear_to_byte)
+}
+
+/// What the numbers of a look say.
+fn look_words(look: &LookSummary, channels: &[String]) -> Vec<String> {
+    let fit = |name: &str, fits: &[Fit]| {
+        let one = |(channel, fit): (&String, &Fit)| {
+            let channel = if channels.len() > 1 { format!("{channel} ") } else { String::new() };
+            format!("{channel}{:+.3} on average, {:.3} rms ({:.0} %)", fit.bias, fit.rms, 100.0 * fit.relative_rms)
+        };
+        let all: Vec<_> = channels.iter().zip(fits).map(one).collect();
+        format!("Printed albedo less the one that was {name}, over {} spots: {}.", look.spots, all.join("; "))
+    };
+    let mut words: Vec<_> = look.against_asked.iter().map(|fits| fit("asked for", fits)).collect();
+    words.push(fit("predicted for a flat slab", &look.against_predicted));
+    if let Some(worst) = look.worst.first() {
+        let [x, y, z] = worst.position_mm;
+        let numbers = |values: &[f64]| values.iter().map(|v| format!("{v:.2}")).collect::<Vec<_>>().join(" ");
+        let goal = worst.asked.as_ref().unwrap_or(&worst.predicted);
+        words.push(format!(
+            "Worst at ({x:.1}, {y:.1}, {z:.1}) mm: {} in place of {}.",
+            numbers(&worst.printed),
+            numbers(goal)
+        ));
+    }
+    words
 }
 
 fn health(object: &ObjectRecord) -> ReportHealth {
@@ -118,6 +168,10 @@ fn health(object: &ObjectRecord) -> ReportHealth {
 
 fn caption(path: &str) -> String {
     match path.trim_start_matches("preview/").trim_end_matches(".png") {
+        "look/soft" => "Asked and printed, under the sky.".to_owned(),
+        "look/edge" => "Asked and printed, at the edge of a shadow.".to_owned(),
+        "look/behind" => "Asked and printed, lit from behind.".to_owned(),
+        "look/spot" => "Asked and printed, under a spot of light.".to_owned(),
         "cutaway" => "The object cut open: every layer in the colour that stands for its resin.".to_owned(),
         "cuts" => "Three cuts through the middle.".to_owned(),
         "slices" => "Slices from the lowest to the highest.".to_owned(),

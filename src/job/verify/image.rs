@@ -7,7 +7,7 @@ use std::{
 
 use png::{BitDepth, ColorType, PixelDimensions, Reader, Unit};
 
-use crate::job::LatticeRecord;
+use crate::job::manifest::LatticeRecord;
 
 /// Bytes the decoder may take for chunks that are no image; ours have none.
 const MAX_CHUNK_BYTES: usize = 1 << 20;

@@ -13,7 +13,7 @@ use super::{
     image::{Image, Kind},
     records::MAX_MATERIALS,
 };
-use crate::{job::MaterialRecord, voxel::Lattice};
+use crate::{job::manifest::MaterialRecord, voxel::Lattice};
 
 /// Runs of missing or surplus numbers that are told; the rest is counted.
 const MAX_GAPS: usize = 20;

@@ -16,6 +16,7 @@ mod files;
 mod image;
 mod layers;
 mod records;
+mod remade;
 mod solids;
 mod stackings;
 #[cfg(test)]
@@ -27,10 +28,11 @@ use std::{
     path::{Path, PathBuf},
 };
 
+pub use remade::{Remake, RemakeError, verify_job};
 use serde::Serialize;
 use thiserror::Error;
 
-use super::{MANIFEST_VERSION, Manifest};
+use crate::job::manifest::{MANIFEST_VERSION, Manifest};
 use crate::{
     blame::{Blame, Blamed},
     output::MANIFEST,
@@ -99,7 +101,8 @@ pub enum VerifyError {
         path: PathBuf,
     },
     /// The manifest is that of another command.
-    #[error("{}: found the manifest of a folder without slices, as factor and compare write, expected a finished job's", path.display())]
+    #[error("{}: found the manifest of a folder without slices, as factor and compare write, expected a finished \
+        job's", path.display())]
     NoJob {
         /// The manifest.
         path: PathBuf,

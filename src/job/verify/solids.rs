@@ -14,7 +14,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Check, Finding, Verification, VerifyError, files::Sound};
-use crate::job::MeshRecord;
+use crate::job::manifest::MeshRecord;
 
 /// Bytes before the number of triangles in a binary STL file.
 const HEADER: usize = 80;

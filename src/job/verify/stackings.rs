@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 
 use super::{Check, Finding, files::Sound, image::read_all};
 use crate::{
-    job::{STACKINGS, StackingReport},
+    job::{StackingReport, manifest::STACKINGS},
     output::hex,
 };
 

@@ -63,7 +63,8 @@ impl Folder {
         let digest = hex(&Sha256::digest(json!({ "job": job, "inputs": [], "objects": [] }).to_string().as_bytes()));
         let white = |x: u32, _: u32| if x < 3 { WHITE } else { [0; 4] };
         let record = |id, name, rgba, voxels: u64| {
-            json!({ "id": id, "name": name, "rgba": rgba, "voxels": voxels, "volume_mm3": voxels as f64 * (0.1 * 0.2 * 0.5),
+            json!({ "id": id, "name": name, "rgba": rgba, "voxels": voxels,
+            "volume_mm3": voxels as f64 * (0.1 * 0.2 * 0.5),
                     "mass_g": 0.0 })
         };
         let mut folder = Self {
@@ -74,7 +75,8 @@ impl Folder {
                 "slices": [0, 2],
                 "material_set": { "name": "test", "provenance": "", "channels": ["Y"] },
                 "materials": [record(1, "white", WHITE, 12), record(2, "support", [0; 4], 5)],
-                "stackings": [], "meshes": [{ "material": "white", "triangles": 4, "volume_mm3": 1.0 / 6.0, "pitch_mm": 0.1 }],
+                "stackings": [], "meshes": [{ "material": "white", "triangles": 4, "volume_mm3": 1.0 / 6.0,
+                "pitch_mm": 0.1 }],
                 "files": [], "warnings": [],
             }),
         };

@@ -154,7 +154,7 @@ pub(super) fn solve(count: usize, links: &[Link]) -> Vec<Offset> {
 }
 
 /// Values whose differences are as the links say, by weighted least squares (Gauss–Seidel); each with the error its own
-/// links leave. An exposure nobody shares pixels with keeps 0.
+/// links leave. An exposure without shared pixels keeps 0.
 fn network(count: usize, links: &[Link], read: impl Fn(&Link) -> (f64, f64)) -> Vec<(f64, f64)> {
     const SWEEPS: usize = 2000;
     let mut values = vec![0.0_f64; count];

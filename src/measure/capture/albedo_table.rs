@@ -26,7 +26,7 @@ pub(super) const ALBEDO_KEYS: [&str; 13] = [
 ];
 
 impl Reader<'_> {
-    /// A single picture and its exposure, 1 s where nobody says, for pictures that are compared within themselves.
+    /// A single picture and its exposure, 1 s where none is given, for pictures that are compared within themselves.
     fn picture(&self, key: &str, time_key: Option<&str>, all: &Headers<'_>) -> Result<Option<(Exposure, Header)>> {
         let Some(name) = self.keys.string(key)? else { return Ok(None) };
         let file: PathBuf = self.folder.join(name.value);

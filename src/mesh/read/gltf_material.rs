@@ -123,7 +123,8 @@ fn without_holes(texture: Arc<Texture>, material: &Material, alpha: f32, raw: &m
         return texture;
     }
     raw.warnings.push(format!(
-        "the alpha of material `{name}` cuts {} out of its texture: the surface stays, in the colour of the nearest texel \
+        "the alpha of material `{name}` cuts {} out of its texture: the surface stays, in the colour of the nearest \
+            texel \
          left",
         counted(count, "texel")
     ));

@@ -101,7 +101,8 @@ pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, r
                         (definition.scale, definition.offset) = (map.scale, map.offset);
                     }
                     Err(reason) => raw.lose_color(format!(
-                        "{name}, line {number}: texture {file} of material `{}` cannot be read ({reason}): it stays plain",
+                        "{name}, line {number}: texture {file} of material `{}` cannot be read ({reason}): it stays \
+                            plain",
                         definition.material.name
                     )),
                 }

@@ -203,7 +203,8 @@ pub(super) const ROWS: &[Row] = &[
         "PLY",
         Fate::Lost,
         &[],
-        "`multi_texture` and `material` elements; several textures without a texnumber; missing or unreadable textures; a texture without coordinates",
+        "`multi_texture` and `material` elements; several textures without a texnumber; missing or unreadable \
+            textures; a texture without coordinates",
     ),
     row("PLY", Fate::Refused, &[], "indices out of range, a texnumber without TextureFile"),
     row(

@@ -21,7 +21,7 @@ pub(super) enum Role {
     Printed,
     /// It changes how others are printed, or holds them up: a plural.
     Helper(&'static str),
-    /// It takes shape away, or nobody knows what it does: its name in the file.
+    /// It takes shape away, or what it does is not known: its name in the file.
     Unread(String),
 }
 

@@ -92,7 +92,8 @@ fn fitted_coefficients_predict_other_thicknesses() {
                 }
                 let VolumeCoefficients { sigma_s, sigma_a, g, .. } = fit.coefficients;
                 println!(
-                    "{name:7} {index:.1} {:>14} {sigma_s:9.4} {sigma_a:9.5} {g:9.4} {:9.1e}  {:.2}%  (σs′ ±{:.1}%, σa ±{:.1}%, g ±{:.2})",
+                    "{name:7} {index:.1} {:>14} {sigma_s:9.4} {sigma_a:9.5} {g:9.4} {:9.1e}  {:.2}%  (σs′ ±{:.1}%, σa \
+                        ±{:.1}%, g ±{:.2})",
                     format!("{mm:?}"),
                     fit.residual,
                     100.0 * worst,

@@ -73,6 +73,15 @@ impl HenyeyGreenstein {
     }
 }
 
+impl HenyeyGreenstein {
+    /// Probability per steradian of a cosine.
+    #[inline]
+    pub(crate) fn density(&self, cosine: f64) -> f64 {
+        let spread = self.one_plus_g_squared - 2.0 * self.g * cosine;
+        self.one_minus_g_squared / (4.0 * std::f64::consts::PI * spread * spread.sqrt())
+    }
+}
+
 /// Uniform in [0, 1), 53 bits.
 #[inline]
 pub(crate) fn uniform(rng: &mut Xoshiro256PlusPlus) -> f64 {

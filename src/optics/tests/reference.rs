@@ -77,7 +77,8 @@ fn monte_carlo_agrees_with_adding_doubling_quickly() {
 }
 
 #[test]
-#[ignore = "the full proof: 4.8e9 photons, about half an hour on 2 cores; LUMISLICE_PHOTONS and LUMISLICE_SEEDS make it smaller"]
+#[ignore = "the full proof: 4.8e9 photons, about half an hour on 2 cores; LUMISLICE_PHOTONS and LUMISLICE_SEEDS make \
+    it smaller"]
 fn monte_carlo_agrees_with_adding_doubling() {
     let Some(text) = reference("adding_doubling_slabs.csv") else { return };
     let setting = |name: &str, default: u64| std::env::var(name).map_or(default, |value| value.parse().unwrap());
@@ -87,7 +88,8 @@ fn monte_carlo_agrees_with_adding_doubling() {
     let scores: Vec<f64> = (1..=seeds).flat_map(|seed| z_scores(&rows, photons, seed)).collect();
     let (largest, below_3, mean_square) = summary(&scores);
     println!(
-        "{} rows, {photons} photons, {seeds} seeds, {:.0?}: {} z, largest {largest:.2}, below 3 {below_3:.4}, mean square {mean_square:.3}",
+        "{} rows, {photons} photons, {seeds} seeds, {:.0?}: {} z, largest {largest:.2}, below 3 {below_3:.4}, mean \
+            square {mean_square:.3}",
         rows.len(),
         started.elapsed(),
         scores.len()

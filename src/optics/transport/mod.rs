@@ -10,7 +10,7 @@
 //!                                              └──► Slab (doubling): k = 0, and the test of the modes
 //! ```
 //!
-//! Every frequency is reckoned on its own, so that the threads' number changes nothing.
+//! Every frequency is computed on its own, so that the threads' number changes nothing.
 
 mod beam;
 mod directions;

@@ -1,7 +1,7 @@
 //! Many stacks of the same resins, with derivatives: the transport equation in each resin's own modes.
 //!
 //! [`super::slab`] doubles every slab anew. A search asks for thousands of stacks of few resins, so here what depends
-//! on the resins alone is reckoned once ([`super::modes`]). Through a layer h thick ρ ← e^{−Λh} ρ e^{−Λh}, and
+//! on the resins alone is computed once ([`super::modes`]). Through a layer h thick ρ ← e^{−Λh} ρ e^{−Λh}, and
 //! boundaries do the rest; a half-space has ρ = 0. Only falling exponentials occur, and ∂ρ/∂h = −(Λρ + ρΛ).
 
 use faer::{

@@ -32,7 +32,7 @@ use crate::{numeric::quadrature::gauss_legendre, optics::Light};
 const EXACT_NODES: usize = 40;
 /// Beyond this kh the exact light is gone: every way through is at least h long, and waves on it cancel as e^{−kh}.
 const CALM: f64 = 16.0;
-/// From kh = 1 on the exact light is reckoned at kh this far apart, and interpolated between.
+/// From kh = 1 on the exact light is computed at kh this far apart, and interpolated between.
 const SPACING: f64 = 0.3;
 /// Gauss points of a layer h thick: one for each of these kh at the highest frequency, within limits.
 const TURN: f64 = 2.5;

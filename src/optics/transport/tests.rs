@@ -55,7 +55,10 @@ proptest! {
     }
 
     #[test]
-    fn without_absorption_no_light_is_lost(layers in prop::collection::vec((volume(), 0.01..3.0), 1..4), light in light()) {
+    fn without_absorption_no_light_is_lost(
+        layers in prop::collection::vec((volume(), 0.01..3.0), 1..4),
+        light in light(),
+    ) {
         let clear: Vec<_> = layers.iter().map(|(v, mm)| (VolumeCoefficients { sigma_a: 0.0, ..*v }, *mm)).collect();
         let found = spectra(&clear, None, light, &[0.0, 5.0]);
         let sum = found.reflection[0] + found.transmission[0] + mirrored(&clear, light);
@@ -123,7 +126,7 @@ fn modes_and_doubling_agree() {
     }
 }
 
-/// Tables and a stack reckoned on its own: the same but for the least absorption of the one.
+/// Tables and a stack computed on its own: the same but for the least absorption of the one.
 #[test]
 fn tables_know_light_of_few_turns() {
     let grid = FrequencyGrid::linear(9, 20.0);
@@ -153,7 +156,10 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
 
     #[test]
-    fn modes_hold_for_any_resins(resins in prop::collection::vec(volume(), 2..4), mm in prop::collection::vec(0.001..3.0, 1..4)) {
+    fn modes_hold_for_any_resins(
+        resins in prop::collection::vec(volume(), 2..4),
+        mm in prop::collection::vec(0.001..3.0, 1..4),
+    ) {
         let k = [0.5, 6.0, 12.0];
         let options = TransportOptions { polar: 4, orders: 5 };
         let modal = ModalReflection::new(&resins, Some(0), &k, options);
@@ -170,7 +176,10 @@ proptest! {
     }
 
     #[test]
-    fn slopes_are_those_of_differences(mm in prop::collection::vec(0.02..2.0, 3), index in prop_oneof![Just(1.0), Just(1.5)]) {
+    fn slopes_are_those_of_differences(
+        mm in prop::collection::vec(0.02..2.0, 3),
+        index in prop_oneof![Just(1.0), Just(1.5)],
+    ) {
         /// Step of the differences, mm: their error is of its square.
         const STEP: f64 = 1e-4;
         let resins = [WHITE, SUPPORT, BLACK].map(|resin| resin.with_refractive_index(index));
@@ -420,7 +429,8 @@ fn time_of_a_stack() {
                 })
             });
             println!(
-                "n {index} {options:?}: tables {tables:.1} ms, R and T {value:.1}, with few turns {all:.1}, slopes {slope:.1}, few turns {prepare:.1} + {corrections:.1}, from scratch {whole:.1}"
+                "n {index} {options:?}: tables {tables:.1} ms, R and T {value:.1}, with few turns {all:.1}, slopes \
+                    {slope:.1}, few turns {prepare:.1} + {corrections:.1}, from scratch {whole:.1}"
             );
         }
     }

@@ -252,7 +252,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn bending_keeps_order_and_limits(low in -2.0..0.0f64, extent in 0.0..3.0f64, least in -5.0..0.0f64, greatest in 0.0..5.0f64) {
+        fn bending_keeps_order_and_limits(
+            low in -2.0..0.0f64,
+            extent in 0.0..3.0f64,
+            least in -5.0..0.0f64,
+            greatest in 0.0..5.0f64,
+        ) {
             let high = low + extent;
             let clip = SoftClip::new([low, high], [least, greatest]);
             let at = |n: usize| least + (greatest - least) * n as f64 / 400.0;

@@ -3,7 +3,7 @@
 //! E(r) = r ∫ f̂(k) J₁(kr) dk (see `optics::InverseHankel`) is linear in f̂: with cubic interpolation between the
 //! coefficients, and f̂ ~ 1/k beyond the grid as R ~ 1/r at the centre makes it, it is one dot product for each of a
 //! few radii. Good to about 1% of the radius, 3% below 0.1 mm where the default grid ends too early (a test compares),
-//! which is ample to tell cells of a gamut apart; what is shown is reckoned again.
+//! which is ample to tell cells of a gamut apart; what is shown is computed again.
 
 use crate::numeric::quadrature::GAUSS_3;
 use crate::optics::FrequencyGrid;

@@ -15,7 +15,7 @@ use crate::sdf::LpScratch;
 
 use super::{
     Bounds,
-    nodes::{NOBODY, Node, VOID},
+    nodes::{NO_OBJECT, Node, VOID},
     object::{NodeObject, Row, slots_passed},
 };
 
@@ -76,7 +76,7 @@ impl<'a> Crossings<'a> {
     fn share(&mut self, p: (Node, DVec3), q: (Node, DVec3)) -> f64 {
         // Of two objects the earlier one's surface is the boundary: it owns what they share.
         let number = p.0.owner.min(q.0.owner);
-        if number == NOBODY {
+        if number == NO_OBJECT {
             return 0.5;
         }
         let object = &self.objects[usize::from(number)];

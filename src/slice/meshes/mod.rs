@@ -42,7 +42,7 @@ pub use threemf::write_3mf;
 
 use self::{
     march::March,
-    nodes::{NOBODY, NodeGrid},
+    nodes::{NO_OBJECT, NodeGrid},
     object::NodeObject,
 };
 use super::ObjectField;
@@ -165,8 +165,8 @@ impl MaterialMesher {
         if !(pitch_mm.is_finite() && pitch_mm > 0.0) {
             return Err(MeshingError::Pitch { found: pitch_mm });
         }
-        if objects.len() >= usize::from(NOBODY) {
-            return Err(MeshingError::Objects { found: objects.len(), max: usize::from(NOBODY) - 1 });
+        if objects.len() >= usize::from(NO_OBJECT) {
+            return Err(MeshingError::Objects { found: objects.len(), max: usize::from(NO_OBJECT) - 1 });
         }
         let bounds = bounds(objects);
         if !(bounds.0.is_finite() && bounds.1.is_finite()) {

@@ -13,7 +13,7 @@ use glam::DVec3;
 use crate::voxel::{BRICK, BRICK_VOXELS, Lattice};
 
 /// Owner of a node outside of all objects; greater than every object's number.
-pub const NOBODY: u16 = u16::MAX;
+pub const NO_OBJECT: u16 = u16::MAX;
 
 /// Label of what is not meshed: air, and the resins that print as voids.
 pub const VOID: u8 = 0;
@@ -32,9 +32,9 @@ pub struct NodeGrid {
 pub struct Node {
     /// Material id, or [`VOID`].
     pub label: u8,
-    /// Number of the object the node is in, or [`NOBODY`].
+    /// Number of the object the node is in, or [`NO_OBJECT`].
     pub owner: u16,
-    /// Number of the object that `nearest` speaks of, or [`NOBODY`] where it was not needed.
+    /// Number of the object that `nearest` speaks of, or [`NO_OBJECT`] where it was not needed.
     pub measured: u16,
     /// The nearest surface point.
     pub nearest: Nearest,
@@ -51,11 +51,11 @@ pub struct Nearest {
 
 impl Node {
     /// A node in air.
-    pub const OUTSIDE: Self = Self::unmeasured(VOID, NOBODY);
+    pub const OUTSIDE: Self = Self::unmeasured(VOID, NO_OBJECT);
 
     const fn unmeasured(label: u8, owner: u16) -> Self {
         let nearest = Nearest { distance: 0.0, triangle: 0 };
-        Self { label, owner, measured: NOBODY, nearest }
+        Self { label, owner, measured: NO_OBJECT, nearest }
     }
 }
 
@@ -75,7 +75,7 @@ pub enum NodeBrick {
 
 impl NodeBrick {
     /// A brick in air.
-    pub const OUTSIDE: Self = Self::Uniform { label: VOID, owner: NOBODY };
+    pub const OUTSIDE: Self = Self::Uniform { label: VOID, owner: NO_OBJECT };
 
     /// Node `index` of the brick.
     #[inline]

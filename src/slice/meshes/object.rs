@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use super::{
     PartOf,
-    nodes::{NOBODY, Nearest, Node, NodeBrick, NodeGrid, VOID},
+    nodes::{NO_OBJECT, Nearest, Node, NodeBrick, NodeGrid, VOID},
     taper::{Tapers, is_thin},
 };
 use crate::{
@@ -211,12 +211,12 @@ impl Leaves for NodeLeaves<'_, '_> {
             if *mask == EMPTY {
                 continue;
             }
-            if *mask == FULL && matches!(brick, NodeBrick::Uniform { owner: NOBODY, .. }) {
+            if *mask == FULL && matches!(brick, NodeBrick::Uniform { owner: NO_OBJECT, .. }) {
                 *brick = NodeBrick::Uniform { label, owner };
                 continue;
             }
             for (n, node) in brick.dense_mut().iter_mut().enumerate() {
-                if is_set(mask, n) && node.owner == NOBODY {
+                if is_set(mask, n) && node.owner == NO_OBJECT {
                     *node = Node { label, owner, ..Node::OUTSIDE };
                 }
             }
@@ -238,7 +238,7 @@ impl Leaves for NodeLeaves<'_, '_> {
         };
         let index = SHAPE.brick_index(at);
         for (n, node) in self.bricks[index].dense_mut().iter_mut().enumerate() {
-            if node.owner != NOBODY {
+            if node.owner != NO_OBJECT {
                 continue;
             }
             let triangle = candidates[surface.candidate[n] as usize];

@@ -9,7 +9,8 @@ fn unknown_keys() {
         (
             "[field]",
             "[colour]",
-            "bad.toml:21:2: colour: found an unknown key; expected one of object, printer, materials, target, clusters, stacking, field, output, overlap",
+            "bad.toml:21:2: colour: found an unknown key; expected one of object, printer, materials, target, \
+                clusters, stacking, field, output, overlap",
         ),
         (
             "height-mm",
@@ -20,7 +21,8 @@ fn unknown_keys() {
         (
             "height-mm = 30",
             "\"two words\" = 30",
-            "bad.toml:3:1: object[0].\"two words\": found an unknown key; expected one of mesh, unit, scale, height-mm, rotate-deg, position-mm, depth-from, target",
+            "bad.toml:3:1: object[0].\"two words\": found an unknown key; expected one of mesh, unit, scale, \
+                height-mm, rotate-deg, position-mm, depth-from, target",
         ),
         ("preset =", "pre-set =", "bad.toml:6:1: printer.pre-set: found an unknown key; did you mean `preset`?"),
         (
@@ -32,7 +34,8 @@ fn unknown_keys() {
         (
             "albedo =",
             "profile =",
-            "bad.toml:13:1: target.profile: found a key of kind = \"profile\", expected only keys of kind = \"texture\": albedo, albedo-value, mean-free-path, mean-free-path-mm, max-albedo, gamut-map",
+            "bad.toml:13:1: target.profile: found a key of kind = \"profile\", expected only keys of kind \
+                = \"texture\": albedo, albedo-value, mean-free-path, mean-free-path-mm, max-albedo, gamut-map",
         ),
         ("k = 100", "K = 100", "bad.toml:16:1: clusters.K: found an unknown key; did you mean `k`?"),
         ("units = 64", "unit = 64", "bad.toml:19:1: stacking.unit: found an unknown key; did you mean `units`?"),
@@ -46,7 +49,8 @@ fn unknown_keys() {
         (
             "height-mm = 30",
             "zz = 1\naa = 1",
-            "bad.toml:3:1: object[0].zz: found an unknown key; expected one of mesh, unit, scale, height-mm, rotate-deg, position-mm, depth-from, target",
+            "bad.toml:3:1: object[0].zz: found an unknown key; expected one of mesh, unit, scale, height-mm, \
+                rotate-deg, position-mm, depth-from, target",
         ),
     ]);
 }
@@ -82,17 +86,20 @@ fn missing_keys() {
         (
             "set = \"synthetic\"",
             "",
-            "bad.toml:8:1: materials.set: found nothing, expected the name of a built-in set of resins, or a file in its place",
+            "bad.toml:8:1: materials.set: found nothing, expected the name of a built-in set of resins, or a file in \
+                its place",
         ),
         (
             "[target]\nkind = \"texture\"\nalbedo = \"albedo.png\"\n",
             "",
-            "bad.toml:1:1: object[0].target: found nothing, expected a [target] for the whole job or an [object.target] of its own",
+            "bad.toml:1:1: object[0].target: found nothing, expected a [target] for the whole job or an \
+                [object.target] of its own",
         ),
         (
             "kind = \"texture\"\n",
             "",
-            "bad.toml:11:1: target.kind: found nothing, expected one of \"stacking\", \"profile\", \"texture\", \"clusters\", \"bssrdf\"",
+            "bad.toml:11:1: target.kind: found nothing, expected one \
+                of \"stacking\", \"profile\", \"texture\", \"clusters\", \"bssrdf\"",
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
@@ -102,7 +109,8 @@ fn missing_keys() {
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
             "kind = \"profile\"",
-            "bad.toml:11:1: target.profile: found nothing, expected the path of a profile CSV, or an array of one for each channel",
+            "bad.toml:11:1: target.profile: found nothing, expected the path of a profile CSV, or an array of one for \
+                each channel",
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
@@ -153,7 +161,8 @@ fn contradictions() {
         (
             "\"exact\"",
             "\"exact\"\nlp-exponent = 4",
-            "bad.toml:23:15: field.lp-exponent: found an exponent that nothing uses, expected distance = \"lp\" beside it",
+            "bad.toml:23:15: field.lp-exponent: found an exponent that nothing uses, expected distance = \"lp\" \
+                beside it",
         ),
         (
             "units = 64",

@@ -10,37 +10,44 @@ fn inputs_that_are_not_there() {
         (
             "rabbit.glb",
             "hare.glb",
-            "bad.toml:2:8: object[0].mesh: found \"hare.glb\", which does not exist, expected a mesh file (looked at DIR/hare.glb)",
+            "bad.toml:2:8: object[0].mesh: found \"hare.glb\", which does not exist, expected a mesh file (looked at \
+                DIR/hare.glb)",
         ),
         (
             "rabbit.glb",
             "factored",
-            "bad.toml:2:8: object[0].mesh: found \"factored\", which is a folder, expected a mesh file (looked at DIR/factored)",
+            "bad.toml:2:8: object[0].mesh: found \"factored\", which is a folder, expected a mesh file (looked at \
+                DIR/factored)",
         ),
         (
             "\"albedo.png\"",
             "\"white.png\"",
-            "bad.toml:13:10: target.albedo: found \"white.png\", which does not exist, expected an albedo texture (looked at DIR/white.png)",
+            "bad.toml:13:10: target.albedo: found \"white.png\", which does not exist, expected an albedo texture \
+                (looked at DIR/white.png)",
         ),
         (
             "\"albedo.png\"",
             "\"albedo.png\"\nmean-free-path = \"mfp.png\"",
-            "bad.toml:14:18: target.mean-free-path: found \"mfp.png\", which does not exist, expected a mean-free-path texture (looked at DIR/mfp.png)",
+            "bad.toml:14:18: target.mean-free-path: found \"mfp.png\", which does not exist, expected a \
+                mean-free-path texture (looked at DIR/mfp.png)",
         ),
         (
             "set = \"synthetic\"",
             "file = \"none.toml\"",
-            "bad.toml:9:8: materials.file: found \"none.toml\", which does not exist, expected a material file (looked at DIR/none.toml)",
+            "bad.toml:9:8: materials.file: found \"none.toml\", which does not exist, expected a material file \
+                (looked at DIR/none.toml)",
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
             "kind = \"profile\"\nprofile = \"q.csv\"",
-            "bad.toml:13:11: target.profile: found \"q.csv\", which does not exist, expected a profile CSV (looked at DIR/q.csv)",
+            "bad.toml:13:11: target.profile: found \"q.csv\", which does not exist, expected a profile CSV (looked at \
+                DIR/q.csv)",
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
             "kind = \"clusters\"\nlabels = \"labels.png\"\nprofiles = [\"p.csv\", \"q.csv\"]",
-            "bad.toml:14:22: target.profiles[1]: found \"q.csv\", which does not exist, expected a profile CSV (looked at DIR/q.csv)",
+            "bad.toml:14:22: target.profiles[1]: found \"q.csv\", which does not exist, expected a profile CSV \
+                (looked at DIR/q.csv)",
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
@@ -50,7 +57,8 @@ fn inputs_that_are_not_there() {
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
             "kind = \"bssrdf\"\nmap = \"p.csv\"",
-            "bad.toml:13:7: target.map: found \"p.csv\", which is not a folder, expected a folder of factored profiles (looked at DIR/p.csv)",
+            "bad.toml:13:7: target.map: found \"p.csv\", which is not a folder, expected a folder of factored \
+                profiles (looked at DIR/p.csv)",
         ),
     ]);
 }
@@ -62,17 +70,20 @@ fn inputs_that_unix_refuses() {
         (
             "rabbit.glb",
             "/dev/null",
-            "bad.toml:2:8: object[0].mesh: found \"/dev/null\", which is not a regular file, expected a mesh file (looked at /dev/null)",
+            "bad.toml:2:8: object[0].mesh: found \"/dev/null\", which is not a regular file, expected a mesh file \
+                (looked at /dev/null)",
         ),
         (
             "rabbit.glb",
             "rabbit.glb/x",
-            "bad.toml:2:8: object[0].mesh: found \"rabbit.glb/x\", which cannot be opened (Not a directory (os error 20)), expected a mesh file (looked at DIR/rabbit.glb/x)",
+            "bad.toml:2:8: object[0].mesh: found \"rabbit.glb/x\", which cannot be opened (Not a directory (os error \
+                20)), expected a mesh file (looked at DIR/rabbit.glb/x)",
         ),
         (
             "rabbit.glb",
             "a\\u0000\\nb",
-            "bad.toml:2:8: object[0].mesh: found \"a\\u{0}\\nb\", which cannot be opened (file name contained an unexpected NUL byte), expected a mesh file (looked at DIR/a\\u{0}\\nb)",
+            "bad.toml:2:8: object[0].mesh: found \"a\\u{0}\\nb\", which cannot be opened (file name contained an \
+                unexpected NUL byte), expected a mesh file (looked at DIR/a\\u{0}\\nb)",
         ),
     ]);
 }
@@ -88,17 +99,20 @@ fn names_and_stacks_and_what_is_not_built() {
         (
             "j750-27um",
             "mimaki",
-            "bad.toml:6:10: printer.preset: found the unknown printer \"mimaki\"; expected one of j750-14um, j750-27um, connex500-16um, connex500-30um",
+            "bad.toml:6:10: printer.preset: found the unknown printer \"mimaki\"; expected one of j750-14um, \
+                j750-27um, connex500-16um, connex500-30um",
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
             "kind = \"stacking\"\nstack = \"white:0.5,support\"",
-            "bad.toml:13:9: target.stack: layer 2 of the stack: found \"support\", expected name:thickness, the thickness in mm",
+            "bad.toml:13:9: target.stack: layer 2 of the stack: found \"support\", expected name:thickness, the \
+                thickness in mm",
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
             "kind = \"stacking\"\nstack = \"\"",
-            "bad.toml:13:9: target.stack: found an empty stack, expected layers like white:0.5,support:1.0 (name:thickness in mm, top first)",
+            "bad.toml:13:9: target.stack: found an empty stack, expected layers like white:0.5,support:1.0 \
+                (name:thickness in mm, top first)",
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
@@ -108,7 +122,8 @@ fn names_and_stacks_and_what_is_not_built() {
         (
             "[\"png\"]",
             "[\"png\", \"gcvf\"]",
-            "bad.toml:25:19: output.formats[1]: found \"gcvf\", which is not built yet; expected one of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"",
+            "bad.toml:25:19: output.formats[1]: found \"gcvf\", which is not built yet; expected one \
+                of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"",
         ),
         (
             "= 30",
@@ -133,7 +148,8 @@ fn resins_are_checked_once_they_are_known() {
         (
             "units = 64",
             "[[stacking.limit]]\nresin = \"cyan\"",
-            "bad.toml:20:9: stacking.limit[0].resin: found the unknown resin \"cyan\"; expected one of white, black, support",
+            "bad.toml:20:9: stacking.limit[0].resin: found the unknown resin \"cyan\"; expected one of white, black, \
+                support",
         ),
         (
             stack,
@@ -148,7 +164,8 @@ fn resins_are_checked_once_they_are_known() {
         (
             "[\"png\"]",
             "[\"png\"]\nbackground-as = \"clear\"",
-            "bad.toml:26:17: output.background-as: found the unknown resin \"clear\"; expected one of white, black, support",
+            "bad.toml:26:17: output.background-as: found the unknown resin \"clear\"; expected one of white, black, \
+                support",
         ),
     ] {
         assert_eq!(load(part, new).check_resins(&names).unwrap_err().to_string(), expected);

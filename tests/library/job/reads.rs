@@ -5,7 +5,8 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use lumislice::job::{
-    AlbedoSource, Distance, Job, JobError, MAX_JOB_BYTES, MaterialSource, OutputFormat, Scaling, TargetSpec, Unit,
+    Job, JobError,
+    file::{AlbedoSource, Distance, MAX_JOB_BYTES, MaterialSource, OutputFormat, Scaling, TargetSpec, Unit},
 };
 use lumislice::{optics::Stack, search::ResinLimit};
 use proptest::prelude::*;
@@ -102,7 +103,8 @@ fn the_documented_job_reads_as_documented() {
 
 /// One job of every shape; each must read, and its canonical form must read back to itself.
 fn shapes() -> Vec<String> {
-    let base = "[[object]]\nmesh = \"rabbit.glb\"\n[printer]\npreset = \"connex500-30um\"\n[materials]\nfile = \"resins.toml\"\n";
+    let base = "[[object]]\nmesh = \"rabbit.glb\"\n[printer]\npreset = \"connex500-30um\"\n[materials]\nfile \
+        = \"resins.toml\"\n";
     vec![
         MINIMAL.to_owned(),
         documented(),
@@ -111,19 +113,35 @@ fn shapes() -> Vec<String> {
         format!("{base}[target]\nkind = \"profile\"\nprofile = \"p.csv\"\n[field]\ndistance = \"lp\"\nlp-exponent = 4"),
         format!("{base}[target]\nkind = \"clusters\"\nlabels = \"labels.png\"\nprofiles = [\"a.csv\", \"b.csv\"]"),
         format!("{base}[target]\nkind = \"texture\"\nalbedo-value = 0.8\n[field]\ndistance = \"grid\""),
-        format!("{base}scale = 1 # stands in [materials]").replace("scale = 1 # stands in [materials]", "[target]\nkind = \"texture\""),
-        MINIMAL.replace("printer.preset = \"j750-27um\"", "printer = { pitch-mm = [0.1, 0.1, 0.1], tray-mm = [100, 100, 50.5], max-colors = 4, min-slices = 1 }"),
+        format!("{base}scale = 1 # stands in [materials]").replace(
+            "scale = 1 # stands in \
+            [materials]",
+            "[target]\nkind = \"texture\"",
+        ),
+        MINIMAL.replace(
+            "printer.preset = \"j750-27um\"",
+            "printer = { pitch-mm = [0.1, 0.1, 0.1], tray-mm = [100, \
+            100, 50.5], max-colors = 4, min-slices = 1 }",
+        ),
         MINIMAL.replace("printer.preset = \"j750-27um\"", "printer = { preset = \"j750-27um\", max-colors = 3 }"),
         // Two objects, one with a target of its own.
-        "[[object]]\nmesh = \"rabbit.glb\"\nunit = \"inch\"\nscale = 2\nrotate-deg = [90, -0.0, 0]\nposition-mm = [10, 0, 0]\n\
+        "[[object]]\nmesh = \"rabbit.glb\"\nunit = \"inch\"\nscale = 2\nrotate-deg = [90, -0.0, 0]\nposition-mm = \
+            [10, 0, 0]\n\
          [object.target]\nkind = \"profile\"\nprofile = \"./p.csv\"\n[[object]]\nmesh = \"rabbit.glb\"\n\
-         [target]\nkind = \"stacking\"\nstack = \"white:1\"\n[printer]\npreset = \"j750-14um\"\n[materials]\nset = \"synthetic\"\n\
+         [target]\nkind = \"stacking\"\nstack = \"white:1\"\n[printer]\npreset = \"j750-14um\"\n[materials]\nset \
+         = \"synthetic\"\n\
          [clusters]\nk = 1\nseed = 9223372036854775807\n[stacking]\nunits = 2\ndepth = 12\ndc-weight = 0\n\
          [[stacking.limit]]\nresin = \"white\"\nmin-mm = 0.1\nmax-mm = 2\n[output]\nbackground-as = \"white\""
             .to_owned(),
         // A profile for each channel.
-        format!("{base}[target]\nkind = \"profile\"\nprofile = [\"a.csv\", \"b.csv\", \"p.csv\"]\n[stacking]\nobjective = \"spatial\""),
-        format!("{base}[target]\nkind = \"clusters\"\nlabels = \"labels.png\"\nprofiles = [\"a.csv\", [\"a.csv\", \"b.csv\"]]"),
+        format!(
+            "{base}[target]\nkind = \"profile\"\nprofile = \
+            [\"a.csv\", \"b.csv\", \"p.csv\"]\n[stacking]\nobjective = \"spatial\""
+        ),
+        format!(
+            "{base}[target]\nkind = \"clusters\"\nlabels = \"labels.png\"\nprofiles = [\"a.csv\", \
+            [\"a.csv\", \"b.csv\"]]"
+        ),
         // Windows line ends, a byte order mark.
         format!("\u{feff}{}", MINIMAL.replace('\n', "\r\n")),
     ]

@@ -36,22 +36,26 @@ fn wrong_types() {
         (
             "= 30",
             "= 30\nunit = \"inches\"",
-            "bad.toml:4:8: object[0].unit: found \"inches\", expected one of \"mm\", \"cm\", \"m\", \"inch\", \"um\"; did you mean `inch`?",
+            "bad.toml:4:8: object[0].unit: found \"inches\", expected one of \"mm\", \"cm\", \"m\", \"inch\", \"um\"; \
+                did you mean `inch`?",
         ),
         (
             "= 30",
             "= 30\nunit = \"MM\"",
-            "bad.toml:4:8: object[0].unit: found \"MM\", expected one of \"mm\", \"cm\", \"m\", \"inch\", \"um\"; did you mean `mm`?",
+            "bad.toml:4:8: object[0].unit: found \"MM\", expected one of \"mm\", \"cm\", \"m\", \"inch\", \"um\"; did \
+                you mean `mm`?",
         ),
         (
             "= 30",
             "= 30\nrotate-deg = 90",
-            "bad.toml:4:14: object[0].rotate-deg: found 90, expected three numbers [x, y, z], each an angle in degrees from -360 to 360",
+            "bad.toml:4:14: object[0].rotate-deg: found 90, expected three numbers [x, y, z], each an angle in \
+                degrees from -360 to 360",
         ),
         (
             "= 30",
             "= 30\nrotate-deg = [0, 90]",
-            "bad.toml:4:14: object[0].rotate-deg: found an array of 2 values, expected three numbers [x, y, z], each an angle in degrees from -360 to 360",
+            "bad.toml:4:14: object[0].rotate-deg: found an array of 2 values, expected three numbers [x, y, z], each \
+                an angle in degrees from -360 to 360",
         ),
         (
             "= 30",
@@ -72,12 +76,14 @@ fn wrong_types() {
         (
             "\"texture\"",
             "[\"texture\"]",
-            "bad.toml:12:8: target.kind: found an array of 1 value, expected one of \"stacking\", \"profile\", \"texture\", \"clusters\", \"bssrdf\"",
+            "bad.toml:12:8: target.kind: found an array of 1 value, expected one \
+                of \"stacking\", \"profile\", \"texture\", \"clusters\", \"bssrdf\"",
         ),
         (
             "\"texture\"",
             "\"textures\"",
-            "bad.toml:12:8: target.kind: found \"textures\", expected one of \"stacking\", \"profile\", \"texture\", \"clusters\", \"bssrdf\"; did you mean `texture`?",
+            "bad.toml:12:8: target.kind: found \"textures\", expected one \
+                of \"stacking\", \"profile\", \"texture\", \"clusters\", \"bssrdf\"; did you mean `texture`?",
         ),
         (
             "k = 100",
@@ -94,22 +100,26 @@ fn wrong_types() {
         (
             "\"exact\"",
             "\"exakt\"",
-            "bad.toml:22:12: field.distance: found \"exakt\", expected one of \"exact\", \"grid\", \"lp\"; did you mean `exact`?",
+            "bad.toml:22:12: field.distance: found \"exakt\", expected one of \"exact\", \"grid\", \"lp\"; did you \
+                mean `exact`?",
         ),
         (
             "[\"png\"]",
             "\"png\"",
-            "bad.toml:25:11: output.formats: found \"png\", expected an array of formats from \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"",
+            "bad.toml:25:11: output.formats: found \"png\", expected an array of formats \
+                from \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"",
         ),
         (
             "[\"png\"]",
             "[\"pgn\"]",
-            "bad.toml:25:12: output.formats[0]: found \"pgn\", expected one of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"; did you mean `png`?",
+            "bad.toml:25:12: output.formats[0]: found \"pgn\", expected one \
+                of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"; did you mean `png`?",
         ),
         (
             "[\"png\"]",
             "[]",
-            "bad.toml:25:11: output.formats: found an empty array, expected an array of formats from \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"",
+            "bad.toml:25:11: output.formats: found an empty array, expected an array of formats \
+                from \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"",
         ),
     ]);
 }
@@ -160,7 +170,8 @@ fn numbers_out_of_range() {
         (
             "preset = \"j750-27um\"",
             "pitch-mm = [2, 2, 2]\ntray-mm = [1, 9, 9]",
-            "bad.toml:7:11: printer.tray-mm: found a tray smaller than one voxel, expected a tray at least as large as pitch-mm",
+            "bad.toml:7:11: printer.tray-mm: found a tray smaller than one voxel, expected a tray at least as large \
+                as pitch-mm",
         ),
         (
             "\"j750-27um\"",
@@ -196,7 +207,8 @@ fn numbers_out_of_range() {
         (
             "k = 100",
             "seed = 99999999999999999999999999999999999999999999",
-            "bad.toml:16:8: clusters.seed: found 99999999999999999999999999999999999999999999, expected a whole number from 0 to 9223372036854775807",
+            "bad.toml:16:8: clusters.seed: found 99999999999999999999999999999999999999999999, expected a whole \
+                number from 0 to 9223372036854775807",
         ),
         (
             "units = 64",

@@ -140,9 +140,11 @@ fn gltf() {
             "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
             "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
             "accessors": [
-                {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1]},
+                {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1,
+                1]},
                 {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"}],
-            "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 12}],
+            "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36,
+            "byteLength": 12}],
             "buffers": [{"byteLength": 48}]
         });
         change(&mut json);
@@ -241,8 +243,10 @@ fn threemf() {
 #[test]
 fn components_that_double_at_every_level_end() {
     let folder = tempfile::tempdir().unwrap();
-    let mut model = "<model><resources><object id='0'><mesh><vertices><vertex x='0' y='0' z='0'/><vertex x='1' y='0' z='0'/>\
-                     <vertex x='0' y='1' z='0'/></vertices><triangles><triangle v1='0' v2='1' v3='2'/></triangles></mesh></object>"
+    let mut model = "<model><resources><object id='0'><mesh><vertices><vertex x='0' y='0' z='0'/><vertex x='1' y='0' \
+        z='0'/>\
+                     <vertex x='0' y='1' z='0'/></vertices><triangles><triangle v1='0' v2='1' \
+                     v3='2'/></triangles></mesh></object>"
         .to_owned();
     for level in 1..40 {
         let below = format!("<component objectid='{}'/>", level - 1).repeat(2);

@@ -462,7 +462,7 @@ fn gltf_colours_that_are_lost() {
         gltf.json["meshes"][0]["primitives"][0].as_object_mut().unwrap().remove("material");
     });
     assert!(said(&white, "1 primitive without a material: white"), "{:?}", white.warnings);
-    // Nobody misses the image of another material.
+    // The image of another material is not missed.
     let unused = textured(&|gltf| gltf.json["images"].as_array_mut().unwrap().push(json!({"uri": "none.png"})));
     assert!(lost(&unused).is_empty() && unused.warnings.is_empty());
     let other = textured(&|gltf| {
@@ -532,7 +532,8 @@ fn tile_styles() {
     ] {
         for path in ["/3D/Textures/t.png", "3D/Textures/t.png", "Textures/T.PNG"] {
             let resources = format!(
-                "<m:texture2d id='9' path='{path}' contenttype='image/png' {style}/><m:texture2dgroup id='10' texid='9'>\
+                "<m:texture2d id='9' path='{path}' contenttype='image/png' {style}/><m:texture2dgroup id='10' \
+                    texid='9'>\
                  <m:tex2coord u='{}' v='0'/><m:tex2coord u='{}' v='0'/><m:tex2coord u='{}' v='1'/></m:texture2dgroup>",
                 u[0], u[1], u[1]
             );
@@ -578,7 +579,8 @@ fn concave_polygons_have_their_area_and_their_texture() {
         [vec![3, 2, 1, 0], vec![4, 5, 6, 7], vec![0, 1, 5, 4], vec![1, 2, 6, 5], vec![2, 3, 7, 6], vec![3, 0, 4, 7]];
     let mut obj: String = points.iter().map(|p| format!("v {p}\nvt {}\n", p.rsplit_once(' ').unwrap().0)).collect();
     let mut ply = format!(
-        "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\nproperty float s\n\
+        "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\nproperty \
+            float s\n\
          property float t\nelement face 6\nproperty list uchar int vertex_indices\nend_header\n{}",
         points.iter().map(|p| format!("{p} {}\n", p.rsplit_once(' ').unwrap().0)).collect::<String>()
     );

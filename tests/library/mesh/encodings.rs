@@ -130,7 +130,8 @@ fn ply_as_text_and_with_lone_returns() {
     let points: String = cube.iter().flatten().map(|p| format!("{} {} {} # x 9\n", p.x, p.y, p.z)).collect();
     let faces: String = (0..12).map(|t| format!("3 {} {} {}\n", 3 * t, 3 * t + 1, 3 * t + 2)).collect();
     let text = format!(
-        "ply\nformat ascii 1.0\nelement vertex 36\nproperty float x\nproperty float y\nproperty float z\nelement face 12\n\
+        "ply\nformat ascii 1.0\nelement vertex 36\nproperty float x\nproperty float y\nproperty float z\nelement face \
+            12\n\
          property list uchar int vertex_indices\nend_header\n# points\n{points}{faces}"
     );
     for bytes in saved(&text) {
@@ -160,7 +161,8 @@ fn triangle_strips_of_a_ply() {
 
 #[test]
 fn gltf_with_a_mark() {
-    let json = "{\"asset\": {\"version\": \"2.0\"}, \"meshes\": [{\"primitives\": [{\"attributes\": {\"POSITION\": 0}}]}], \
+    let json = "{\"asset\": {\"version\": \"2.0\"}, \"meshes\": [{\"primitives\": [{\"attributes\": {\"POSITION\": \
+        0}}]}], \
                 \"accessors\": [{\"bufferView\": 0, \"componentType\": 5126, \"count\": 3, \"type\": \"VEC3\", \
                 \"min\": [0, 0, 0], \"max\": [1, 1, 0]}], \"bufferViews\": [{\"buffer\": 0, \"byteLength\": 36}], \
                 \"buffers\": [{\"byteLength\": 36, \"uri\": \

@@ -119,7 +119,8 @@ fn ply_in_all_encodings() {
 #[test]
 fn ply_face_coordinates_win_over_vertex_coordinates() {
     let folder = tempfile::tempdir().unwrap();
-    let text = "ply\r\nformat ascii 1.0\r\ncomment caf\u{e9}\r\nelement vertex 3\r\nproperty float x\r\nproperty float y\r\n\
+    let text = "ply\r\nformat ascii 1.0\r\ncomment caf\u{e9}\r\nelement vertex 3\r\nproperty float x\r\nproperty \
+        float y\r\n\
                 property float z\r\nproperty float u\r\nproperty float v\r\nelement face 1\r\n\
                 property list uchar uint vertex_index\r\nproperty list uchar float texcoord\r\nend_header\r\n\
                 0 0 0 9 9\r\n1. 0 0 9 9\r\n0 .5 0 9 9\r\n3 0 1 2 6 0 0 1 0 0 1\r\n";
@@ -153,10 +154,12 @@ fn gltf_strips_sparse_positions_quantised_coordinates_and_a_texture_transform() 
         "extensionsRequired": ["KHR_mesh_quantization"],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "mode": 5, "material": 0}]}],
         "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "extensions": {
-            "KHR_texture_transform": {"offset": [0.5, 0.0], "scale": [0.5, 2.0], "rotation": std::f64::consts::FRAC_PI_2}}}}}],
+            "KHR_texture_transform": {"offset": [0.5, 0.0], "scale": [0.5, 2.0],
+            "rotation": std::f64::consts::FRAC_PI_2}}}}}],
         "textures": [{"source": 0}], "images": [{"uri": "missing.png"}],
         "accessors": [
-            {"componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0], "sparse": {"count": 2,
+            {"componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0],
+            "sparse": {"count": 2,
              "indices": {"bufferView": 0, "componentType": 5121}, "values": {"bufferView": 1}}},
             {"bufferView": 2, "componentType": 5121, "normalized": true, "count": 3, "type": "VEC2"}],
         "bufferViews": [{"buffer": 0, "byteLength": 2}, {"buffer": 0, "byteOffset": 4, "byteLength": 24},
@@ -186,10 +189,12 @@ fn threemf_with_components_units_and_texture() {
 fn threemf_base_materials_are_linear_and_mirrors_keep_the_inside() {
     let folder = tempfile::tempdir().unwrap();
     let model = r##"<model xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>
-        <basematerials id="5"><base name="a" displaycolor="#FFFFFF"/><base name="b&amp;c" displaycolor="#80000080"/></basematerials>
+        <basematerials id="5"><base name="a" displaycolor="#FFFFFF"/><base name="b&amp;c" displaycolor="#80000080"/>
+        </basematerials>
         <object id="1" pid="5" pindex="1"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>
         <vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices><triangles><triangle v1="0" v2="2" v3="1"/>
-        <triangle v1="0" v2="1" v3="3"/><triangle v1="0" v2="3" v3="2"/><triangle v1="1" v2="2" v3="3" p1="0"/></triangles></mesh></object>
+        <triangle v1="0" v2="1" v3="3"/><triangle v1="0" v2="3" v3="2"/><triangle v1="1" v2="2" v3="3" p1="0"/>
+        </triangles></mesh></object>
         </resources><build><item objectid="1" transform="-1 0 0 0 1 0 0 0 1 0 0 0"/></build></model>"##;
     let loaded = read(&put(folder.path(), "t.3mf", writers::threemf_of(model, &[])));
     let names: Vec<_> = loaded.mesh.materials.iter().map(|m| m.name.as_str()).collect();

@@ -90,8 +90,10 @@ const COLORED_PLY: &[u8] =
     element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0 1 2 3\n1 0 0 200 0 0\n1 1 0 0 9 9\n\
     .2 .1 0 7 7 7\n4 0 1 2 3 8 0 0 1 0 1 1 0 1 -1\n4 0 1 -1 2\n";
 
-const GROUPED_3MF: &str = "<model xmlns:m='m'><resources><m:colorgroup id='5'><m:color color='#C82828'/><m:color color='#2828C8'/>\
-    </m:colorgroup><object id='1' pid='5' pindex='0'><mesh><vertices><vertex x='0' y='0' z='0'/><vertex x='1' y='0' z='0'/>\
+const GROUPED_3MF: &str = "<model xmlns:m='m'><resources><m:colorgroup id='5'><m:color color='#C82828'/><m:color \
+    color='#2828C8'/>\
+    </m:colorgroup><object id='1' pid='5' pindex='0'><mesh><vertices><vertex x='0' y='0' z='0'/><vertex x='1' y='0' \
+    z='0'/>\
     <vertex x='0' y='1' z='0'/><vertex x='0' y='0' z='1'/></vertices><triangles><triangle v1='0' v2='2' v3='1'/>\
     <triangle v1='0' v2='1' v3='3' p1='0' p2='1' p3='1'/><triangle v1='0' v2='3' v3='2'/></triangles></mesh></object>\
     </resources><build><item objectid='1'/></build></model>";
@@ -215,7 +217,8 @@ proptest! {
     #[test]
     fn random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..600), which in 0..8usize) {
         let folder = tempfile::tempdir().unwrap();
-        let start: &[u8] = [&b""[..], b"solid ", b"ply\n", b"ply\nformat binary_little_endian 1.0\n", b"glTF\x02\0\0\0", b"PK\x03\x04", b"{", b"v "][which];
+        let start: &[u8] = [&b""[..], b"solid ", b"ply\n", b"ply\nformat binary_little_endian \
+            1.0\n", b"glTF\x02\0\0\0", b"PK\x03\x04", b"{", b"v "][which];
         let bytes = [start, &bytes].concat();
         for name in ["a.obj", "a.stl", "a.ply", "a.glb", "a.3mf", "a"] {
             survives(folder.path(), name, &bytes);
@@ -227,7 +230,8 @@ proptest! {
 fn headers_that_claim_billions_reserve_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let ply = b"ply\nformat binary_little_endian 1.0\nelement vertex 4294967295\nproperty float x\nproperty float y\n\
-                property float z\nelement face 4294967295\nproperty list uint int vertex_indices\nend_header\n1234567890";
+                property float z\nelement face 4294967295\nproperty list uint int \
+                vertex_indices\nend_header\n1234567890";
     survives(folder.path(), "a.ply", ply);
     let mut stl = vec![b' '; 80];
     stl.extend([0xff; 104]);

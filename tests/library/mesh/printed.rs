@@ -75,7 +75,8 @@ fn instances_of_a_mesh() {
         let half = std::f32::consts::FRAC_1_SQRT_2;
         let turns = add(json, "VEC4", &[[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, half, half], [0.0; 4]].concat());
         let sizes = add(json, "VEC3", &[1.0, 1.0, 1.0, 1.0, 1.0, 2.0, -1.0, 1.0, 1.0]);
-        json["nodes"][0] = json!({"mesh": 0, "scale": [1, 2, 1], "extensions": {"EXT_mesh_gpu_instancing": {"attributes":
+        json["nodes"][0] = json!({"mesh": 0, "scale": [1, 2, 1],
+        "extensions": {"EXT_mesh_gpu_instancing": {"attributes":
             {"TRANSLATION": places, "ROTATION": turns, "SCALE": sizes, "_ID": 9}}}});
         json["extensionsUsed"] = json!(["EXT_mesh_gpu_instancing"]);
         json["extensionsRequired"] = json!(["EXT_mesh_gpu_instancing"]);
@@ -309,7 +310,8 @@ fn helpers_of_bambu_studio_and_orca_slicer() {
         let root = "<object id='3'><components><component p:path='/3D/Objects/object_1.model' objectid='1'/>\
                     <component p:path='/3D/objects/OBJECT_1.model' objectid='2'/></components></object>";
         let config = format!(
-            "<config><object id='{id}'><part id='1' subtype='normal_part'/><part id='2' subtype='{subtype}'/></object></config>"
+            "<config><object id='{id}'><part id='1' subtype='normal_part'/><part id='2' \
+                subtype='{subtype}'/></object></config>"
         );
         let parts = [("3D/Objects/object_1.model", other.as_str()), ("Metadata/model_settings.config", &config)];
         threemf("", root, "<item objectid='3' printable='1'/>", &parts)

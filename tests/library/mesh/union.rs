@@ -195,7 +195,8 @@ fn unions_for_another_kernel() {
         }
         let solid = close(mesh_of(&bodies.concat())).unwrap();
         let bodies: Vec<_> = bodies.iter().map(|body| list(body)).collect();
-        let surface = serde_json::json!({ "triangles": list(&corners(&solid.mesh)), "volume_mm3": solid.health.volume_mm3 });
+        let surface =
+            serde_json::json!({ "triangles": list(&corners(&solid.mesh)), "volume_mm3": solid.health.volume_mm3 });
         std::fs::write(folder.join(format!("{seed}.bodies.json")), serde_json::json!(bodies).to_string()).unwrap();
         std::fs::write(folder.join(format!("{seed}.surface.json")), surface.to_string()).unwrap();
     }

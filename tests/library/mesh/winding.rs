@@ -93,7 +93,10 @@ proptest! {
     }
 
     #[test]
-    fn soups_without_any_sense(triangles in prop::collection::vec([0..9u32, 0..9u32, 0..9u32], 1..60), points in prop::collection::vec(point(), 8)) {
+    fn soups_without_any_sense(
+        triangles in prop::collection::vec([0..9u32, 0..9u32, 0..9u32], 1..60),
+        points in prop::collection::vec(point(), 8),
+    ) {
         // Nine fixed vertices in general position, any triangles between them: non-manifold in every way.
         let vertex = |i: u32| {
             let i = f64::from(i);

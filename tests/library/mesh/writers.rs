@@ -287,7 +287,8 @@ pub fn threemf_model(sample: &Sample) -> String {
 <m:texture2d id="6" path="/3D/Textures/paint.png" contenttype="image/png"/>
 <m:texture2dgroup id="7" texid="6">{coordinates}</m:texture2dgroup>
 <object id="1" type="model"><mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh></object>
-<object id="2" type="model"><components><component objectid="1" transform="0 1 0 -1 0 0 0 0 1 0 0 0"/></components></object>
+<object id="2" type="model"><components><component objectid="1" transform="0 1 0 -1 0 0 0 0 1 0 0 0"/></components>
+</object>
 </resources>
 <build><item objectid="2" transform="1 0 0 0 1 0 0 0 1 1 2 3"/></build>
 </model>"#

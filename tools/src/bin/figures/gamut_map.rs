@@ -41,7 +41,8 @@ pub fn run(options: &Options) -> Outcome {
     let asked: Vec<Option<Place>> = map.moves.iter().map(|moved| moved.from[0]).collect();
     let (clipped_at, brought_at) = (places(&clipped), places(&brought));
     println!(
-        "| | pairs alike, of {} | neighbours not brighter | neighbours not wider | pairs with light and dark exchanged | mean objective as asked | as mapped |",
+        "| | pairs alike, of {} | neighbours not brighter | neighbours not wider | pairs with light and dark \
+            exchanged | mean objective as asked | as mapped |",
         wanted.len() * (wanted.len() - 1) / 2
     );
     println!("| --- | --- | --- | --- | --- | --- | --- |");

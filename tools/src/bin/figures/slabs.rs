@@ -35,7 +35,8 @@ pub fn run(options: &Options) -> Outcome {
     let targets = targets(&resins)?;
     let found = Matcher::new(&resins.set, &resins.options())?.match_targets(&targets, &Unwatched)?;
     println!(
-        "| slab | layers, mm from the top | support, mm | albedo | asked | 50% within, mm | asked | KM's claim | promised | photons see | rms |\n\
+        "| slab | layers, mm from the top | support, mm | albedo | asked | 50% within, mm | asked | KM's claim | \
+            promised | photons see | rms |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
     );
     let mut seen = Vec::new();
@@ -166,7 +167,8 @@ fn slice(options: &Options, resins: &Resins, found: &[Found]) -> Outcome {
     for (slab, found) in found.iter().enumerate() {
         write!(
             text,
-            "[[object]]\nmesh = \"slab.stl\"\nposition-mm = [{}, 0, 0]\n[object.target]\nkind = \"stacking\"\nstack = \"{}\"\n",
+            "[[object]]\nmesh = \"slab.stl\"\nposition-mm = [{}, 0, 0]\n[object.target]\nkind = \"stacking\"\nstack \
+                = \"{}\"\n",
             slab as f64 * PITCH_MM,
             resins.set.named(found.stacking()),
         )?;

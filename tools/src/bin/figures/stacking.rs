@@ -24,7 +24,8 @@ pub fn run(options: &Options) -> Outcome {
         .panel_size(400.0, 300.0)
         .caption(format!("{} photons a stacking. {}", options.photons, resins.set.provenance));
     println!(
-        "| stacking | model | R | off by | R̂ rms | T | off by | T̂ rms |\n| --- | --- | --- | --- | --- | --- | --- | --- |"
+        "| stacking | model | R | off by | R̂ rms | T | off by | T̂ rms |\n| --- | --- | --- | --- | --- | --- | --- \
+            | --- |"
     );
     let predicted = STACKS.map(|(name, stack)| Ok((name, resins.predict(stack, options.photons)?)));
     let predicted = predicted.into_iter().collect::<Result<Vec<_>, Box<dyn std::error::Error>>>()?;

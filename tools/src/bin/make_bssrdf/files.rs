@@ -48,7 +48,8 @@ pub fn finish(request: &Request, windows: Windows, albedo: &[f32], more: &str) -
     let [columns, rows] = request.texels;
     write("albedo.npy", &write_npy(&[rows, columns], albedo))?;
     let header = format!(
-        "# {} by make_bssrdf, seed {}\nversion = 1\npitch-mm = {}\nresponses = \"responses.npy\"\nalbedo = \"albedo.npy\"\n{more}",
+        "# {} by make_bssrdf, seed {}\nversion = 1\npitch-mm = {}\nresponses = \"responses.npy\"\nalbedo \
+            = \"albedo.npy\"\n{more}",
         request.kind, request.seed, request.pitch_mm
     );
     write("dataset.toml", header.as_bytes())

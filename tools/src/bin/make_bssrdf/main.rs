@@ -27,7 +27,8 @@ struct Request {
     seed: u64,
 }
 
-const USAGE: &str = "make_bssrdf exact|chess|marble|stone FOLDER [--texels COLUMNS[xROWS]] [--window N] [--pitch-mm MM] \
+const USAGE: &str = "make_bssrdf exact|chess|marble|stone FOLDER [--texels COLUMNS[xROWS]] [--window N] [--pitch-mm \
+    MM] \
                      [--photons N] [--noise SHARE] [--floor PER_MM2] [--seed N]";
 
 fn main() -> ExitCode {

@@ -150,7 +150,8 @@ pub fn glb(name: &str, mesh: &Mesh, atlas: &Atlas, figure: &Figure, texture: &[u
              "min": low.to_array(), "max": high.to_array()},
             {"bufferView": normal_view, "componentType": FLOAT, "count": count, "type": "VEC3"},
             {"bufferView": uv_view, "componentType": FLOAT, "count": count, "type": "VEC2"},
-            {"bufferView": index_view, "componentType": UNSIGNED_SHORT, "count": vertices.indices.len(), "type": "SCALAR"}
+            {"bufferView": index_view, "componentType": UNSIGNED_SHORT, "count": vertices.indices.len(),
+            "type": "SCALAR"}
         ],
         "bufferViews": binary.views,
         "buffers": [{"byteLength": binary.bytes.len()}]

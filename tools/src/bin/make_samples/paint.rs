@@ -9,7 +9,7 @@ use crate::packing::Atlas;
 /// Rings of texels painted round every chart: half the gutter, plus one that bilinear lookups never reach.
 const RINGS: usize = 5;
 /// A texel that no chart reaches.
-const NOBODY: u32 = u32::MAX;
+const NO_OWNER: u32 = u32::MAX;
 
 /// Two triangles of one chart, or of two, that claim the same texel.
 #[derive(Debug, thiserror::Error)]
@@ -36,7 +36,7 @@ impl<'a> Canvas<'a> {
     /// Assigns texels by their centres, then paints on into the gutters.
     pub fn new(mesh: &'a Mesh, atlas: &'a Atlas) -> Result<Self, Overlap> {
         let size = atlas.size;
-        let mut owners = vec![NOBODY; size * size];
+        let mut owners = vec![NO_OWNER; size * size];
         for (t, corners) in atlas.corners.iter().enumerate() {
             let low = corners[0].min(corners[1]).min(corners[2]).max(DVec2::ZERO).as_usizevec2();
             let high = corners[0].max(corners[1]).max(corners[2]).as_usizevec2();
@@ -47,7 +47,7 @@ impl<'a> Canvas<'a> {
                         continue;
                     }
                     let owner = &mut owners[y * size + x];
-                    if *owner == NOBODY {
+                    if *owner == NO_OWNER {
                         *owner = t as u32;
                     } else if weights.min_element() > 1e-9 {
                         let (first, second) = (*owner, t as u32);
@@ -71,16 +71,16 @@ impl<'a> Canvas<'a> {
             let beside = [(0, 1), (2, 1), (1, 0), (1, 2), (0, 0), (2, 0), (0, 2), (2, 2)];
             let mut candidates = beside.iter().filter_map(|&(dx, dy)| {
                 let (u, v) = ((x + dx).checked_sub(1)?, (y + dy).checked_sub(1)?);
-                (u < size && v < size).then(|| before[v * size + u]).filter(|&t| t != NOBODY)
+                (u < size && v < size).then(|| before[v * size + u]).filter(|&t| t != NO_OWNER)
             });
-            if own == NOBODY { candidates.next().unwrap_or(NOBODY) } else { own }
+            if own == NO_OWNER { candidates.next().unwrap_or(NO_OWNER) } else { own }
         };
         self.owners = (0..size * size).into_par_iter().map(|at| owner(at % size, at / size)).collect();
     }
 
     /// Part of the texture that shows some surface, gutters included.
     pub fn coverage(&self) -> f64 {
-        self.owners.iter().filter(|&&t| t != NOBODY).count() as f64 / self.owners.len() as f64
+        self.owners.iter().filter(|&&t| t != NO_OWNER).count() as f64 / self.owners.len() as f64
     }
 
     /// `shade` at the surface point of every texel, `background` where there is none; row 0 is on top.
@@ -89,7 +89,7 @@ impl<'a> Canvas<'a> {
         (0..size * size)
             .into_par_iter()
             .map(|at| match self.owners[at] {
-                NOBODY => background,
+                NO_OWNER => background,
                 t => {
                     let w = weights(&self.atlas.corners[t as usize], at % size, at / size);
                     let [a, b, c] = self.mesh.corners(t as usize);

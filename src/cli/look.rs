@@ -1,0 +1,199 @@
+//! `lumislice look`: how a job will look.
+
+use std::{path::PathBuf, time::Duration};
+
+use clap::{Args, builder::TypedValueParser};
+use lumislice::{
+    glam::DVec3,
+    job::{
+        Job, Prepared, RunError,
+        file::MaterialSource,
+        look::{self, Fit, Look, LookError, LookOptions, PictureOptions, look_at, scene_for, write_mitsuba},
+    },
+    output::{Existing, OutputFolder},
+};
+
+use super::{
+    Answer, Result,
+    failure::{refusal, refuse},
+    materials::say_provenance,
+    print, print_json,
+    progress::Bars,
+    say,
+    table::table,
+};
+
+/// Send light through the voxels of a job: what is asked for beside what is printed.
+///
+/// Prints the albedo of the print (radiosity per irradiance, under the same light from every direction) at spots of its
+/// surface, against the albedo that is asked for there and the one that was predicted for a flat slab.
+#[derive(Debug, Args)]
+pub struct LookArgs {
+    /// A job file, or the folder of a finished job, whose slices are looked at.
+    #[arg(value_name = "OUT|JOB.toml")]
+    what: PathBuf,
+    /// The job that OUT was made from: its meshes, and what it asks for.
+    #[arg(long, value_name = "JOB.toml", help_heading = "Input")]
+    job: Option<PathBuf>,
+    /// Folder to write pictures and look.json into.
+    #[arg(short, long, value_name = "FOLDER", help_heading = "Output")]
+    output: Option<PathBuf>,
+    /// Replace the files of an earlier look in FOLDER.
+    #[arg(long, help_heading = "Output")]
+    overwrite: bool,
+    /// Spots at random, evenly over the surface.
+    #[arg(long, value_name = "N", default_value_t = LookOptions::default().spots, help_heading = "Work")]
+    spots: usize,
+    /// One more spot, at the surface point nearest to X,Y,Z mm in the lattice's frame; may be repeated.
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_position, allow_hyphen_values = true, help_heading = "Work")]
+    at: Vec<DVec3>,
+    /// Photons for each spot and channel, at least 2.
+    #[arg(long, value_name = "N", default_value_t = LookOptions::default().walks, value_parser = clap::value_parser!(u64).range(2..), help_heading = "Work")]
+    photons: u64,
+    /// Seed of spots and photons.
+    #[arg(long, value_name = "S", default_value_t = 1, help_heading = "Work")]
+    seed: u64,
+    /// Write the scene for Mitsuba 3 into this folder: grids of the print, the same camera and lamps.
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    mitsuba: Option<PathBuf>,
+    /// Edge of a picture, pixels.
+    #[arg(long, value_name = "N", default_value_t = PictureOptions::default().size, value_parser = clap::value_parser!(u32).range(16..=4096).map(|n| n as usize), help_heading = "Pictures")]
+    size: usize,
+    /// Samples of every pixel, at most.
+    #[arg(long, value_name = "N", default_value_t = PictureOptions::default().samples, value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Pictures")]
+    samples: u32,
+    /// Begin no further samples after so many seconds.
+    #[arg(long, value_name = "S", value_parser = parse_seconds, help_heading = "Pictures")]
+    time: Option<Duration>,
+    /// Where the camera stands: azimuth (counter-clockwise from +x) and elevation (2 to 90) in degrees.
+    #[arg(long, value_name = "AZ,EL", value_parser = parse_view, allow_hyphen_values = true, help_heading = "Pictures")]
+    view: Option<View>,
+    /// Print one JSON document instead of words.
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+}
+
+fn parse_position(text: &str) -> Result<DVec3, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) if x.is_finite() && y.is_finite() && z.is_finite() => Ok(DVec3::new(x, y, z)),
+        _ => Err(format!("found `{text}`, expected three numbers of mm, X,Y,Z")),
+    }
+}
+
+/// Azimuth and elevation, degrees.
+#[derive(Debug, Clone, Copy)]
+struct View([f64; 2]);
+
+fn parse_view(text: &str) -> Result<View, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[azimuth, elevation]) if azimuth.is_finite() && (2.0..=90.0).contains(&elevation) => {
+            Ok(View([azimuth, elevation]))
+        }
+        _ => Err(format!("found `{text}`, expected an azimuth and an elevation from 2 to 90 degrees, AZ,EL")),
+    }
+}
+
+fn parse_seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.trim().parse::<f64>().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds.ok_or_else(|| format!("found `{text}`, expected a number of seconds"))
+}
+
+/// Runs the command.
+pub fn run(args: &LookArgs) -> Result<Answer> {
+    let folder = args.what.is_dir().then_some(args.what.as_path());
+    let path = match (folder, &args.job) {
+        (None, None) => &args.what,
+        (Some(_), Some(job)) => job,
+        (Some(folder), None) => {
+            refuse!("{}: found a folder, expected --job JOB.toml too, the job it was made from", folder.display())
+        }
+        (None, Some(_)) => refuse!("{}: found no folder, expected one with --job", args.what.display()),
+    };
+    let job = Job::load(path).map_err(RunError::from)?;
+    let existing = Existing::overwrite(args.overwrite);
+    if let Some(folder) = &args.output {
+        OutputFolder::check(folder, &look::OWNER, existing)?;
+    }
+    if let Some(folder) = &args.mitsuba {
+        OutputFolder::check(folder, &look::MITSUBA, existing)?;
+    }
+    let bars = Bars::new(args.json);
+    let built_in = matches!(job.materials, MaterialSource::Set(_));
+    let prepared = Prepared::new(job, &bars);
+    if let Some(set) = prepared.as_ref().ok().map(|prepared| &prepared.materials).filter(|_| built_in) {
+        bars.finish();
+        say_provenance(&set.name, &set.provenance);
+    }
+    let pictures = PictureOptions {
+        size: args.size,
+        samples: args.samples,
+        time: args.time,
+        view_deg: args.view.map_or(PictureOptions::default().view_deg, |view| view.0),
+        seed: args.seed,
+    };
+    let options = LookOptions {
+        spots: args.spots,
+        at: args.at.clone(),
+        walks: args.photons,
+        seed: args.seed,
+        pictures: args.output.is_some().then_some(pictures),
+    };
+    let result = prepared.map_err(LookError::from).and_then(|prepared| {
+        let inputs = prepared.files();
+        let scene = scene_for(&prepared, folder, &bars)?;
+        if let Some(folder) = &args.mitsuba {
+            write_mitsuba(&prepared, &scene, &pictures, folder, existing, &bars)?;
+        }
+        Ok((look_at(&prepared, &scene, &options, &bars)?, inputs))
+    });
+    bars.finish();
+    let (look, inputs) = result?;
+    look.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    if look.spots.is_empty() {
+        return Err(refusal!("surface: found no spot that shows, expected one at least"));
+    }
+    if let Some(folder) = &args.output {
+        look.write(folder, existing, &inputs)?;
+    }
+    if args.json {
+        print_json(&look)?;
+        return Ok(Answer::Yes);
+    }
+    print(&summary(&look))?;
+    Ok(Answer::Yes)
+}
+
+fn summary(look: &Look) -> String {
+    let against = |name: &str, fits: &[Fit]| -> Vec<Vec<String>> {
+        let row = |(channel, fit): (&String, &Fit)| {
+            vec![
+                channel.clone(),
+                name.to_owned(),
+                format!("{:+.4}", fit.bias),
+                format!("{:.4}", fit.rms),
+                format!("{:.1}%", 100.0 * fit.relative_rms),
+            ]
+        };
+        look.channels.iter().zip(fits).map(row).collect()
+    };
+    let mut rows = look.against_asked.as_deref().map_or_else(Vec::new, |fits| against("asked", fits));
+    rows.extend(against("predicted", &look.against_predicted));
+    let mut text = format!("{}: {} spots under even light\n", look.job, look.spots.len());
+    text += &table(&["channel", "printed against", "bias", "rms", "relative"], &rows);
+    let numbers = |values: &[f64]| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(" ");
+    let row = |index: &usize| {
+        let spot = &look.spots[*index];
+        vec![
+            spot.position_mm.map(|at| format!("{at:.2}")).join(", "),
+            spot.asked.as_deref().map_or_else(|| "–".to_owned(), numbers),
+            numbers(&spot.predicted),
+            numbers(&spot.printed),
+            numbers(&spot.standard_error),
+        ]
+    };
+    let worst: Vec<_> = look.worst.iter().map(row).collect();
+    text += "\nworst spots\n";
+    text + &table(&["position (mm)", "asked", "predicted", "printed", "±"], &worst)
+}

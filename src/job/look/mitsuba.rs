@@ -1,0 +1,218 @@
+//! The same print, camera and lamps as a scene that Mitsuba 3 renders as it is.
+//!
+//! One scene for each channel: volumes of extinction, of albedo and of which phase function, as Mitsuba's grids, and
+//! `scene_<channel>.xml` with `-Dlamp=sky|edge|behind|spot`. Mitsuba blends two phase functions, so a set of resins
+//! with three different g in a channel is refused.
+
+use std::{fmt::Write, path::Path};
+
+use super::{LookError, PictureOptions, pictures::stage};
+use crate::{
+    job::Prepared,
+    look::{Lit, Scene, Stage},
+    optics::VolumeCoefficients,
+    output::{Existing, GENERATOR, OutputFolder, Owner, pretty},
+    watch::Watch,
+};
+
+/// Orders of scattering: at 32 a white slab loses 38% of its light.
+const MAX_DEPTH: u32 = 4000;
+/// What `look --mitsuba` writes.
+pub const OWNER: Owner =
+    Owner { command: "look --mitsuba", names: &["sigma_t_*", "albedo_*", "phase_*", "scene_*", "lamp_*", "sky.pfm"] };
+
+/// Most voxels of a grid: three of 4 bytes each.
+const MAX_VOXELS: u64 = 1 << 30;
+
+/// Writes the scenes into `folder`. Opens a stage of channels.
+///
+/// # Errors
+/// [`LookError::Folder`] for what Mitsuba has no form for, [`LookError::Output`], [`LookError::Stopped`].
+pub fn write_mitsuba(
+    prepared: &Prepared,
+    scene: &Scene,
+    options: &PictureOptions,
+    folder: &Path,
+    existing: Existing,
+    watch: &dyn Watch,
+) -> Result<(), LookError> {
+    let fault = |found: String, expected: &str| LookError::Folder {
+        folder: folder.to_owned(),
+        found,
+        expected: expected.to_owned(),
+    };
+    let Some(stage) = stage(scene, options) else {
+        return Err(fault("nothing that is printed".to_owned(), "some to look at"));
+    };
+    let coefficients = super::voxels::coefficients(&prepared.materials)?;
+    if scene.volume().lattice().voxels() > MAX_VOXELS {
+        return Err(fault(format!("{} voxels", scene.volume().lattice().voxels()), "at most 1 G for Mitsuba's grids"));
+    }
+    let output = OutputFolder::create(folder, &OWNER, existing, &prepared.files())?;
+    watch.stage("Mitsuba", prepared.materials.channels.len() as u64);
+    let present = scene.volume().present();
+    for (name, media) in prepared.materials.channels.iter().zip(&coefficients) {
+        let mut phases: Vec<f64> = (1..media.len()).filter(|&id| present[id]).map(|id| media[id].g).collect();
+        phases.sort_by(f64::total_cmp);
+        phases.dedup();
+        if phases.len() > 2 {
+            return Err(fault(format!("resins of g {phases:?}"), "two phase functions at most, as Mitsuba blends two"));
+        }
+        let last = phases.last().copied().unwrap_or(0.0);
+        let of = |value: &dyn Fn(&VolumeCoefficients) -> f64| grid(scene, |id| value(&media[usize::from(id)]) as f32);
+        output.write(&format!("sigma_t_{name}.vol"), &of(&VolumeCoefficients::sigma_t))?;
+        output.write(&format!("albedo_{name}.vol"), &of(&VolumeCoefficients::albedo))?;
+        output.write(&format!("phase_{name}.vol"), &of(&|volume| f64::from(u8::from(volume.g == last))))?;
+        output.write(
+            &format!("scene_{name}.xml"),
+            xml(&stage, name, [phases.first().copied().unwrap_or(last), last]).as_bytes(),
+        )?;
+        watch.advance(1);
+        watch.go_on()?;
+    }
+    output.write("sky.pfm", &sky())?;
+    for (file, text) in lamps(&stage) {
+        output.write(&file, text.as_bytes())?;
+    }
+    let list =
+        serde_json::json!({ "generator": GENERATOR, "command": OWNER.command, "version": 1, "files": output.files() });
+    Ok(output.finish(&pretty(&list))?)
+}
+
+/// A grid of Mitsuba's format 3: single precision, one channel, x fastest.
+fn grid(scene: &Scene, value: impl Fn(u8) -> f32) -> Vec<u8> {
+    let [nx, ny, nz] = scene.volume().lattice().dims;
+    let values: [[u8; 4]; 256] =
+        std::array::from_fn(|id| if scene.volume().present()[id] { value(id as u8).to_le_bytes() } else { [0; 4] });
+    let mut out = Vec::with_capacity(48 + 4 * scene.volume().lattice().voxels() as usize);
+    out.extend(b"VOL\x03");
+    for number in [1, nx as i32, ny as i32, nz as i32, 1] {
+        out.extend(number.to_le_bytes());
+    }
+    for corner in [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0] {
+        out.extend(corner.to_le_bytes());
+    }
+    for (k, j) in (0..nz).flat_map(|k| (0..ny).map(move |j| (k, j))) {
+        for i in 0..nx {
+            out.extend(values[usize::from(scene.volume().voxel([i, j, k].map(i64::from)).0)]);
+        }
+    }
+    out
+}
+
+/// The sky as an environment map: a portable float map, whose rows run upwards, of what Mitsuba has y up for.
+fn sky() -> Vec<u8> {
+    const SIZE: [usize; 2] = [4, 512];
+    let mut out = format!("Pf\n{} {}\n-1.0\n", SIZE[0], SIZE[1]).into_bytes();
+    for row in 0..SIZE[1] {
+        let polar = std::f64::consts::PI * (1.0 - (row as f64 + 0.5) / SIZE[1] as f64);
+        let up = libm::cos(polar);
+        let radiance = if up > 0.0 { crate::look::Lamps::sky(glam::DVec3::new(0.0, 0.0, up)) as f32 } else { 0.0 };
+        (0..SIZE[0]).for_each(|_| out.extend(radiance.to_le_bytes()));
+    }
+    out
+}
+
+fn xml(stage: &Stage<'_>, channel: &str, [first, last]: [f64; 2]) -> String {
+    let lattice = stage.scene.volume().lattice();
+    let size = lattice.pitch * glam::DVec3::from(lattice.dims.map(f64::from));
+    let (low, camera) = (lattice.origin, &stage.camera);
+    let vector = |v: glam::DVec3| format!("{}, {}, {}", v.x, v.y, v.z);
+    let spaced = |v: glam::DVec3| format!("{} {} {}", v.x, v.y, v.z);
+    let [_, up, toward] = camera.axes;
+    let far = 4.0 * camera.pixel_mm * camera.size[0] as f64;
+    let half = 0.5 * camera.pixel_mm * camera.size[0] as f64;
+    let place = format!(
+        "<transform name=\"to_world\"><scale value=\"{}\"/><translate value=\"{}\"/></transform>",
+        spaced(size),
+        spaced(low)
+    );
+    let volume = |name: &str, file: &str| {
+        format!(
+            "<volume type=\"gridvolume\" name=\"{name}\"><string name=\"filename\" value=\"{file}_{channel}.vol\"/>\
+             <string name=\"filter_type\" value=\"nearest\"/><boolean name=\"raw\" value=\"true\"/>{place}</volume>"
+        )
+    };
+    let mut text = String::new();
+    // Writing to a string does not fail.
+    let _ = write!(
+        text,
+        "<?xml version=\"1.0\"?>\n<!-- mitsuba -m scalar_rgb -Dlamp=sky -Dspp=64 scene_{channel}.xml -->\n\
+         <scene version=\"3.0.0\">\n<default name=\"lamp\" value=\"sky\"/>\n<default name=\"spp\" value=\"64\"/>\n\
+         <integrator type=\"volpath\"><integer name=\"max_depth\" value=\"{MAX_DEPTH}\"/>\
+         <integer name=\"rr_depth\" value=\"200\"/></integrator>\n\
+         <sensor type=\"orthographic\"><transform name=\"to_world\"><scale x=\"{half}\" y=\"{half}\"/>\
+         <lookat origin=\"{}\" target=\"{}\" up=\"{}\"/></transform>\
+         <float name=\"near_clip\" value=\"0.01\"/><float name=\"far_clip\" value=\"{}\"/>\n\
+         <sampler type=\"independent\"><integer name=\"sample_count\" value=\"$spp\"/></sampler>\
+         <film type=\"hdrfilm\"><integer name=\"width\" value=\"{}\"/><integer name=\"height\" value=\"{}\"/>\
+         <string name=\"pixel_format\" value=\"luminance\"/><rfilter type=\"box\"/></film></sensor>\n",
+        vector(camera.middle + toward * far),
+        vector(camera.middle),
+        vector(up),
+        8.0 * far,
+        camera.size[0],
+        camera.size[1],
+    );
+    let _ = write!(
+        text,
+        "<medium type=\"heterogeneous\" id=\"print\">\n{}\n{}\n<phase type=\"blendphase\">{}\
+         <phase type=\"hg\"><float name=\"g\" value=\"{first}\"/></phase>\
+         <phase type=\"hg\"><float name=\"g\" value=\"{last}\"/></phase></phase></medium>\n\
+         <shape type=\"cube\"><bsdf type=\"null\"/><ref name=\"interior\" id=\"print\"/><transform name=\"to_world\">\
+         <translate value=\"1 1 1\"/><scale value=\"{}\"/><translate value=\"{}\"/></transform></shape>\n\
+         <shape type=\"rectangle\"><bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"{}\"/></bsdf>\
+         <transform name=\"to_world\"><scale value=\"{}\"/><translate value=\"{}\"/></transform></shape>\n",
+        volume("sigma_t", "sigma_t"),
+        volume("albedo", "albedo"),
+        volume("weight", "phase"),
+        spaced(size * 0.5),
+        spaced(low),
+        stage.ground.albedo,
+        100.0 * far,
+        // A hair below what it carries, so that they do not share a plane.
+        spaced(glam::DVec3::new(camera.middle.x, camera.middle.y, stage.ground.z - 1e-4)),
+    );
+    text += "<include filename=\"lamp_$lamp.xml\"/>\n</scene>\n";
+    text
+}
+
+/// The lamps as files that a scene includes.
+fn lamps(stage: &Stage<'_>) -> Vec<(String, String)> {
+    let far = 2.0 * stage.camera.pixel_mm * stage.camera.size[0] as f64;
+    let mut files = vec![(
+        "lamp_sky.xml".to_owned(),
+        "<scene version=\"3.0.0\"><emitter type=\"envmap\"><string name=\"filename\" value=\"sky.pfm\"/>\
+         <boolean name=\"raw\" value=\"true\"/><transform name=\"to_world\"><rotate x=\"1\" angle=\"90\"/></transform>\
+         </emitter></scene>\n"
+            .to_owned(),
+    )];
+    for (name, beam) in ["edge", "behind", "spot"].iter().zip(&stage.lamps.beams) {
+        // A plate that shines straight ahead: a half plane, everything, or a disc.
+        let (shape, middle, half) = match beam.lit {
+            Lit::Everything => ("rectangle", stage.camera.middle, [far, far]),
+            Lit::Side { point, normal } => ("rectangle", point + normal * far, [far, far]),
+            Lit::Round { point, radius } => ("disk", point, [radius, radius]),
+        };
+        let up = match beam.lit {
+            Lit::Side { normal, .. } => normal,
+            _ => beam.toward.any_orthonormal_vector(),
+        };
+        let origin = middle + beam.toward * 2.0 * far;
+        let at = |v: glam::DVec3| format!("{}, {}, {}", v.x, v.y, v.z);
+        files.push((
+            format!("lamp_{name}.xml"),
+            format!(
+                "<scene version=\"3.0.0\"><shape type=\"{shape}\"><transform name=\"to_world\">\
+                 <scale x=\"{}\" y=\"{}\"/><lookat origin=\"{}\" target=\"{}\" up=\"{}\"/></transform>\
+                 <emitter type=\"directionalarea\"><rgb name=\"radiance\" value=\"1\"/></emitter></shape></scene>\n",
+                half[0],
+                half[1],
+                at(origin),
+                at(middle),
+                at(up)
+            ),
+        ));
+    }
+    files
+}

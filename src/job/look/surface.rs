@@ -1,0 +1,165 @@
+//! Spots on the surfaces of a job, and what is asked for and promised there.
+
+use glam::DVec3;
+use rand_xoshiro::{
+    Xoshiro256PlusPlus,
+    rand_core::{Rng, SeedableRng},
+};
+
+use crate::{
+    job::{Prepared, PreparedObject},
+    look::{Scene, Site, Spot},
+    slice::ObjectField,
+};
+
+/// Radius of a spot, mm: wide enough for the rings that a layer of one voxel makes on a slope to average out, narrow
+/// enough for a texture.
+pub(super) const SPOT_RADIUS_MM: f64 = 0.25;
+/// Points that stand for a spot.
+const SITES: usize = 64;
+/// Cosine between the normals of a spot's middle and of a site of it: an edge ends the spot.
+const SAME_FACE: f64 = 0.7;
+/// Places that are tried for one spot.
+const TRIES: usize = 64;
+
+/// A spot of an object.
+#[derive(Debug, Clone)]
+pub(super) struct SurfaceSpot {
+    pub object: usize,
+    pub middle: Site,
+    pub spot: Spot,
+}
+
+/// What a surface should show and what its stacking was promised to, per channel.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Expected {
+    /// Albedo that is asked for; `None` where a stacking was given.
+    pub asked: Option<Vec<f64>>,
+    /// The albedo predicted for the stacking as an endless flat slab.
+    pub predicted: Vec<f64>,
+}
+
+/// Adds `share` of `values` to `sum`.
+fn add(sum: &mut Vec<f64>, values: &[f64], share: f64) {
+    sum.resize(values.len(), 0.0);
+    sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
+}
+
+impl Prepared {
+    fn with_field(&self, object: usize) -> (&PreparedObject, &ObjectField) {
+        (&self.objects[object], &self.slicer().objects()[object])
+    }
+
+    /// What is expected at a point of an object's surface.
+    pub(super) fn expected_at(&self, object: usize, triangle: u32, point: DVec3) -> Expected {
+        let (object, field) = self.with_field(object);
+        let (mut asked, mut predicted) = (Some(Vec::new()), Vec::new());
+        for shared in field.shares(triangle, point).into_iter().filter(|shared| shared.share > 0.0) {
+            let share = f64::from(shared.share);
+            let Some(entry) = object.stackings.stackings.get(usize::from(shared.stacking)) else { continue };
+            add(&mut predicted, &entry.predicted_albedo, share);
+            let of_texel = object.asked.of(shared.texel).map(|asked| &asked.albedo);
+            match (of_texel.or(entry.target_albedo.as_ref()), &mut asked) {
+                (Some(albedo), Some(sum)) => add(sum, albedo, share),
+                _ => asked = None,
+            }
+        }
+        Expected { asked, predicted }
+    }
+
+    /// The label of the target at a point of an object's surface, and the albedo that is asked for there, the mean of
+    /// the channels.
+    pub(super) fn wanted_at(&self, object: usize, triangle: u32, point: DVec3) -> (u16, f64) {
+        let shares = self.slicer().objects()[object].shares(triangle, point);
+        let most = shares.iter().fold(&shares[0], |best, next| if next.share > best.share { next } else { best });
+        let asked = self.expected_at(object, triangle, point).asked.unwrap_or_default();
+        (most.stacking, asked.iter().sum::<f64>() / asked.len().max(1) as f64)
+    }
+
+    /// What is expected of a spot: the mean over its sites.
+    pub(super) fn expected(&self, spot: &SurfaceSpot) -> Expected {
+        let surface = self.slicer().objects()[spot.object].surface();
+        let mut mean = Expected { asked: Some(Vec::new()), predicted: Vec::new() };
+        let share = 1.0 / spot.spot.sites.len() as f64;
+        for site in &spot.spot.sites {
+            let found = surface.closest(site.point);
+            let here = self.expected_at(spot.object, found.triangle, found.point);
+            add(&mut mean.predicted, &here.predicted, share);
+            match (&here.asked, &mut mean.asked) {
+                (Some(albedo), Some(sum)) => add(sum, albedo, share),
+                _ => mean.asked = None,
+            }
+        }
+        mean
+    }
+
+    /// `count` spots at random, evenly over the area of all surfaces that can be seen from outside.
+    pub(super) fn random_spots(&self, scene: &Scene, count: usize, seed: u64) -> Vec<SurfaceSpot> {
+        let mut running = Vec::new();
+        let mut total = 0.0;
+        for (object, field) in self.slicer().objects().iter().enumerate() {
+            for (triangle, corners) in (0..).zip(field.surface().triangles()) {
+                total += normal_and_area(corners).map_or(0.0, |(_, area)| area);
+                running.push((total, object, triangle));
+            }
+        }
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut uniform = || (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+        let mut spots = Vec::with_capacity(count);
+        for _ in 0..count {
+            let found = (0..TRIES).find_map(|_| {
+                let at = running.partition_point(|(sum, ..)| *sum <= uniform() * total).min(running.len() - 1);
+                let (_, object, triangle) = running[at];
+                let [a, b, c] = self.slicer().objects()[object].surface().triangles()[triangle as usize];
+                let (u, v) = (uniform(), uniform());
+                let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+                self.spot(scene, object, triangle, a + (b - a) * u + (c - a) * v)
+            });
+            spots.extend(found);
+        }
+        spots
+    }
+
+    /// The spot nearest to a position.
+    pub(super) fn spot_near(&self, scene: &Scene, position: DVec3) -> Option<SurfaceSpot> {
+        let near = self.slicer().objects().iter().enumerate().map(|(n, field)| (n, field.surface().closest(position)));
+        let (object, found) = near.min_by(|a, b| a.1.distance.total_cmp(&b.1.distance))?;
+        self.spot(scene, object, found.triangle, found.point)
+    }
+
+    /// The spot around a surface point; `None` where the surface lies inside of the print, or has no normal.
+    fn spot(&self, scene: &Scene, object: usize, triangle: u32, point: DVec3) -> Option<SurfaceSpot> {
+        let surface = self.slicer().objects()[object].surface();
+        let normal = |triangle: u32| normal_and_area(&surface.triangles()[triangle as usize]).map(|(normal, _)| normal);
+        let middle = Site { point, normal: normal(triangle)? };
+        if !scene.is_open(&middle) {
+            return None;
+        }
+        let across = middle.normal.any_orthonormal_vector();
+        let along = middle.normal.cross(across);
+        let mut sites = vec![middle];
+        for n in 1..SITES {
+            // Even over the disc: radii by equal areas, turned by the golden angle.
+            let radius = SPOT_RADIUS_MM * (n as f64 / SITES as f64).sqrt();
+            let turn = n as f64 * GOLDEN_ANGLE;
+            let aside = point + (across * libm::cos(turn) + along * libm::sin(turn)) * radius;
+            let found = surface.closest(aside);
+            let site = normal(found.triangle).map(|normal| Site { point: found.point, normal });
+            sites.extend(site.filter(|site| {
+                site.normal.dot(middle.normal) > SAME_FACE
+                    && site.point.distance(point) <= 1.5 * SPOT_RADIUS_MM
+                    && scene.is_open(site)
+            }));
+        }
+        Some(SurfaceSpot { object, middle, spot: Spot { sites } })
+    }
+}
+
+/// π(3 − √5): no two multiples of it point the same way.
+const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+
+/// Outward unit normal and area of a triangle.
+pub(super) fn normal_and_area([a, b, c]: &[DVec3; 3]) -> Option<(DVec3, f64)> {
+    let double = (*b - *a).cross(*c - *a);
+    double.try_normalize().map(|normal| (normal, 0.5 * double.length()))
+}

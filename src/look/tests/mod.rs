@@ -1,0 +1,2 @@
+mod slabs;
+mod spots;

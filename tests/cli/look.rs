@@ -1,0 +1,50 @@
+//! `look`: printed albedos from the job and from its slices, and what is refused.
+
+use crate::support::{Bench, keys};
+
+#[test]
+fn the_job_and_its_slices_look_the_same() {
+    let bench = Bench::new();
+    bench.slice("out");
+    let numbers = ["--spots", "8", "--photons", "20000", "--at", "2,2,4", "--json"];
+    let field = bench.run(["look", "job.toml"].iter().chain(&numbers)).exits(0).json();
+    let slices = bench.run(["look", "out", "--job", "job.toml"].iter().chain(&numbers)).exits(0).json();
+    assert_eq!(field, slices);
+    let spots = field["spots"].as_array().unwrap();
+    assert_eq!(spots.len(), 9);
+    assert_eq!(keys(&spots[8]), ["object", "position_mm", "normal", "asked", "predicted", "printed", "standard_error"]);
+    assert_eq!(spots[8]["normal"], serde_json::json!([0.0, 0.0, 1.0]));
+    for spot in spots {
+        let [printed, predicted] = ["printed", "predicted"].map(|name| spot[name][0].as_f64().unwrap());
+        assert!(spot["asked"].is_null(), "a stacking is given, nothing is asked for");
+        // Light comes through the sides too, and a flat slab has none.
+        assert!(printed > 0.9 * predicted && printed < 0.95, "{spot}");
+        assert!(spot["standard_error"][0].as_f64().unwrap() < 0.005);
+    }
+    assert!(field["against_asked"].is_null());
+    assert_eq!(field["against_predicted"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn the_numbers_are_written_and_summed_up() {
+    let bench = Bench::new();
+    let ran = bench.run(["look", "job.toml", "--spots", "4", "--photons", "500", "-o", "seen"]).exits(0);
+    assert!(ran.stdout.contains("4 spots under even light") && ran.stdout.contains("worst spots"), "{}", ran.stdout);
+    let written = std::fs::read_to_string(bench.path("seen/look.json")).unwrap();
+    assert!(written.contains("\"standard_error\""), "{written}");
+    bench.run(["look", "job.toml", "--spots", "4", "-o", "seen"]).refuses(2, &["seen", "--overwrite"]);
+}
+
+#[test]
+fn what_cannot_be_looked_at_is_refused() {
+    let bench = Bench::new();
+    bench.slice("out");
+    bench.run(["look", "out"]).refuses(2, &["out", "--job JOB.toml"]);
+    bench.run(["look", "job.toml", "--job", "job.toml"]).refuses(2, &["job.toml", "expected one with --job"]);
+    bench.run(["look", "job.toml", "--at", "1,2"]).exits(2);
+    bench.run(["look", "job.toml", "--photons", "1"]).exits(2);
+    std::fs::remove_file(bench.path("out/slices/slice_3.png")).unwrap();
+    bench.run(["look", "out", "--job", "job.toml"]).refuses(2, &["slice_3.png"]);
+    std::fs::remove_file(bench.path("out/manifest.json")).unwrap();
+    bench.run(["look", "out", "--job", "job.toml"]).refuses(2, &["no manifest.json"]);
+}
