@@ -130,6 +130,7 @@ mod page;
 mod picture;
 pub mod plot;
 pub mod preview;
+mod regular_file;
 pub mod sdf;
 pub mod search;
 pub mod slice;

@@ -9,6 +9,17 @@ pub fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
+/// `512 voxels`, `8.000 k voxels`, `1.770 G voxels`.
+pub fn voxels(count: u64) -> String {
+    match count as f64 {
+        count if count < 1e3 => counted(count as usize, "voxel"),
+        count if count < 1e6 => format!("{:.3} k voxels", count * 1e-3),
+        count if count < 1e9 => format!("{:.3} M voxels", count * 1e-6),
+        count if count < 1e12 => format!("{:.3} G voxels", count * 1e-9),
+        count => format!("{:.3} T voxels", count * 1e-12),
+    }
+}
+
 /// `1 edge is`, `2 edges are`.
 pub(crate) fn is_are(count: usize, noun: &str) -> String {
     format!("{} {}", counted(count, noun), if count == 1 { "is" } else { "are" })
@@ -32,9 +43,14 @@ pub fn escaped_lines(text: &str) -> String {
 fn escaped_but(text: &str, kept: impl Fn(char) -> bool) -> String {
     let mut line = String::with_capacity(text.len());
     for c in text.chars() {
-        if c.is_control() && !kept(c) { line.extend(c.escape_default()) } else { line.push(c) }
+        if (c.is_control() || turns_the_line(c)) && !kept(c) { line.extend(c.escape_default()) } else { line.push(c) }
     }
     line
+}
+
+/// Marks that turn the direction of what follows, or break a line: what is shown is not what stands there.
+fn turns_the_line(c: char) -> bool {
+    matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 /// Most characters of a found text that a message repeats.
@@ -56,6 +72,19 @@ pub(crate) fn path_line(path: &Path) -> String {
 /// A foreign error's message on one line, blanks folded.
 pub(crate) fn one_line(error: impl Display) -> String {
     error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Longest part of a file's name that users choose, bytes: leaves room for prefixes and suffixes in the 255 bytes that
+/// file systems give a name.
+pub(crate) const MAX_FILE_NAME: usize = 200;
+
+/// Whether Windows takes a file of this name for a device, whatever follows its first dot.
+pub(crate) fn is_device_name(name: &str) -> bool {
+    let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_lowercase();
+    match stem.strip_prefix("com").or(stem.strip_prefix("lpt")) {
+        Some(digit) => digit.len() == 1 && digit.bytes().all(|byte| (b'1'..=b'9').contains(&byte)),
+        None => ["con", "prn", "aux", "nul"].contains(&stem.as_str()),
+    }
 }
 
 /// `"a", "b", "c"`.
@@ -113,6 +142,8 @@ mod tests {
     fn found_text_stays_on_its_line() {
         assert_eq!(escaped("a\u{1b}[31m\nµ"), "a\\u{1b}[31m\\nµ");
         assert_eq!(escaped_lines("a\u{1b}[31m\n\tµ"), "a\\u{1b}[31m\n\tµ");
+        assert_eq!(escaped("a\u{202e}b"), "a\\u{202e}b");
+        assert!(is_device_name("NUL") && is_device_name("com1.a.b") && !is_device_name("com10"));
         assert_eq!(one_line("a\n  b\t c"), "a b c");
         assert_eq!(excerpt(&"é".repeat(60)), "é".repeat(60));
         assert_eq!(excerpt(&"é".repeat(61)), "é".repeat(60) + "…");

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lumislice::{
-    job::compare::{CompareError, CompareRequest, Comparison, JobFit, Spread, compare_into},
+    job::compare::{self, CompareError, CompareRequest, Comparison, JobFit, Spread, compare_into},
     output::{Existing, OutputFolder},
 };
 
@@ -55,7 +55,7 @@ pub struct CompareArgs {
 /// Runs the command.
 pub fn run(args: &CompareArgs) -> Result<Answer> {
     let existing = Existing::overwrite(args.overwrite);
-    OutputFolder::check(&args.output, existing).map_err(CompareError::from)?;
+    OutputFolder::check(&args.output, &compare::OWNER, existing).map_err(CompareError::from)?;
     let materials = args.materials.as_deref().map(Materials::read).transpose()?.map(|materials| materials.file);
     if args.photons == 1 {
         refuse!("--photons: found 1, expected 0 or at least 2");

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use lumislice::{
     appearance::bssrdf::{BssrdfError, ClusterCount, FactorOptions},
-    job::factor::{FactorError, FactorRequest, Factored, factor_into},
+    job::factor::{self, FactorError, FactorRequest, Factored, factor_into},
     output::{Existing, OutputFolder},
     words::counted,
 };
@@ -65,7 +65,7 @@ fn parse_weight(text: &str) -> Result<f64, String> {
 /// Runs the command.
 pub fn run(args: &FactorArgs) -> Result<Answer> {
     let existing = Existing::overwrite(args.overwrite);
-    OutputFolder::check(&args.output, existing).map_err(FactorError::from)?;
+    OutputFolder::check(&args.output, &factor::OWNER, existing).map_err(FactorError::from)?;
     let request = FactorRequest {
         dataset: args.dataset.clone(),
         luminance: args.luminance,

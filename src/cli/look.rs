@@ -8,7 +8,7 @@ use lumislice::{
     job::{
         Job, Prepared, RunError,
         file::MaterialSource,
-        look::{Fit, Look, LookError, LookOptions, PictureOptions, look_at, scene_for, write_mitsuba},
+        look::{self, Fit, Look, LookError, LookOptions, PictureOptions, look_at, scene_for, write_mitsuba},
     },
     output::{Existing, OutputFolder},
 };
@@ -114,10 +114,10 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
     let job = Job::load(path).map_err(RunError::from)?;
     let existing = Existing::overwrite(args.overwrite);
     if let Some(folder) = &args.output {
-        OutputFolder::check(folder, existing)?;
+        OutputFolder::check(folder, &look::OWNER, existing)?;
     }
     if let Some(folder) = &args.mitsuba {
-        OutputFolder::check(folder, existing)?;
+        OutputFolder::check(folder, &look::MITSUBA, existing)?;
     }
     let bars = Bars::new(args.json);
     let built_in = matches!(job.materials, MaterialSource::Set(_));
@@ -141,20 +141,21 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         pictures: args.output.is_some().then_some(pictures),
     };
     let result = prepared.map_err(LookError::from).and_then(|prepared| {
+        let inputs = prepared.files();
         let scene = scene_for(&prepared, folder, &bars)?;
         if let Some(folder) = &args.mitsuba {
             write_mitsuba(&prepared, &scene, &pictures, folder, existing, &bars)?;
         }
-        look_at(&prepared, &scene, &options, &bars)
+        Ok((look_at(&prepared, &scene, &options, &bars)?, inputs))
     });
     bars.finish();
-    let look = result?;
+    let (look, inputs) = result?;
     look.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     if look.spots.is_empty() {
         return Err(refusal!("surface: found no spot that shows, expected one at least"));
     }
     if let Some(folder) = &args.output {
-        look.write(folder, existing)?;
+        look.write(folder, existing, &inputs)?;
     }
     if args.json {
         print_json(&look)?;

@@ -9,6 +9,7 @@ use lumislice::{
         manifest::MaterialRecord,
     },
     output::{Existing, OutputFolder},
+    words::voxels,
 };
 use serde_json::json;
 
@@ -53,7 +54,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-out", job.name)));
     let existing = if args.resume { Existing::Resume } else { Existing::overwrite(args.overwrite) };
     if !args.dry_run {
-        OutputFolder::check(&folder, existing).map_err(RunError::from)?;
+        OutputFolder::check(&folder, &job::OWNER, existing).map_err(RunError::from)?;
     }
     let bars = Bars::new(args.json);
     let built_in = matches!(job.materials, MaterialSource::Set(_));
@@ -130,12 +131,12 @@ fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool) -> Resu
     let [x, y, z] = estimate.dims;
     let size = estimate.size_mm;
     let mut text = format!(
-        "{}: {:.2} × {:.2} × {:.2} mm, {x} × {y} × {z} = {:.3} G voxels\nmemory: about {} MiB\n",
+        "{}: {:.2} × {:.2} × {:.2} mm, {x} × {y} × {z} = {}\nmemory: about {} MiB\n",
         prepared.job.name,
         size[0],
         size[1],
         size[2],
-        estimate.voxels as f64 * 1e-9,
+        voxels(estimate.voxels),
         estimate.memory_bytes >> 20,
     );
     text += &material_table(&estimate.materials, "about ");

@@ -3,7 +3,13 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use lumislice::{job::verify::verify, words::counted};
+use lumislice::{
+    job::{
+        Job, Prepared, RunError,
+        verify::{Remake, RemakeError, verify, verify_job},
+    },
+    words::counted,
+};
 use serde_json::json;
 
 use super::{Answer, Result, print, print_json, progress::Bars, say};
@@ -16,6 +22,13 @@ pub struct VerifyArgs {
     /// Folder of a finished job.
     #[arg(value_name = "OUT")]
     folder: PathBuf,
+    /// Job file that the folder was made from: makes the stackings and some slices again, and finds what was changed
+    /// together with the manifest.
+    #[arg(long, value_name = "JOB.toml")]
+    job: Option<PathBuf>,
+    /// With --job: makes every file again.
+    #[arg(long, requires = "job")]
+    deep: bool,
     /// Print one JSON document instead of lines.
     #[arg(long)]
     json: bool,
@@ -24,7 +37,14 @@ pub struct VerifyArgs {
 /// Runs the command.
 pub fn run(args: &VerifyArgs) -> Result<Answer> {
     let bars = Bars::new(args.json);
-    let result = verify(&args.folder, &bars);
+    let result = match &args.job {
+        None => verify(&args.folder, &bars).map_err(RemakeError::from),
+        Some(path) => {
+            let remake = if args.deep { Remake::All } else { Remake::Sample };
+            let prepared = Job::load(path).map_err(RunError::from).and_then(|job| Prepared::new(job, &bars));
+            prepared.map_err(RemakeError::from).and_then(|prepared| verify_job(&args.folder, &prepared, remake, &bars))
+        }
+    };
     bars.finish();
     let result = result?;
     let sound = result.findings.is_empty();

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{Prepared, StackingReport, look::LookSummary};
+use super::{OWNER, Prepared, StackingReport, look::LookSummary};
 use crate::output::{FileEntry, GENERATOR};
 
 /// Version of the manifest's form; raised when readers must change.
@@ -17,6 +17,9 @@ pub const STACKINGS: &str = "stackings.json";
 pub struct Manifest {
     /// Program and version that wrote it.
     pub generator: String,
+    /// The command, `slice`.
+    #[serde(default = "slice")]
+    pub command: String,
     /// [`MANIFEST_VERSION`].
     pub version: u32,
     /// Name of the job.
@@ -117,6 +120,11 @@ pub struct MeshRecord {
     pub pitch_mm: f64,
 }
 
+/// Manifests did not tell their command once.
+fn slice() -> String {
+    OWNER.command.to_owned()
+}
+
 /// What slicing adds to what was prepared.
 pub(super) struct Outcome {
     pub slices: [u32; 2],
@@ -142,6 +150,7 @@ impl Manifest {
         });
         Self {
             generator: GENERATOR.to_owned(),
+            command: slice(),
             version: MANIFEST_VERSION,
             name: prepared.job.name.clone(),
             job: json(&prepared.job.resolved()),

@@ -26,5 +26,5 @@ pub use plan::{
     Asked, AskedMap, GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry,
     StackingReport, TransportEntry, targets,
 };
-pub use run::{Estimate, Finished, REPORT, RedrawError, RunOptions, redraw, run};
+pub use run::{Estimate, Finished, OWNER, REPORT, RedrawError, RunOptions, redraw, run};
 pub use run_error::RunError;

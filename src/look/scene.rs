@@ -136,8 +136,6 @@ impl Scene {
         (position - self.volume.lattice().origin) * self.per_mm
     }
 
-    /// A place as a position in mm.
-
     /// Whether there is no voxel at `place` or none that is printed.
     pub(super) fn is_void(&self, place: Place) -> bool {
         self.volume.voxel(place.floor().to_array().map(|at| at as i64)).0 == 0

@@ -41,6 +41,9 @@ pub struct VolumeTooLarge {
 impl crate::blame::Blamed for VolumeTooLarge {}
 
 impl Volume {
+    /// Slices that make a layer of bricks.
+    pub const LAYER: u32 = BRICK as u32;
+
     /// A volume of nothing.
     ///
     /// # Errors

@@ -41,8 +41,8 @@ impl ProfileFile {
     /// # Errors
     /// [`OpticsError::File`] if it cannot be read, [`OpticsError::Entry`] with the line where it breaks the format.
     pub fn read(path: &Path) -> Result<Self, OpticsError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?;
+        let text = crate::regular_file::read_text(path)
+            .map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?;
         Self::parse(&text, path)
     }
 

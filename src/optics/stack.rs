@@ -111,12 +111,21 @@ impl<R: PartialEq> Stack<R> {
 /// PolyJet machine.
 pub(crate) const LAYER: Range = Range::new("a thickness in mm", 1e-4, 2000.0);
 
+/// Most layers of a stack: 14 mm of the thinnest slices.
+pub const MAX_LAYERS: usize = 1000;
+
 /// What is wrong with a stack's text.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StackError {
     /// There is no layer in it.
     #[error("found an empty stack, expected layers like white:0.5,support:1.0 (name:thickness in mm, top first)")]
     Empty,
+    /// There are more layers in it than any printer lays.
+    #[error("found {found} layers, expected at most {MAX_LAYERS}")]
+    TooMany {
+        /// How many.
+        found: usize,
+    },
     /// One of its elements is not a layer.
     #[error("layer {position} of the stack: found \"{found}\", expected {expected}")]
     Layer {
@@ -132,7 +141,8 @@ pub enum StackError {
 impl crate::blame::Blamed for StackError {}
 
 /// Layers of `name:thickness-in-mm`, separated by commas, top first, over nothing. Blanks around names and numbers are
-/// allowed; a name may hold colons, the last one counts. Thicknesses are 0.0001 to 2000 mm. Whether the resins exist is
+/// allowed; a name may hold colons, the last one counts. Thicknesses are 0.0001 to 2000 mm, layers at most
+/// [`MAX_LAYERS`]. Whether the resins exist is
 /// not checked.
 ///
 /// ```
@@ -152,9 +162,16 @@ impl FromStr for Stack<String> {
         if text.trim().is_empty() {
             return Err(StackError::Empty);
         }
+        let found = text.split(',').count();
+        if found > MAX_LAYERS {
+            return Err(StackError::TooMany { found });
+        }
         let layer = |(index, element): (usize, &str)| {
             let error =
                 |expected: String| StackError::Layer { position: index + 1, found: excerpt(element.trim()), expected };
+            if element.contains(';') {
+                return Err(error("a comma where `;` stands".to_owned()));
+            }
             let (name, thickness) = element
                 .rsplit_once(':')
                 .map(|(name, thickness)| (name.trim(), thickness.trim()))
@@ -188,6 +205,15 @@ mod tests {
         let stack = Stack::joined([("a", 1.0), ("a", 0.5), ("b", 0.0), ("a", 0.5), ("b", 2.0)]).over("c");
         assert_eq!(stack, Stack::new([("a", 2.0), ("b", 2.0)]).over("c"));
         assert_eq!(stack.thickness_mm(), 4.0);
+    }
+
+    #[test]
+    fn layers_are_counted_and_separated_by_commas() {
+        let layers = |count: usize| vec!["a:0.1"; count].join(",").parse::<Stack<String>>();
+        assert_eq!(layers(MAX_LAYERS).unwrap().layers.len(), MAX_LAYERS);
+        assert_eq!(layers(MAX_LAYERS + 1), Err(StackError::TooMany { found: MAX_LAYERS + 1 }));
+        let error = "a:1; b:2".parse::<Stack<String>>().unwrap_err().to_string();
+        assert_eq!(error, "layer 1 of the stack: found \"a:1; b:2\", expected a comma where `;` stands");
     }
 
     #[test]

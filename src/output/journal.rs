@@ -1,12 +1,12 @@
 //! The journal of an unfinished run: what is whole in its folder, so that an interrupted job goes on where it stopped.
 //!
-//! One JSON document a line: first the [`Task`], then every file once it stands under its final name, and every slice
-//! once all of its files do. A last line that was cut off does not count. The folder of a finished job has a manifest
+//! One JSON document a line: first the [`Task`], then every file just before it appears under its final name, and every
+//! slice once all of its files have. A last line that was cut off does not count. The folder of a finished job has a manifest
 //! and no journal.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
-    fs::{File, OpenOptions},
+    collections::BTreeMap,
+    fs::File,
     io::{self, Read, Write},
     path::Path,
     sync::Mutex,
@@ -14,7 +14,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use super::{FileEntry, is_plain, lock};
+use super::{FileEntry, is_plain, lock, scratch::Scratch};
 
 /// Name of the journal.
 pub const JOURNAL: &str = "journal.jsonl";
@@ -25,6 +25,8 @@ const MAX_JOURNAL_BYTES: u64 = 256 << 20;
 /// What a run does: another run can go on with it only if it would do the same.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Task {
+    /// The command.
+    pub command: String,
     /// Program and version.
     pub generator: String,
     /// Digest of the job, its inputs and its stackings.
@@ -44,7 +46,7 @@ enum Line {
         #[serde(flatten)]
         task: Task,
         /// Files of an earlier job that this one replaces.
-        replaces: BTreeSet<String>,
+        replaces: Vec<FileEntry>,
     },
     File(FileEntry),
     Slice {
@@ -57,7 +59,7 @@ enum Line {
 #[derive(Debug, Default)]
 pub(super) struct Recorded {
     pub(super) task: Option<Task>,
-    pub(super) replaces: BTreeSet<String>,
+    pub(super) replaces: Vec<FileEntry>,
     pub(super) files: BTreeMap<String, FileEntry>,
     pub(super) slices: BTreeMap<u32, SliceCounts>,
 }
@@ -78,7 +80,7 @@ impl Recorded {
             match serde_json::from_slice(line) {
                 Ok(Line::Task { task, replaces }) => {
                     recorded.task = Some(task);
-                    recorded.replaces = replaces.into_iter().filter(|path| is_plain(path)).collect();
+                    recorded.replaces = replaces.into_iter().filter(|file| is_plain(&file.path)).collect();
                 }
                 Ok(Line::File(entry)) if is_plain(&entry.path) => {
                     recorded.files.insert(entry.path.clone(), entry);
@@ -99,7 +101,7 @@ pub(super) struct Journal(Mutex<File>);
 
 impl Journal {
     /// Begins the journal at `path` anew with what is already `recorded`.
-    pub(super) fn begin(path: &Path, recorded: &Recorded) -> io::Result<Self> {
+    pub(super) fn begin(scratch: &Scratch, path: &Path, recorded: &Recorded) -> io::Result<Self> {
         let mut text = Vec::new();
         if let Some(task) = recorded.task.clone() {
             line(&mut text, &Line::Task { task, replaces: recorded.replaces.clone() })?;
@@ -111,10 +113,10 @@ impl Journal {
             line(&mut text, &Line::Slice { slice, counts: counts.clone() })?;
         }
         // Whole or not at all: the old journal may be the only record of what is there.
-        let partial = path.with_extension("jsonl.part");
-        std::fs::write(&partial, &text)?;
+        let (partial, mut file) = scratch.file()?;
+        file.write_all(&text)?;
         std::fs::rename(&partial, path)?;
-        Ok(Self(Mutex::new(OpenOptions::new().append(true).open(path)?)))
+        Ok(Self(Mutex::new(file)))
     }
 
     pub(super) fn file(&self, entry: &FileEntry) -> io::Result<()> {
@@ -146,10 +148,12 @@ mod tests {
     fn a_line_that_was_cut_off_does_not_count() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(JOURNAL);
-        let task = Task { generator: "lumislice".into(), sha256: "ab".into(), slices: [0, 3] };
-        let replaces = BTreeSet::from(["slices/slice_9.png".to_owned(), "../outside".to_owned()]);
+        let task = Task { command: "slice".into(), generator: "lumislice".into(), sha256: "ab".into(), slices: [0, 3] };
+        let replaces = ["slices/slice_9.png", "../outside"]
+            .map(|path| FileEntry { path: path.into(), bytes: 1, sha256: "ef".into() })
+            .to_vec();
         let begun = Recorded { task: Some(task.clone()), replaces, ..Default::default() };
-        let journal = Journal::begin(&path, &begun).unwrap();
+        let journal = Journal::begin(&Scratch::new(folder.path()).unwrap(), &path, &begun).unwrap();
         let entry = FileEntry { path: "slices/slice_0.png".into(), bytes: 3, sha256: "cd".into() };
         journal.file(&entry).unwrap();
         journal.slice(0, SliceCounts::from([(1, 7)])).unwrap();

@@ -9,7 +9,10 @@ use super::{
     PreviewError, PreviewFile, PreviewMaterial, Voxels, cutaway, cuts, film, legend::Legend, middles, section::Section,
     sheet, style::Palette, volume::Volume,
 };
-use crate::voxel::{Lattice, Slab};
+use crate::{
+    look,
+    voxel::{Lattice, Slab},
+};
 
 /// Slices on the contact sheet.
 const SHEET: usize = 12;
@@ -115,15 +118,18 @@ impl PreviewBuilder {
         slices
     }
 
-    /// Draws the pictures.
-    pub fn finish(self) -> Result<Vec<PreviewFile>, PreviewError> {
+    /// Draws the pictures; with the `voxels` of the whole job, the cut-away shows the outermost ones.
+    pub fn finish(self, voxels: Option<&look::Volume>) -> Result<Vec<PreviewFile>, PreviewError> {
         let palette = Palette::new(&self.materials);
         let legend = self.legend();
         let lattice = &self.lattice;
         let mut pictures = vec![
             ("preview/slices.png".to_owned(), sheet::contact_sheet(lattice, &self.sheet, &palette, &legend)),
             ("preview/cuts.png".to_owned(), cuts::cuts(lattice, &self.cuts, &palette, &legend)),
-            ("preview/cutaway.png".to_owned(), cutaway::cutaway(lattice, &self.volume, &self.cuts, &palette, &legend)),
+            (
+                "preview/cutaway.png".to_owned(),
+                cutaway::cutaway(lattice, &self.volume, voxels, &self.cuts, &palette, &legend),
+            ),
         ];
         for section in &self.singles {
             let picture = sheet::single_slice(lattice, section, &palette, &legend);

@@ -17,7 +17,7 @@ use super::{
     text::Font,
     volume::Volume,
 };
-use crate::voxel::Lattice;
+use crate::{look, voxel::Lattice};
 
 /// Most pixels the object spans.
 const OBJECT: [f64; 2] = [1400.0, 900.0];
@@ -42,6 +42,10 @@ const FACE_DARKENING: f32 = 0.55;
 const CONTRAST: f32 = 0.04;
 /// Strength of outlines.
 const OUTLINE: f32 = 0.62;
+/// How far around the smoothed surface voxels are looked for, cells.
+const SURFACE_REACH: f64 = 2.5;
+/// Most lines of sight across a pixel that holds several voxels.
+const MOST_RAYS: usize = 4;
 /// Specks of light added by resin's gloss.
 const GLOSS: f32 = 0.06;
 
@@ -62,10 +66,11 @@ enum Part {
     Face(u8),
 }
 
-/// Draws the picture.
+/// Draws the picture; with the `voxels` themselves, the surface shows the outermost ones.
 pub(super) fn cutaway(
     lattice: &Lattice,
     volume: &Volume,
+    voxels: Option<&look::Volume>,
     cuts: &[Section; 3],
     palette: &Palette,
     legend: &Legend,
@@ -85,7 +90,7 @@ pub(super) fn cutaway(
     let scene = Scene::new(volume, [&cuts[0], &cuts[1]], focus);
     let size = [frame.across[1] - frame.across[0], frame.upwards[1] - frame.upwards[0]];
     let scale = (OBJECT[0] / size[0]).min(OBJECT[1] / size[1]);
-    let stage = Stage { pyramid: Pyramid::new(&scene), scene, view, palette, frame };
+    let stage = Stage { pyramid: Pyramid::new(&scene), scene, voxels, view, palette, frame };
     let words = Font::Title.width(title) + 24 + Font::Normal.width(&note);
     let content = ((size[0] * scale).round() as usize).max(MIN_WIDTH - 2 * MARGIN).max(legend.min_width()).max(words);
     let foot = legend.layout(content, scale);
@@ -155,6 +160,7 @@ struct Raster {
 /// Everything that a ray needs.
 struct Stage<'a> {
     scene: Scene<'a>,
+    voxels: Option<&'a look::Volume>,
     pyramid: Pyramid,
     view: View,
     palette: &'a Palette,
@@ -175,7 +181,7 @@ impl Stage<'_> {
             }
             Some((height, Hit::Surface)) => {
                 let place = point + self.view.toward * height;
-                Sample { colour: self.surface(place), height: height as f32, part: Part::Surface }
+                Sample { colour: self.surface(place, raster.scale), height: height as f32, part: Part::Surface }
             }
             None => Sample {
                 colour: self.ground(point, fade([x, y], raster.size)),
@@ -193,16 +199,8 @@ impl Stage<'_> {
         base.map(|c| c * FACE_LIGHT[axis] * open)
     }
 
-    fn surface(&self, place: DVec3) -> Linear {
-        let (mut sum, mut weights) = ([0.0; 3], 0.0);
-        self.scene.corners(place, |cell, weight| {
-            if let Some(colour) = self.palette.flat(self.scene.volume.ids[cell]) {
-                let weight = weight * f32::from(self.scene.volume.coverage(cell));
-                weights += weight;
-                sum = std::array::from_fn(|c| sum[c] + weight * colour[c]);
-            }
-        });
-        let base = if weights > 0.0 { sum.map(|c| c / weights) } else { linear(PAGE) };
+    fn surface(&self, place: DVec3, scale: f64) -> Linear {
+        let base = self.outermost(place, scale).unwrap_or_else(|| self.blend(place));
         let normal = self.scene.normal(place);
         let lamp = LAMP.normalize();
         let open = self.pyramid.openness(place, normal);
@@ -213,6 +211,64 @@ impl Stage<'_> {
         let half = (lamp + self.view.toward).normalize();
         let gloss = GLOSS * lit * (normal.dot(half).max(0.0) as f32).powi(24);
         base.map(|c| c * light + gloss)
+    }
+
+    /// Mean colour of the outermost voxels that lines of sight through a pixel around `place` meet; `None` where they
+    /// are not known or none is met nearby.
+    fn outermost(&self, place: DVec3, scale: f64) -> Option<Linear> {
+        let voxels = self.voxels?;
+        let pitch = voxels.lattice().pitch;
+        let rays = (1.0 / (scale * pitch.min_element())).ceil().clamp(1.0, MOST_RAYS as f64) as usize;
+        let (mut sum, mut met) = ([0.0; 3], 0.0);
+        for n in 0..rays * rays {
+            let across = |n: usize| ((n as f64 + 0.5) / rays as f64 - 0.5) / scale;
+            let from = place + self.view.right * across(n % rays) + self.view.up * across(n / rays);
+            if let Some(colour) = self.first_voxel(voxels, from / pitch).and_then(|id| self.palette.flat(id)) {
+                sum = std::array::from_fn(|c| sum[c] + colour[c]);
+                met += 1.0;
+            }
+        }
+        (met > 0.0).then(|| sum.map(|c| c / met))
+    }
+
+    /// The first solid voxel on a line of sight near `from`, in voxels.
+    fn first_voxel(&self, voxels: &look::Volume, from: DVec3) -> Option<u8> {
+        let pitch = voxels.lattice().pitch;
+        let step = -self.view.toward / pitch;
+        // The surface that was met is a smoothed one, and within a cell of the voxels'.
+        let reach = SURFACE_REACH * self.scene.volume.edge.into_iter().fold(0.0, f64::max);
+        let start = from - step * reach;
+        let mut voxel = start.floor();
+        let way = |voxel: DVec3| {
+            let wall = DVec3::select(step.cmpgt(DVec3::ZERO), voxel + 1.0, voxel);
+            (wall - start) / step
+        };
+        let mut walls = way(voxel);
+        let mut t = 0.0;
+        while t < 2.0 * reach {
+            let id = voxels.voxel(voxel.to_array().map(|v| v as i64)).0;
+            if id != 0 && self.palette.flat(id).is_some() {
+                return Some(id);
+            }
+            let axis = if walls.x <= walls.y.min(walls.z) { 0 } else { 1 + usize::from(walls.z < walls.y) };
+            t = walls[axis];
+            voxel[axis] += step[axis].signum();
+            walls[axis] = way(voxel)[axis];
+        }
+        None
+    }
+
+    /// Colour of the cells around `place`, where the voxels themselves are not known.
+    fn blend(&self, place: DVec3) -> Linear {
+        let (mut sum, mut weights) = ([0.0; 3], 0.0);
+        self.scene.corners(place, |cell, weight| {
+            if let Some(colour) = self.palette.flat(self.scene.volume.ids[cell]) {
+                let weight = weight * f32::from(self.scene.volume.coverage(cell));
+                weights += weight;
+                sum = std::array::from_fn(|c| sum[c] + weight * colour[c]);
+            }
+        });
+        if weights > 0.0 { sum.map(|c| c / weights) } else { linear(PAGE) }
     }
 
     /// The page where nothing is hit: darker on the ground beside the object.

@@ -1,6 +1,6 @@
 //! Pictures of a finished folder, from its slices.
 
-use std::{fs, io::BufReader, path::Path};
+use std::{io::BufReader, path::Path};
 
 use rayon::prelude::*;
 
@@ -8,7 +8,10 @@ use super::{
     PreviewBuilder, PreviewError, PreviewFile, PreviewMaterial, Voxels,
     enclosed::{mark_enclosed, open_hollows},
 };
-use crate::voxel::Lattice;
+use crate::{
+    look,
+    voxel::{Lattice, MaterialId},
+};
 
 /// Pixels worth decoding: about ten seconds of one core. Larger jobs are read more sparsely.
 const PIXELS: f64 = 1.5e9;
@@ -19,7 +22,7 @@ const BATCH_BYTES: usize = 64 << 20;
 
 /// Draws the pictures of a finished job from `OUT/slices/slice_K.png`.
 ///
-/// At most 800 of the slices are read, evenly spread. Slices show the support as background; it is found again as what
+/// Of a large job at most 800 of the slices are read, evenly spread. Slices show the support as background; it is found again as what
 /// the object encloses. Of two materials with the same colour the first gets all.
 ///
 /// # Errors
@@ -39,6 +42,14 @@ pub fn from_folder(
     let needed = builder.slices_needed();
     let colours = SliceColours::new(materials.iter().map(|material| (material.rgba, material.id.0)));
     let batch = (BATCH_BYTES / (area as usize).max(1)).clamp(1, 64);
+    // Where all slices can be read, the voxels themselves are kept.
+    let all = f64::from(depth) * area <= PIXELS;
+    let mut voxels = if all { look::Volume::new(*lattice).ok() } else { None };
+    let (needed, batch) = if voxels.is_some() {
+        ((0..depth).collect(), batch.next_multiple_of(look::Volume::LAYER as usize))
+    } else {
+        (needed, batch)
+    };
     for slices in needed.chunks(batch) {
         // Gathered before the first error is looked for, so that it is always the same one.
         let images: Vec<Result<Image, _>> = slices.par_iter().map(|&k| read(out, k, lattice, &colours)).collect();
@@ -46,11 +57,19 @@ pub fn from_folder(
         for image in &images {
             builder.observe_slices(image, image.k..image.k + 1);
         }
+        if let Some(voxels) = &mut voxels {
+            for layer in images.chunks(look::Volume::LAYER as usize) {
+                let first = layer[0].k;
+                let rows = |j, k: u32, row: &mut [u8]| layer[(k - first) as usize].row(j, k, row);
+                voxels.add_slices(first..first + layer.len() as u32, rows);
+            }
+        }
     }
     if let Some(support) = colours.support {
         open_hollows(&mut builder, support);
+        voxels.iter_mut().for_each(|voxels| voxels.fill_enclosed(MaterialId(support)));
     }
-    builder.finish()
+    builder.finish(voxels.as_ref())
 }
 
 /// One slice, row 0 = largest j.
@@ -109,7 +128,7 @@ pub(crate) fn read_slice(
 ) -> Result<Vec<u8>, PreviewError> {
     let path = out.join("slices").join(format!("slice_{k}.png"));
     let decode = |reason: String| PreviewError::Decode { path: path.clone(), reason };
-    let file = fs::File::open(&path).map_err(|source| PreviewError::Read { path: path.clone(), source })?;
+    let file = crate::regular_file::open(&path).map_err(|source| PreviewError::Read { path: path.clone(), source })?;
     let mut reader = png::Decoder::new(BufReader::new(file)).read_info().map_err(|error| decode(error.to_string()))?;
     let info = reader.info();
     let found = [info.width, info.height];

@@ -56,7 +56,7 @@ fn build(lattice: Lattice, id: impl Fn(DVec3) -> u8 + Sync, slabs: impl Iterator
 }
 
 fn pictures(lattice: Lattice, id: impl Fn(DVec3) -> u8 + Sync) -> Vec<PreviewFile> {
-    build(lattice, id, 0..Slab::count(&lattice)).finish().unwrap()
+    build(lattice, id, 0..Slab::count(&lattice)).finish(None).unwrap()
 }
 
 /// Width, height and RGB of a picture.
@@ -89,7 +89,7 @@ fn neither_threads_nor_the_order_of_slabs_matter() {
     let in_pool = |threads, reversed: bool| {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
             let order: Vec<u32> = if reversed { (0..slabs).rev().collect() } else { (0..slabs).collect() };
-            build(lattice, ball, order.into_iter()).finish().unwrap()
+            build(lattice, ball, order.into_iter()).finish(None).unwrap()
         })
     };
     assert!(slabs > 1);
@@ -239,7 +239,7 @@ fn counts_replace_estimates() {
             counts[1] = count;
             builder.set_counts(&counts);
         }
-        builder.finish().unwrap()
+        builder.finish(None).unwrap()
     };
     let estimated = with(None);
     assert_ne!(with(Some(1000)), estimated);
@@ -345,4 +345,30 @@ fn bad_slices_are_named() {
     std::fs::write(folder.path().join("slices/slice_1.png"), "not a picture").unwrap();
     let (text, _) = error(&small, &materials());
     assert!(text.starts_with("OUT/slices/slice_1.png: found a file that cannot be decoded"), "{text}");
+}
+
+/// A film of one voxel of black on white: its outside is black, although most of every cell there is white.
+#[test]
+fn the_outside_of_the_cut_away_shows_the_outermost_voxels() {
+    let lattice = lattice([0.05; 3], [160; 3]);
+    let film = |p: DVec3| match 4.0 - p.distance(DVec3::splat(4.0)) {
+        depth if depth < 0.0 => 0,
+        depth if depth < 0.06 => 3,
+        _ => 1,
+    };
+    let mut builder = PreviewBuilder::focused(&lattice, &materials(), DVec3::new(9.0, -1.0, 4.0));
+    let mut voxels = crate::look::Volume::new(lattice).unwrap();
+    let mut slab = Slab::new(lattice);
+    for index in 0..Slab::count(&lattice) {
+        slab.reset(index);
+        fill(&mut slab, film);
+        builder.observe(&slab);
+        voxels.add(&slab);
+    }
+    let pictures = builder.finish(Some(&voxels)).unwrap();
+    let (width, height, pixels) = decode(pictures.iter().find(|file| file.path == "preview/cutaway.png").unwrap());
+    // The middle of the picture, all of which the ball fills.
+    let middle = (height / 3..height / 2).flat_map(|y| (2 * width / 5..3 * width / 5).map(move |x| x + width * y));
+    let bright = middle.filter(|&at| pixels[at].iter().all(|&c| c > 90)).count();
+    assert_eq!(bright, 0);
 }

@@ -107,3 +107,42 @@ fn pictures_are_drawn_again_and_listed() {
     bench.run(["preview", "out"]).refuses(2, &["report.html", "did not write"]);
     assert_eq!(bench.files("out")["report.html"], b"mine");
 }
+
+/// Whoever changes a slice and its entry in the manifest deceives the manifest, but not the job.
+#[test]
+fn a_consistent_tamper_is_found_by_making_again() {
+    use sha2::Digest;
+    let bench = sliced();
+    for remake in [&[][..], &["--deep"]] {
+        bench.run([&["verify", "out", "--job", "job.toml"], remake].concat()).exits(0);
+    }
+    // Slice 9 in place of slice 10: the cube's are alike in size and, inside, in their voxels.
+    let [lower, upper] = [9, 0].map(|k| fs::read(bench.path(format!("out/slices/slice_{k}.png"))).unwrap());
+    assert_ne!(lower, upper);
+    let mut manifest = bench.manifest("out");
+    let mut counts = std::collections::BTreeMap::new();
+    for (k, content) in [(9, &upper), (0, &lower)] {
+        let path = format!("slices/slice_{k}.png");
+        bench.write(format!("out/{path}"), content);
+        let files = manifest["files"].as_array_mut().unwrap();
+        let entry = files.iter_mut().find(|file| file["path"] == path.as_str()).unwrap();
+        entry["bytes"] = json!(content.len());
+        entry["sha256"] = json!(sha2::Sha256::digest(content).iter().map(|b| format!("{b:02x}")).collect::<String>());
+        counts.insert(path, content.len());
+    }
+    bench.write("out/manifest.json", manifest.to_string().as_bytes());
+    for remake in [&[][..], &["--deep"]] {
+        let ran = bench.run([&["verify", "out", "--job", "job.toml"], remake].concat()).exits(1);
+        assert!(counts.keys().all(|path| ran.stdout.contains(path.as_str())), "{}", ran.stdout);
+        assert!(ran.stdout.contains("which the job makes"), "{}", ran.stdout);
+    }
+    // Another job than the folder's.
+    bench.job_with("white:0.5", "white:0.7");
+    let ran = sliced_as(&bench).exits(1);
+    assert!(ran.stdout.contains("stackings.json: found SHA-256") && ran.stdout.contains("manifest.json: job"));
+    bench.run(["verify", "out", "--deep"]).refuses(2, &["--job"]);
+}
+
+fn sliced_as(bench: &Bench) -> crate::support::Ran {
+    bench.run(["verify", "out", "--job", "job.toml"])
+}

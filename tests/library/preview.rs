@@ -48,7 +48,7 @@ fn bunny() {
         .unwrap();
     let slicing = start.elapsed().as_secs_f64() - observing;
     let start = Instant::now();
-    let pictures = builder.finish().unwrap();
+    let pictures = builder.finish(None).unwrap();
     let drawing = start.elapsed().as_secs_f64();
     println!("{:?}: slicing {slicing:.2} s, observing {observing:.2} s, drawing {drawing:.2} s", lattice.dims);
 

@@ -6,10 +6,7 @@
 //! part of the albedo. NaN is a value that is missing. What is negative stays: it is noise about zero, and cutting it
 //! off would add light.
 
-use std::{
-    fs::File,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use super::{BssrdfError, header, npy::NpyHeader, npz, responses::Responses, rings::Rings};
 use crate::colour::LUMINANCE;
@@ -92,7 +89,7 @@ impl Dataset {
             header::read(path)?
         } else {
             // A file that is not there is said to be missing, whatever its name.
-            File::open(path).map_err(|source| BssrdfError::Read { file: path.to_path_buf(), source })?;
+            crate::regular_file::open(path).map_err(|source| BssrdfError::Read { file: path.to_path_buf(), source })?;
             return Err(BssrdfError::Entry {
                 file: path.to_path_buf(),
                 place: "dataset".into(),

@@ -6,7 +6,7 @@
 //! The file is unpacked once into a temporary file, block by block; what is in memory is the rows that are not complete
 //! yet, one if the file was written row by row.
 
-use std::{collections::BTreeMap, fs::File, io::BufReader, path::Path};
+use std::{collections::BTreeMap, io::BufReader, path::Path};
 
 use exr::{
     block::{self, reader::ChunksReader},
@@ -25,7 +25,8 @@ use crate::words::one_line;
 
 /// Unpacks a file; `window` is the columns and rows of a window if they are not the layers' height both.
 pub(super) fn unpack(path: &Path, window: Option<[usize; 2]>) -> Result<(Responses, NpyHeader), BssrdfError> {
-    let file = File::open(path).map_err(|source| BssrdfError::Read { file: path.to_path_buf(), source })?;
+    let file =
+        crate::regular_file::open(path).map_err(|source| BssrdfError::Read { file: path.to_path_buf(), source })?;
     let reader = block::read(BufReader::new(file), true).map_err(|error| exr_fault(path, error))?;
     let headers = reader.headers().to_vec();
     let layout = Layout::of(path, &headers, window)?;

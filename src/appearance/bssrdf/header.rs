@@ -1,7 +1,6 @@
 //! `dataset.toml`: where the arrays are and what their numbers mean.
 
 use std::{
-    fs::{self, File},
     io::{BufReader, Read},
     path::{Path, PathBuf},
 };
@@ -112,7 +111,8 @@ impl From<Fault> for BssrdfError {
 
 /// Reads a header and the small arrays it names.
 pub(super) fn read(file: &Path) -> Result<Parts, BssrdfError> {
-    let text = fs::read_to_string(file).map_err(|source| BssrdfError::Read { file: file.to_path_buf(), source })?;
+    let text = crate::regular_file::read_text(file)
+        .map_err(|source| BssrdfError::Read { file: file.to_path_buf(), source })?;
     let header = Header::parse(&text, file)?;
     if header.version != VERSION {
         return Err(BssrdfError::Entry {
@@ -153,7 +153,7 @@ pub(super) fn read(file: &Path) -> Result<Parts, BssrdfError> {
 /// The header of an array whose values are all there.
 fn open_responses(path: &Path) -> Result<NpyHeader, BssrdfError> {
     let fault = |source| BssrdfError::Read { file: path.to_path_buf(), source };
-    let file = File::open(path).map_err(fault)?;
+    let file = crate::regular_file::open(path).map_err(fault)?;
     let size = file.metadata().map_err(fault)?.len();
     let header = NpyHeader::read(&mut BufReader::new(file)).map_err(|error| npy_fault(path, "header", error))?;
     if size < header.start + header.value_bytes() {
@@ -174,7 +174,7 @@ pub(super) fn truncated(path: &Path, place: &str, found: u64, expected: u64) -> 
 /// Reads an array whole.
 fn read_array(path: &Path, name: &str) -> Result<Array, BssrdfError> {
     let fault = |source| BssrdfError::Read { file: path.to_path_buf(), source };
-    let file = File::open(path).map_err(fault)?;
+    let file = crate::regular_file::open(path).map_err(fault)?;
     array_from(&mut BufReader::new(file), path, name)
 }
 

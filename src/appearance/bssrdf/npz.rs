@@ -25,7 +25,8 @@ type Archive = ZipArchive<BufReader<File>>;
 
 /// Reads an archive.
 pub(super) fn read(file: &Path) -> Result<Parts, BssrdfError> {
-    let opened = File::open(file).map_err(|source| BssrdfError::Read { file: file.to_path_buf(), source })?;
+    let opened =
+        crate::regular_file::open(file).map_err(|source| BssrdfError::Read { file: file.to_path_buf(), source })?;
     let mut archive = ZipArchive::new(BufReader::new(opened)).map_err(|error| zip_fault(file, "archive", &error))?;
     let pitch_mm = number(&mut archive, file, "pitch_mm")?
         .ok_or_else(|| missing(file, "pitch_mm", "the distance of two texels in mm"))?;
@@ -75,6 +76,9 @@ fn number(archive: &mut Archive, file: &Path, name: &str) -> Result<Option<f64>,
     }
 }
 
+/// Largest array of responses that is unpacked, bytes: an archive of a few megabytes can hold terabytes of zeros.
+const MAX_UNPACKED: u64 = 16 << 30;
+
 /// Unpacks the responses.
 fn unpack(archive: &mut Archive, file: &Path) -> Result<(Responses, NpyHeader), BssrdfError> {
     const NAME: &str = "responses";
@@ -85,9 +89,20 @@ fn unpack(archive: &mut Archive, file: &Path) -> Result<(Responses, NpyHeader), 
     };
     let mut header = NpyHeader::read(&mut member).map_err(|error| npy_fault(file, NAME, error))?;
     header.start = 0;
+    let expected = header.value_bytes();
+    if expected > MAX_UNPACKED {
+        return Err(BssrdfError::Entry {
+            file: file.to_path_buf(),
+            place: NAME.into(),
+            found: format!("an array of shape {:?}, {expected} bytes", header.shape),
+            expected: format!("at most {MAX_UNPACKED} bytes; a .npy of its own may hold more"),
+        });
+    }
     let mut scratch = Scratch::new()?;
     let mut buffer = vec![0; 1 << 20];
     let mut done = 0;
+    // What follows the values is not looked at, however much it is.
+    let mut member = member.take(expected);
     loop {
         let count =
             member.read(&mut buffer).map_err(|source| BssrdfError::Read { file: file.to_path_buf(), source })?;
@@ -97,8 +112,8 @@ fn unpack(archive: &mut Archive, file: &Path) -> Result<(Responses, NpyHeader), 
         scratch.write(&buffer[..count])?;
         done += count as u64;
     }
-    if done < header.value_bytes() {
-        return Err(truncated(file, NAME, done, header.value_bytes()));
+    if done < expected {
+        return Err(truncated(file, NAME, done, expected));
     }
     Ok((scratch.responses(header.clone())?, header))
 }

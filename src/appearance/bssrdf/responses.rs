@@ -45,7 +45,7 @@ impl Responses {
     /// # Errors
     /// [`BssrdfError::Read`] if the file has gone.
     pub fn reader(&self) -> Result<RowReader<'_>, BssrdfError> {
-        let file = File::open(&self.path).map_err(|source| self.fault(source))?;
+        let file = crate::regular_file::open(&self.path).map_err(|source| self.fault(source))?;
         Ok(RowReader { responses: self, file, bytes: Vec::new(), values: Vec::new() })
     }
 

@@ -33,7 +33,7 @@ use serde::Serialize;
 use super::plan::FactoredMap;
 use crate::{
     optics::MaterialFile,
-    output::{Existing, GENERATOR, OutputFolder, pretty},
+    output::{Existing, GENERATOR, OutputFolder, Owner, pretty},
     plot::Format,
     watch::{StopOnly, Watch},
 };
@@ -160,6 +160,10 @@ impl Comparison {
     }
 }
 
+/// What `compare` writes.
+pub const OWNER: Owner =
+    Owner { command: "compare", names: &["sheet.png", "edge.png", "sheet.html", "comparison.json"] };
+
 /// Compares, and writes the sheet into `folder`: `sheet.html`, `sheet.png`, `edge.png` and `comparison.json`.
 ///
 /// # Errors
@@ -174,12 +178,14 @@ pub fn compare_into(
     let [width, height] = [comparison.width, comparison.height];
     comparison.stages.iter_mut().for_each(|stage| stage.read_edge(width, height));
     watch.stage("sheet", 0);
-    let output = OutputFolder::create(folder, existing)?;
+    let inputs = request.jobs.iter().chain([&request.map]).chain(&request.dataset).cloned().collect::<Vec<_>>();
+    let output = OutputFolder::create(folder, &OWNER, existing, &inputs)?;
     output.write("sheet.png", &comparison.pictures().encode(Format::Png)?)?;
     output.write("edge.png", &comparison.edge_figure().encode(Format::Png)?)?;
     output.write("sheet.html", comparison.page()?.as_bytes())?;
     output.write("comparison.json", &pretty(&comparison))?;
-    let list = serde_json::json!({ "generator": GENERATOR, "version": 1, "files": output.files() });
+    let list =
+        serde_json::json!({ "generator": GENERATOR, "command": OWNER.command, "version": 1, "files": output.files() });
     output.finish(&pretty(&list))?;
     Ok(comparison)
 }

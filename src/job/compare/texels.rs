@@ -1,6 +1,6 @@
 //! The profile of every single texel, as `lumislice factor` keeps them in `profiles.npy`.
 
-use std::{fs::File, io::Read, path::Path};
+use std::{io::Read, path::Path};
 
 use super::CompareError;
 use crate::appearance::{TexelRings, bssrdf::NpyHeader};
@@ -16,7 +16,7 @@ pub(super) fn within(
 ) -> Result<(Vec<Vec<f64>>, Vec<f64>), CompareError> {
     let [height, width, channels] = shape;
     let fault = |found: String| CompareError::Profiles { path: path.to_owned(), found };
-    let mut file = File::open(path).map_err(|error| fault(error.to_string()))?;
+    let mut file = crate::regular_file::open(path).map_err(|error| fault(error.to_string()))?;
     let header = NpyHeader::read(&mut file).map_err(|error| fault(error.to_string()))?;
     let own = edges_mm.len() - 1;
     if header.shape != [height, width, channels, own] {

@@ -17,7 +17,7 @@ use crate::{
     },
     blame::{Blame, Blamed, Remedy},
     optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile},
-    output::{Existing, GENERATOR, OutputError, OutputFolder, Task, hex, pretty},
+    output::{Existing, GENERATOR, OutputError, OutputFolder, Owner, Task, hex, pretty},
     plot::PlotError,
     watch::{Thousandths, Watch},
 };
@@ -192,13 +192,32 @@ pub fn factor_into(
     files.push((FACTORED.into(), pretty(&factored)));
     // Only now: a dataset that is refused leaves nothing behind.
     let sha256 = hex(&Sha256::digest(pretty(&factored)));
-    let task = Task { generator: GENERATOR.to_owned(), sha256, slices: [0, 0] };
-    let (output, _) = OutputFolder::begin(folder, existing, &task)?;
+    let (command, generator) = (OWNER.command.to_owned(), GENERATOR.to_owned());
+    let task = Task { command, generator, sha256, slices: [0, 0] };
+    let inputs = [request.dataset.clone()];
+    let (output, _) = OutputFolder::begin(folder, &OWNER, existing, &task, &inputs)?;
     files.iter().try_for_each(|(path, content)| output.write(path, content))?;
-    let list = json!({ "generator": GENERATOR, "version": FACTORED_VERSION, "files": output.files() });
+    let list = json!({ "generator": GENERATOR, "command": OWNER.command, "version": FACTORED_VERSION, "files": output.files() });
     output.finish(&pretty(&list))?;
     Ok(factored)
 }
+
+/// What `factor` writes.
+pub const OWNER: Owner = Owner {
+    command: "factor",
+    names: &[
+        "profiles/",
+        PROFILES,
+        LABELS,
+        "albedo.png",
+        "clusters.png",
+        "palette.png",
+        slab::MESH,
+        slab::JOB,
+        slab::REFINED,
+        FACTORED,
+    ],
+};
 
 /// A channel's name as a part of a file's.
 fn file_part(name: &str) -> String {

@@ -63,8 +63,8 @@ impl Factored {
     /// # Errors
     /// A file that is missing, of another form, or says what it may not.
     pub fn read(path: &Path) -> Result<Self, OpticsError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| OpticsError::File { file: path.to_owned(), source })?;
+        let text = crate::regular_file::read_text(path)
+            .map_err(|source| OpticsError::File { file: path.to_owned(), source })?;
         let record: Self = serde_json::from_str(&text).map_err(|error| OpticsError::Entry {
             file: path.to_owned(),
             line: Some(error.line()),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::error::JobError;
 use super::read::{Result, Value};
-use crate::words::{excerpt, path_line};
+use crate::words::{MAX_FILE_NAME, excerpt, is_device_name, path_line};
 
 /// A file or folder that the job reads. It was there when the job was loaded.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -106,20 +106,30 @@ fn problem(path: &Path, kind: Kind) -> Option<String> {
     }
 }
 
-/// Longest job name, characters: leaves room for suffixes in the 255 bytes a file system gives a name.
+/// Longest job name, characters.
 const MAX_NAME: usize = 60;
 
 /// The job's name: its file's stem, made fit to be part of a file name on every system. Never empty, never `.` or
 /// `..`, without separators and control characters.
 pub(super) fn job_name(path: &Path) -> String {
     let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let mut bytes = 0;
+    let fits = |c: &char| {
+        bytes += c.len_utf8();
+        bytes <= MAX_FILE_NAME
+    };
     let safe: String = stem
         .chars()
         .take(MAX_NAME)
+        .take_while(fits)
         .map(|c| if c.is_control() || r#"/\:*?"<>|"#.contains(c) { '_' } else { c })
         .collect();
     let safe = safe.trim_matches(|c: char| c == '.' || c.is_whitespace());
-    if safe.is_empty() { "job".to_owned() } else { safe.to_owned() }
+    match safe {
+        "" => "job".to_owned(),
+        device if is_device_name(device) => format!("{device}_"),
+        safe => safe.to_owned(),
+    }
 }
 
 #[cfg(test)]
@@ -139,10 +149,14 @@ mod tests {
             ("a\\b:c\n.toml", "a_b_c_"),
             ("v1.2.toml", "v1.2"),
             ("häschen.toml", "häschen"),
+            ("con.toml", "con_"),
+            ("Lpt1.x.toml", "Lpt1.x_"),
+            ("console.toml", "console"),
         ] {
             assert_eq!(job_name(Path::new(path)), name, "{path:?}");
         }
         assert_eq!(job_name(Path::new(&"x".repeat(300))).len(), MAX_NAME);
+        assert_eq!(job_name(Path::new(&"\u{1f407}".repeat(60))).len(), MAX_FILE_NAME);
     }
 
     #[test]

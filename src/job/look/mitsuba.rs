@@ -11,12 +11,16 @@ use crate::{
     job::Prepared,
     look::{Lit, Scene, Stage},
     optics::VolumeCoefficients,
-    output::{Existing, GENERATOR, OutputFolder, pretty},
+    output::{Existing, GENERATOR, OutputFolder, Owner, pretty},
     watch::Watch,
 };
 
 /// Orders of scattering: at 32 a white slab loses 38% of its light.
 const MAX_DEPTH: u32 = 4000;
+/// What `look --mitsuba` writes.
+pub const OWNER: Owner =
+    Owner { command: "look --mitsuba", names: &["sigma_t_*", "albedo_*", "phase_*", "scene_*", "lamp_*", "sky.pfm"] };
+
 /// Most voxels of a grid: three of 4 bytes each.
 const MAX_VOXELS: u64 = 1 << 30;
 
@@ -44,7 +48,7 @@ pub fn write_mitsuba(
     if scene.volume().lattice().voxels() > MAX_VOXELS {
         return Err(fault(format!("{} voxels", scene.volume().lattice().voxels()), "at most 1 G for Mitsuba's grids"));
     }
-    let output = OutputFolder::create(folder, existing)?;
+    let output = OutputFolder::create(folder, &OWNER, existing, &prepared.files())?;
     watch.stage("Mitsuba", prepared.materials.channels.len() as u64);
     let present = scene.volume().present();
     for (name, media) in prepared.materials.channels.iter().zip(&coefficients) {
@@ -70,7 +74,8 @@ pub fn write_mitsuba(
     for (file, text) in lamps(&stage) {
         output.write(&file, text.as_bytes())?;
     }
-    let list = serde_json::json!({ "generator": GENERATOR, "version": 1, "files": output.files() });
+    let list =
+        serde_json::json!({ "generator": GENERATOR, "command": OWNER.command, "version": 1, "files": output.files() });
     Ok(output.finish(&pretty(&list))?)
 }
 

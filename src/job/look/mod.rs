@@ -19,20 +19,20 @@ mod pictures;
 mod surface;
 mod voxels;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 pub use error::LookError;
-pub use mitsuba::write_mitsuba;
+pub use mitsuba::{OWNER as MITSUBA, write_mitsuba};
 pub use pictures::PictureOptions;
 use surface::SurfaceSpot;
 
 use super::{Prepared, verify::read_manifest};
 use crate::{
     look::{Scene, Spot},
-    output::{Existing, GENERATOR, OutputError, OutputFolder, pretty},
+    output::{Existing, GENERATOR, OutputError, OutputFolder, Owner, pretty},
     preview::PreviewFile,
     watch::Watch,
 };
@@ -258,20 +258,23 @@ impl Look {
         }
     }
 
-    /// Writes `look.json` and the pictures into `folder`.
+    /// Writes `look.json` and the pictures into `folder`; `inputs` are the files that were read.
     ///
     /// # Errors
     /// A folder that may not or cannot be written.
-    pub fn write(&self, folder: &Path, existing: Existing) -> Result<(), OutputError> {
-        let output = OutputFolder::create(folder, existing)?;
+    pub fn write(&self, folder: &Path, existing: Existing, inputs: &[PathBuf]) -> Result<(), OutputError> {
+        let output = OutputFolder::create(folder, &OWNER, existing, inputs)?;
         output.write(LOOK, &pretty(self))?;
         for picture in &self.pictures {
             output.write(picture.path.trim_start_matches("look/"), &picture.png)?;
         }
-        let list = serde_json::json!({ "generator": GENERATOR, "version": 1, "files": output.files() });
+        let list = serde_json::json!({ "generator": GENERATOR, "command": OWNER.command, "version": 1, "files": output.files() });
         output.finish(&pretty(&list))
     }
 }
+
+/// What `look` writes.
+pub const OWNER: Owner = Owner { command: "look", names: &[LOOK, "soft.png", "edge.png", "behind.png", "spot.png"] };
 
 fn fits(spots: &[SpotRecord], expected: &[&[f64]], channels: usize) -> Vec<Fit> {
     let fit = |channel: usize| {

@@ -2,7 +2,7 @@
 
 use super::PreparedObject;
 use crate::job::{Job, JobError, file::DepthFrom};
-use crate::voxel::Lattice;
+use crate::{voxel::Lattice, words::counted};
 
 /// Refuses objects that are shorter than a voxel along every axis, most likely for want of a unit: of such an object
 /// next to nothing is printed. Those that are so along some axis only are told in `warnings`.
@@ -48,14 +48,21 @@ pub(super) fn thin_layers(job: &Job, objects: &[PreparedObject], lattice: &Latti
         }
     }
     let stackings = || objects.iter().flat_map(|object| &object.stackings.stackings);
-    let (layers, stackings) = (stackings().flat_map(|stacking| &stacking.layers).count(), stackings().count());
+    let layers = stackings().flat_map(|stacking| &stacking.layers).count();
     (!parts.is_empty()).then(|| {
-        let parts = parts.join(", ");
+        let (parts, stackings) = (parts.join(", "), counted(stackings().count(), "stacking"));
         format!(
             "layers thinner than a voxel, not resolved on faces that look along it: {parts} of {layers} in \
-            {stackings} stackings"
+            {stackings}"
         )
     })
+}
+
+/// Fewer slices than the printer takes.
+pub(super) fn few_slices(job: &Job, lattice: &Lattice) -> Option<String> {
+    let slices = lattice.dims[2] as usize;
+    let least = job.printer.min_slices.filter(|&least| slices < least)?;
+    Some(format!("{}, fewer than the {least} that {} takes", counted(slices, "slice"), job.printer.name))
 }
 
 /// Thicknesses are no better than this.

@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
     io::Read,
     path::{Path, PathBuf},
 };
@@ -75,6 +74,9 @@ pub struct InputFile {
     pub path: String,
     /// Lower-case hexadecimal digest.
     pub sha256: String,
+    /// Where it was read.
+    #[serde(skip)]
+    pub file: PathBuf,
 }
 
 impl Prepared {
@@ -151,7 +153,8 @@ impl Prepared {
         }
         checks::tiny_objects(&job, &objects, &lattice, &mut warnings)?;
         warnings.extend(checks::thin_layers(&job, &objects, &lattice));
-        let inputs = inputs.into_iter().map(|(path, sha256)| InputFile { path, sha256 }).collect();
+        warnings.extend(checks::few_slices(&job, &lattice));
+        let inputs = inputs.into_iter().map(|(path, (sha256, file))| InputFile { path, sha256, file }).collect();
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);
         let prepared = Self { job, materials, lattice, objects, palette, inputs, warnings, slicer };
@@ -207,12 +210,13 @@ impl Prepared {
     }
 }
 
-/// Digests of files by their paths as shown.
-type Inputs = BTreeMap<String, String>;
+/// Digests of files and where they lie, by their paths as shown.
+type Inputs = BTreeMap<String, (String, PathBuf)>;
 
 fn add_input(inputs: &mut Inputs, shown: String, path: &Path) -> Result<(), RunError> {
     if let std::collections::btree_map::Entry::Vacant(entry) = inputs.entry(shown) {
-        entry.insert(digest(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?);
+        let sha256 = digest(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?;
+        entry.insert((sha256, path.to_path_buf()));
     }
     Ok(())
 }
@@ -239,7 +243,7 @@ fn read_inputs(job: &Job) -> Result<Inputs, RunError> {
 }
 
 fn digest(path: &Path) -> std::io::Result<String> {
-    let mut file = fs::File::open(path)?;
+    let mut file = crate::regular_file::open(path)?;
     let (mut hasher, mut buffer) = (Sha256::new(), vec![0; 1 << 16]);
     loop {
         let read = file.read(&mut buffer)?;

@@ -62,17 +62,53 @@ impl Prepared {
         self.slicer().resampled(coarse).for_each_slab(0..coarse.dims[2], &mut count)?;
         let per_voxel = coarse.voxel_volume() / lattice.voxel_volume();
         let counts = counts.map(|count| (count as f64 * per_voxel).round() as u64);
-        let slab_height = u64::from(BlockShape::for_lattice(lattice).voxels()[2]);
-        let slab = u64::from(lattice.dims[0]) * u64::from(lattice.dims[1]) * slab_height;
-        let triangles: u64 = self.objects.iter().map(|object| object.health.triangles as u64).sum();
         Ok(Estimate {
             size_mm: extent.to_array(),
             dims: lattice.dims,
             voxels: lattice.voxels(),
-            memory_bytes: BASE_MEMORY + slab / 2 + triangles * TRIANGLE_BYTES,
+            memory_bytes: self.memory_bytes(),
             materials: self.material_records(&counts, lattice.voxel_volume()),
             misfits: self.misfits(),
             warnings: self.warnings.clone(),
         })
+    }
+
+    /// Memory that slicing needs, roughly.
+    fn memory_bytes(&self) -> u64 {
+        let lattice = &self.lattice;
+        let slab_height = u64::from(BlockShape::for_lattice(lattice).voxels()[2]);
+        let slab = u64::from(lattice.dims[0]) * u64::from(lattice.dims[1]) * slab_height;
+        let triangles: u64 = self.objects.iter().map(|object| object.health.triangles as u64).sum();
+        BASE_MEMORY + slab / 2 + triangles * TRIANGLE_BYTES
+    }
+
+    /// Refuses a job that needs more memory than the machine has.
+    pub(super) fn refuse_too_large(&self) -> Result<(), RunError> {
+        let needed = self.memory_bytes();
+        match machine_memory() {
+            Some(there) if needed > there => {
+                let [x, y, z] = self.lattice.dims;
+                let found = format!("{x} × {y} × {z} voxels, which need about {} MiB of memory", needed >> 20);
+                let expected = format!("at most the {} MiB that this machine has", there >> 20);
+                Err(self.job.refuse("printer", found, expected).into())
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Memory of the machine, bytes, where the system tells it as Linux does.
+fn machine_memory() -> Option<u64> {
+    let told = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let total = told.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
+    Some(total.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? << 10)
+}
+
+#[cfg(test)]
+mod tests {
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_machine_has_memory() {
+        assert!(super::machine_memory().is_some_and(|bytes| bytes > 64 << 20));
     }
 }

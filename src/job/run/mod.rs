@@ -7,7 +7,12 @@ mod heights;
 mod redraw;
 mod report;
 
-use std::{collections::BTreeMap, ops::Range, path::Path, time::Instant};
+use std::{
+    collections::BTreeMap,
+    ops::Range,
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use rayon::prelude::*;
 use serde_json::json;
@@ -26,7 +31,7 @@ use crate::{
         manifest::{Manifest, MeshRecord, Outcome, STACKINGS, json},
         verify::read_manifest,
     },
-    output::{Existing, GENERATOR, MANIFEST, OutputError, OutputFolder, SliceCounts, TIMINGS, Task, pretty},
+    output::{Existing, GENERATOR, MANIFEST, OutputError, OutputFolder, Owner, SliceCounts, TIMINGS, Task, pretty},
     preview::{PreviewBuilder, PreviewMaterial},
     slice::{
         RowBuffers, encode_mask, encode_rgba,
@@ -65,7 +70,7 @@ pub struct Finished {
 pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn Watch) -> Result<Finished, RunError> {
     let started = Instant::now();
     prepared.refuse_misfits()?;
-    let dims = prepared.lattice.dims;
+    prepared.refuse_too_large()?;
     let slices = prepared.checked_slices(options.slices.clone())?;
     if options.existing == Existing::Resume
         && let Some(manifest) = prepared.finished(folder, &slices)?
@@ -73,8 +78,14 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
         return Ok(Finished { manifest, kept: slices.end - slices.start });
     }
     let stackings = prepared.stackings_json();
-    let task = Task { generator: GENERATOR.to_owned(), sha256: prepared.digest(), slices: [slices.start, slices.end] };
-    let (output, recorded) = OutputFolder::begin(folder, options.existing, &task)?;
+    let command = OWNER.command.to_owned();
+    let task = Task {
+        command,
+        generator: GENERATOR.to_owned(),
+        sha256: prepared.digest(),
+        slices: [slices.start, slices.end],
+    };
+    let (output, recorded) = OutputFolder::begin(folder, &OWNER, options.existing, &task, &prepared.files())?;
     if !output.keep(STACKINGS) {
         output.write(STACKINGS, &stackings)?;
     }
@@ -113,9 +124,6 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     let meshed = started.elapsed() - sliced;
 
     let mut warnings = prepared.warnings.clone();
-    if let Some(least) = prepared.job.printer.min_slices.filter(|&least| (dims[2] as usize) < least) {
-        warnings.push(format!("{} slices, fewer than the {least} that {} takes", dims[2], prepared.job.printer.name));
-    }
     if counts[1..].iter().all(|&voxels| voxels == 0) {
         warnings.push("no voxel's centre lies inside an object: nothing will be printed".to_owned());
     }
@@ -123,7 +131,8 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     let mut manifest = Manifest::new(prepared, outcome);
     if let Some(builder) = pictures {
         watch.stage("pictures", 0);
-        let mut pictures = builder.finish()?;
+        let mut pictures = builder.finish(volume.as_ref())?;
+        let volume = volume.filter(|_| prepared.materials.has_coefficients());
         if let Some(mut look) = volume.map(|volume| prepared.quick_look(volume, watch)).transpose()? {
             output.write(LOOK, &pretty(&look))?;
             pictures.splice(0..0, std::mem::take(&mut look.pictures));
@@ -148,11 +157,11 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
 const LOOK_VOXELS: u64 = 2_000_000_000;
 
 impl Prepared {
-    /// An empty volume for the look that a whole job shows with its pictures; `None` where it shows none: for a part of
-    /// the slices, for a job too large for it, for resins without coefficients.
+    /// An empty volume for the cut-away's surface and the look that a whole job shows with its pictures; `None` for a
+    /// part of the slices and for a job too large for it.
     fn look_volume(&self, slices: &Range<u32>) -> Result<Option<Volume>, RunError> {
         let whole = *slices == (0..self.lattice.dims[2]) && self.lattice.voxels() <= LOOK_VOXELS;
-        let shown = whole && self.job.wants(OutputFormat::Preview) && self.materials.has_coefficients();
+        let shown = whole && self.job.wants(OutputFormat::Preview);
         Ok(shown.then(|| Volume::new(self.lattice)).transpose().map_err(LookError::from)?)
     }
 
@@ -169,6 +178,12 @@ fn slice_path(k: u32) -> String {
 fn mask_path(resin: &str, k: u32) -> String {
     format!("masks/{resin}/slice_{k}.png")
 }
+
+/// What `slice` writes.
+pub const OWNER: Owner = Owner {
+    command: "slice",
+    names: &["slices/", "masks/", "meshes/", "heights/", "preview/", "look/", LOOK, STACKINGS, REPORT, TIMINGS],
+};
 
 /// Where slabs go.
 struct Sinks<'a> {
@@ -204,27 +219,8 @@ impl Sinks<'_> {
 
     fn take_slice(&self, slab: &Slab, k: u32, buffers: &mut Buffers) -> Result<[u64; 256], RunError> {
         self.watch.go_on()?;
-        let encoding = |error: std::io::Error| OutputError::Io {
-            action: "encoding",
-            path: self.output.root().join(format!("slice {k}")),
-            source: error,
-        };
-        let mut counts = [0; 256];
-        let Buffers { rows, file } = buffers;
-        file.clear();
-        // Counting is part of encoding, so slices are encoded even where only masks are wanted.
-        encode_rgba(slab, k, &self.prepared.palette, rows, &mut counts, file).map_err(encoding)?;
-        if self.prepared.job.wants(OutputFormat::Png) {
-            self.output.write(&slice_path(k), file)?;
-        }
-        if self.prepared.job.wants(OutputFormat::Masks) {
-            for (MaterialId(id), resin) in self.prepared.printed() {
-                file.clear();
-                encode_mask(slab, k, id, rows, file).map_err(encoding)?;
-                let name = &self.prepared.materials[resin].name;
-                self.output.write(&mask_path(name, k), file)?;
-            }
-        }
+        let counts =
+            self.prepared.encode_slice(slab, k, buffers, |path, content| Ok(self.output.write(path, content)?))?;
         let occurring = (0..=u8::MAX).map(|id| (id, counts[usize::from(id)])).filter(|&(_, voxels)| voxels > 0);
         self.output.finish_slice(k, occurring.collect())?;
         self.watch.advance(1);
@@ -233,6 +229,64 @@ impl Sinks<'_> {
 }
 
 impl Prepared {
+    /// Every file that was read.
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.inputs.iter().map(|input| input.file.clone()).chain([self.job.path.clone()]).collect()
+    }
+
+    /// Hands the files of slice `k` to `take`, and counts its voxels.
+    fn encode_slice(
+        &self,
+        slab: &Slab,
+        k: u32,
+        buffers: &mut Buffers,
+        mut take: impl FnMut(&str, &[u8]) -> Result<(), RunError>,
+    ) -> Result<[u64; 256], RunError> {
+        let encoding = |source: std::io::Error| OutputError::Io {
+            action: "encoding",
+            path: PathBuf::from(format!("slice {k}")),
+            source,
+        };
+        let mut counts = [0; 256];
+        let Buffers { rows, file } = buffers;
+        file.clear();
+        // Counting is part of encoding, so slices are encoded even where only masks are wanted.
+        encode_rgba(slab, k, &self.palette, rows, &mut counts, file).map_err(encoding)?;
+        if self.job.wants(OutputFormat::Png) {
+            take(&slice_path(k), file)?;
+        }
+        if self.job.wants(OutputFormat::Masks) {
+            for (MaterialId(id), resin) in self.printed() {
+                file.clear();
+                encode_mask(slab, k, id, rows, file).map_err(encoding)?;
+                take(&mask_path(&self.materials[resin].name, k), file)?;
+            }
+        }
+        Ok(counts)
+    }
+
+    /// Hands the files of `slices` to `take`, of those slabs that are `wanted`.
+    pub(super) fn for_each_sliced_file(
+        &self,
+        slices: Range<u32>,
+        wanted: impl Fn(Range<u32>) -> bool,
+        watch: &dyn Watch,
+        mut take: impl FnMut(&str, &[u8]),
+    ) -> Result<(), RunError> {
+        let mut buffers = Buffers::default();
+        self.slicer().for_each_wanted_slab(slices.clone(), wanted, |slab| {
+            for k in slab.slices().filter(|k| slices.contains(k)) {
+                watch.go_on()?;
+                self.encode_slice(slab, k, &mut buffers, |path, content| {
+                    take(path, content);
+                    Ok(())
+                })?;
+                watch.advance(1);
+            }
+            Ok(())
+        })
+    }
+
     /// Lists the files of slice `k` as written if an interrupted run left all of them whole.
     fn keep_slice(&self, output: &OutputFolder, k: u32) -> bool {
         let slice = self.job.wants(OutputFormat::Png).then(|| slice_path(k));

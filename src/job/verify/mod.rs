@@ -16,6 +16,7 @@ mod files;
 mod image;
 mod layers;
 mod records;
+mod remade;
 mod solids;
 mod stackings;
 #[cfg(test)]
@@ -27,6 +28,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+pub use remade::{Remake, RemakeError, verify_job};
 use serde::Serialize;
 use thiserror::Error;
 

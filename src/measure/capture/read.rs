@@ -54,7 +54,7 @@ pub(super) fn capture(path: &Path) -> Result<Capture> {
         let expected = format!("a capture file of at most {MAX_BYTES}");
         return Err(MeasureError::frame(path, format!("{size} bytes"), expected));
     }
-    let text = std::fs::read_to_string(path).map_err(disk)?;
+    let text = crate::regular_file::read_text(path).map_err(disk)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let source = Source::new(path, folder, &text, Found::ByType);
     let document = source.parse()?;

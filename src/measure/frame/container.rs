@@ -1,6 +1,5 @@
 //! What kind of file a picture is in, by its first bytes; names lie.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -23,7 +22,7 @@ impl Container {
     pub(super) fn of(path: &Path) -> Result<Self, MeasureError> {
         let read = |source| MeasureError::Read { file: path.to_path_buf(), source };
         let mut start = [0; 12];
-        let mut file = File::open(path).map_err(read)?;
+        let mut file = crate::regular_file::open(path).map_err(read)?;
         let mut length = 0;
         while length < start.len() {
             match file.read(&mut start[length..]).map_err(read)? {

@@ -1,6 +1,5 @@
 //! Exposure times from EXIF, in PNG, TIFF and raw files that are TIFF.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -11,7 +10,7 @@ const OF_THE_PICTURE: Tag = Tag(Context::Tiff, 0x829a);
 
 /// The exposure time in s, if the file tells one that is positive.
 pub(super) fn exposure_s(path: &Path) -> Option<f64> {
-    let mut file = BufReader::new(File::open(path).ok()?);
+    let mut file = BufReader::new(crate::regular_file::open(path).ok()?);
     let exif = Reader::new().read_from_container(&mut file).ok()?;
     let field = [Tag::ExposureTime, OF_THE_PICTURE].iter().find_map(|tag| exif.get_field(*tag, In::PRIMARY))?;
     let seconds = match &field.value {

@@ -12,7 +12,8 @@ use crate::measure::MeasureError;
 const EXPECTED: &str = "a PNG of 16 bits, grey or RGB";
 
 fn open(path: &Path) -> Result<Reader<BufReader<File>>, MeasureError> {
-    let file = File::open(path).map_err(|source| MeasureError::Read { file: path.to_path_buf(), source })?;
+    let file =
+        crate::regular_file::open(path).map_err(|source| MeasureError::Read { file: path.to_path_buf(), source })?;
     let reader = Decoder::new(BufReader::new(file)).read_info().map_err(|error| damaged(path, &error))?;
     let (colour, depth) = reader.output_color_type();
     if depth != BitDepth::Sixteen {

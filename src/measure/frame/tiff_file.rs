@@ -23,7 +23,8 @@ struct Opened {
 }
 
 fn open(path: &Path) -> Result<Opened, MeasureError> {
-    let file = File::open(path).map_err(|source| MeasureError::Read { file: path.to_path_buf(), source })?;
+    let file =
+        crate::regular_file::open(path).map_err(|source| MeasureError::Read { file: path.to_path_buf(), source })?;
     let damaged = |error| damaged(path, &error);
     let mut decoder = Decoder::new(BufReader::new(file)).map_err(damaged)?;
     let (width, height) = decoder.dimensions().map_err(damaged)?;

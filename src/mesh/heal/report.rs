@@ -30,10 +30,14 @@ impl HealthReport {
         say(
             self.holes,
             format!(
-                "The mesh has {} with {}; closed for the inside test by {} of {:.2} mm² ({:.2}% of the surface). \
+                "The mesh has {}{}; closed for the inside test by {} of {:.2} mm² ({:.2}% of the surface). \
                  Depth is measured from the mesh only, not from what closes it.",
                 counted(self.holes, "hole"),
-                counted(self.open_edges, "open edge"),
+                if self.open_edges > 0 {
+                    format!(" with {}", counted(self.open_edges, "open edge"))
+                } else {
+                    String::new()
+                },
                 counted(self.caps, "triangle"),
                 self.cap_area_mm2,
                 100.0 * self.cap_area_mm2 / self.area_mm2

@@ -57,7 +57,7 @@ use glam::{DMat4, DVec3};
 use self::raw::RawMesh;
 use super::TriangleMesh;
 use super::error::{Fault, MeshError, Parsed, quote};
-use crate::words::one_line;
+use crate::{regular_file, words::one_line};
 
 /// Longest side of a mesh that is believed, in mm. No printer's tray is a thousandth of it.
 pub const MAX_EXTENT_MM: f64 = 1e6;
@@ -164,12 +164,10 @@ pub(super) struct Source<'a> {
 impl Source<'_> {
     /// The bytes of a companion, or a phrase that says why there are none.
     fn read(&self, companion: &Path) -> Result<Vec<u8>, String> {
-        let bytes = match std::fs::metadata(companion) {
-            Ok(data) if data.is_file() => std::fs::read(companion).map_err(one_line),
-            Ok(_) => Err("it is not a regular file".to_owned()),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err("there is no such file".to_owned()),
-            Err(error) => Err(one_line(error)),
-        }?;
+        let bytes = regular_file::read(companion, MAX_MESH_BYTES).map_err(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
+            _ => one_line(error),
+        })?;
         self.companions.borrow_mut().insert(companion.to_owned());
         Ok(bytes)
     }
@@ -229,13 +227,11 @@ impl Format {
     }
 }
 
+/// Longest mesh, texture or buffer that is read, bytes: some 80 million triangles.
+const MAX_MESH_BYTES: u64 = 4 << 30;
+
 fn read_file(path: &Path) -> Result<Vec<u8>, MeshError> {
-    let failed = |source| MeshError::Read { file: path.to_owned(), source };
-    // A device or a pipe has no end to read to.
-    if !std::fs::metadata(path).map_err(failed)?.is_file() {
-        return Err(failed(std::io::Error::other("it is not a regular file")));
-    }
-    std::fs::read(path).map_err(failed)
+    regular_file::read(path, MAX_MESH_BYTES).map_err(|source| MeshError::Read { file: path.to_owned(), source })
 }
 
 /// Checks what every format must fulfil, shares equal positions and converts to millimetres and z up.

@@ -101,8 +101,8 @@ impl MaterialFile {
     /// [`OpticsError::File`] for a file that cannot be read, [`OpticsError::Entry`] for the first thing in it that is
     /// not acceptable.
     pub fn read(path: &Path) -> Result<Self, OpticsError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?;
+        let text = crate::regular_file::read_text(path)
+            .map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?;
         let folder = Folder::Disk(path.parent().unwrap_or(Path::new("")).to_path_buf(), RefCell::default());
         let mut file = Self::parse(&text, path, &folder)?;
         if let Folder::Disk(_, read) = folder {

@@ -8,6 +8,7 @@ use crate::optics::{
     fit_coefficients,
 };
 use crate::toml_reader::{At, Fault, Strings, Table, Value};
+use crate::words::{MAX_FILE_NAME, is_device_name};
 
 const RESIN_KEYS: [&str; 13] = [
     "name",
@@ -197,6 +198,8 @@ pub(crate) fn is_name(name: &str) -> bool {
     name.starts_with(char::is_alphanumeric)
         && name.ends_with(|c: char| c.is_alphanumeric() || "-_+".contains(c))
         && name.chars().all(|c| c.is_alphanumeric() || " -_+.".contains(c))
+        && name.len() <= MAX_FILE_NAME
+        && !is_device_name(name)
 }
 
 pub(crate) fn rgba<E: From<Fault>>(keys: &Table<'_, E>) -> Result<At<[u8; 4]>, E> {

@@ -46,7 +46,7 @@ impl Folder<'_> {
         match self {
             Self::Disk(folder, read) => {
                 let file = folder.join(name);
-                match std::fs::read_to_string(&file) {
+                match crate::regular_file::read_text(&file) {
                     Ok(text) => {
                         read.borrow_mut().push(file.clone());
                         Ok((file, text))
