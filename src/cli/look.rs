@@ -48,7 +48,13 @@ pub struct LookArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_position, allow_hyphen_values = true, help_heading = "Work")]
     at: Vec<DVec3>,
     /// Photons for each spot and channel, at least 2.
-    #[arg(long, value_name = "N", default_value_t = LookOptions::default().walks, value_parser = clap::value_parser!(u64).range(2..), help_heading = "Work")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = LookOptions::default().walks,
+        value_parser = clap::value_parser!(u64).range(2..),
+        help_heading = "Work"
+    )]
     photons: u64,
     /// Seed of spots and photons.
     #[arg(long, value_name = "S", default_value_t = 1, help_heading = "Work")]
@@ -57,10 +63,22 @@ pub struct LookArgs {
     #[arg(long, value_name = "DIR", help_heading = "Output")]
     mitsuba: Option<PathBuf>,
     /// Edge of a picture, pixels.
-    #[arg(long, value_name = "N", default_value_t = PictureOptions::default().size, value_parser = clap::value_parser!(u32).range(16..=4096).map(|n| n as usize), help_heading = "Pictures")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = PictureOptions::default().size,
+        value_parser = clap::value_parser!(u32).range(16..=4096).map(|n| n as usize),
+        help_heading = "Pictures"
+    )]
     size: usize,
     /// Samples of every pixel, at most.
-    #[arg(long, value_name = "N", default_value_t = PictureOptions::default().samples, value_parser = clap::value_parser!(u32).range(1..=1_000_000), help_heading = "Pictures")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = PictureOptions::default().samples,
+        value_parser = clap::value_parser!(u32).range(1..=1_000_000),
+        help_heading = "Pictures"
+    )]
     samples: u32,
     /// Begin no further samples after so many seconds.
     #[arg(long, value_name = "S", value_parser = parse_seconds, help_heading = "Pictures")]

@@ -98,7 +98,19 @@ fn neither_threads_nor_the_order_of_slabs_matter() {
 
 #[test]
 fn the_pictures_of_a_ball_show_its_layers() {
-    let files = pictures(lattice(BALL.0, BALL.1), ball);
+    let mut files = pictures(lattice(BALL.0, BALL.1), ball);
+    let film = files.pop().unwrap();
+    let strip = FilmStrip::of(&lattice(BALL.0, BALL.1));
+    let (width, height, pixels) = decode(&film);
+    assert_eq!((film.path.as_str(), strip.columns), (FILM_STRIP, 8));
+    assert_eq!([width, height], [strip.columns * strip.pixels[0], strip.rows * strip.pixels[1]]);
+    // The middle of the frame in the middle of the height is core, that of the lowest one is the shell.
+    let middle = |frame: usize| {
+        let [x, y] = [frame % strip.columns, frame / strip.columns];
+        let [x, y] = [x * strip.pixels[0] + strip.pixels[0] / 2, y * strip.pixels[1] + strip.pixels[1] / 2];
+        pixels[x + width * y]
+    };
+    assert!(middle(strip.frames / 2).iter().all(|&c| c < 26) && middle(0).iter().all(|&c| c > 200));
     let names: Vec<_> = files.iter().map(|file| file.path.as_str()).collect();
     assert_eq!(names[..3], ["preview/slices.png", "preview/cuts.png", "preview/cutaway.png"]);
     assert!(names[3..].iter().all(|name| name.starts_with("preview/slice_")) && names.len() == 6);
@@ -305,6 +317,10 @@ fn a_cup_is_not_full_of_support() {
     let (_, _, pixels) = decode(&found.remove(2));
     assert!(pixels.iter().all(|p| i32::from(p[0]) - i32::from(p[2]) < 40));
     expected.remove(2);
+    // Slices to leaf through are drawn from the same cells.
+    let [film, _] = [&mut found, &mut expected].map(|files| files.pop().unwrap());
+    let (_, _, pixels) = decode(&film);
+    assert!(pixels.iter().all(|p| i32::from(p[0]) - i32::from(p[2]) < 40));
     same(&found, &expected);
 }
 

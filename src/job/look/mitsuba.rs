@@ -82,8 +82,9 @@ pub fn write_mitsuba(
 /// A grid of Mitsuba's format 3: single precision, one channel, x fastest.
 fn grid(scene: &Scene, value: impl Fn(u8) -> f32) -> Vec<u8> {
     let [nx, ny, nz] = scene.volume().lattice().dims;
+    let present = scene.volume().present();
     let values: [[u8; 4]; 256] =
-        std::array::from_fn(|id| if scene.volume().present()[id] { value(id as u8).to_le_bytes() } else { [0; 4] });
+        std::array::from_fn(|id| if present[id] { value(id as u8).to_le_bytes() } else { [0; 4] });
     let mut out = Vec::with_capacity(48 + 4 * scene.volume().lattice().voxels() as usize);
     out.extend(b"VOL\x03");
     for number in [1, nx as i32, ny as i32, nz as i32, 1] {
@@ -179,40 +180,54 @@ fn xml(stage: &Stage<'_>, channel: &str, [first, last]: [f64; 2]) -> String {
 
 /// The lamps as files that a scene includes.
 fn lamps(stage: &Stage<'_>) -> Vec<(String, String)> {
-    let far = 2.0 * stage.camera.pixel_mm * stage.camera.size[0] as f64;
+    let far = 4.0 * stage.camera.pixel_mm * stage.camera.size[0] as f64;
     let mut files = vec![(
         "lamp_sky.xml".to_owned(),
         "<scene version=\"3.0.0\"><emitter type=\"envmap\"><string name=\"filename\" value=\"sky.pfm\"/>\
-         <boolean name=\"raw\" value=\"true\"/><transform name=\"to_world\"><rotate x=\"1\" angle=\"90\"/></transform>\
+         <transform name=\"to_world\"><rotate x=\"1\" angle=\"90\"/></transform>\
          </emitter></scene>\n"
             .to_owned(),
     )];
     for (name, beam) in ["edge", "behind", "spot"].iter().zip(&stage.lamps.beams) {
-        // A plate that shines straight ahead: a half plane, everything, or a disc.
-        let (shape, middle, half) = match beam.lit {
-            Lit::Everything => ("rectangle", stage.camera.middle, [far, far]),
-            Lit::Side { point, normal } => ("rectangle", point + normal * far, [far, far]),
-            Lit::Round { point, radius } => ("disk", point, [radius, radius]),
-        };
-        let up = match beam.lit {
-            Lit::Side { normal, .. } => normal,
-            _ => beam.toward.any_orthonormal_vector(),
-        };
-        let origin = middle + beam.toward * 2.0 * far;
         let at = |v: glam::DVec3| format!("{}, {}, {}", v.x, v.y, v.z);
-        files.push((
-            format!("lamp_{name}.xml"),
-            format!(
-                "<scene version=\"3.0.0\"><shape type=\"{shape}\"><transform name=\"to_world\">\
-                 <scale x=\"{}\" y=\"{}\"/><lookat origin=\"{}\" target=\"{}\" up=\"{}\"/></transform>\
-                 <emitter type=\"directionalarea\"><rgb name=\"radiance\" value=\"1\"/></emitter></shape></scene>\n",
-                half[0],
-                half[1],
-                at(origin),
-                at(middle),
-                at(up)
-            ),
-        ));
+        let parallel = format!(
+            "<emitter type=\"directional\"><vector name=\"direction\" value=\"{}\"/>\
+             <rgb name=\"irradiance\" value=\"1\"/></emitter>",
+            at(-beam.toward)
+        );
+        let lamp = match beam.lit {
+            Lit::Everything => parallel,
+            // A black plate over the dark side, beyond the camera.
+            Lit::Side { point, normal } => {
+                let middle = point - normal * far + beam.toward * 3.0 * far;
+                format!(
+                    "{parallel}<shape type=\"rectangle\"><transform name=\"to_world\">\
+                     <scale x=\"{far}\" y=\"{far}\"/><lookat origin=\"{}\" target=\"{}\" up=\"{}\"/></transform>\
+                     <bsdf type=\"twosided\"><bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0\"/></bsdf>\
+                     </bsdf></shape>",
+                    at(middle),
+                    at(middle - beam.toward),
+                    at(normal)
+                )
+            }
+            // From so far that its light is parallel.
+            Lit::Round { point, radius } => {
+                let distance = 1000.0 * radius;
+                let angle = libm::atan(radius / distance).to_degrees();
+                format!(
+                    "<emitter type=\"spot\"><transform name=\"to_world\">\
+                     <lookat origin=\"{}\" target=\"{}\" up=\"{}\"/></transform>\
+                     <rgb name=\"intensity\" value=\"{}\"/><float name=\"cutoff_angle\" value=\"{angle}\"/>\
+                     <float name=\"beam_width\" value=\"{}\"/></emitter>",
+                    at(point + beam.toward * distance),
+                    at(point),
+                    at(beam.toward.any_orthonormal_vector()),
+                    distance * distance,
+                    0.999 * angle
+                )
+            }
+        };
+        files.push((format!("lamp_{name}.xml"), format!("<scene version=\"3.0.0\">{lamp}</scene>\n")));
     }
     files
 }
