@@ -73,7 +73,7 @@ pub(crate) fn lightness_slope(luminance: f64) -> f64 {
 pub fn lab([r, g, b]: [f64; 3]) -> [f64; 3] {
     // Of white, so that r = g = b is grey to the last digit.
     let x = (0.412_456_4 * r + 0.357_576_1 * g + 0.180_437_5 * b) / 0.950_470;
-    let y = 0.212_672_9 * r + 0.715_152_2 * g + 0.072_175_0 * b;
+    let y = (0.212_672_9 * r + 0.715_152_2 * g + 0.072_175_0 * b) / 1.000_000_1;
     let z = (0.019_333_9 * r + 0.119_192_0 * g + 0.950_304_1 * b) / 1.088_830;
     let [fx, fy, fz] = [x, y, z].map(|value| (lightness(value) + 16.0) / 116.0);
     [116.0 * fy - 16.0, 500.0 * (fx - fy), 200.0 * (fy - fz)]
