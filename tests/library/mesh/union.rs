@@ -112,7 +112,10 @@ fn distance(surface: &[[DVec3; 3]], p: DVec3) -> f64 {
     surface.iter().map(|t| closest_point(p, t).distance_squared).fold(f64::INFINITY, f64::min).sqrt()
 }
 
-/// How far off a face its sides are asked for, above the gap that counts as touching.
+/// How far off a face its sides are asked for, of the extent: a little above the gap that counts as touching. From
+/// farther off, what lies across a gap would be taken for touching.
+const OFF_SHARE: f64 = 5e-6;
+/// How far what is left may be from what is surface.
 const OFF: f64 = 1e-4;
 /// Faces may be misjudged this near to where others meet them.
 const NEAR: f64 = 3e-4;
@@ -121,7 +124,10 @@ const NEAR: f64 = 3e-4;
 fn check(name: &str, bodies: &[Body], solid: &Solid, random: &mut Random) {
     let left = corners(&solid.mesh);
     let all: Body = bodies.concat();
-    let sides = |t: &[DVec3; 3], p: DVec3| [1.0, -1.0].map(|side| is_inside(bodies, p + side * OFF * normal(t)));
+    let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = all.as_flattened().iter().fold(start, |(low, high), p| (low.min(*p), high.max(*p)));
+    let off = OFF_SHARE * (high - low).max_element();
+    let sides = |t: &[DVec3; 3], p: DVec3| [1.0, -1.0].map(|side| is_inside(bodies, p + side * off * normal(t)));
     for t in left.iter().filter(|t| width(t) > NEAR) {
         for _ in 0..3 {
             let p = point_of(t, random);
