@@ -136,7 +136,8 @@ mod tests {
         for uvs in [[Vec2::splat(0.1); 3], [Vec2::ZERO, Vec2::splat(0.3), Vec2::splat(0.1)], [Vec2::NAN; 3]] {
             let mesh = mesh([uvs, [Vec2::splat(0.9); 3]], [2.0, 4.0]);
             let areas = Atlas::new(&mesh, &[(4, 4)], &[]).areas(&mesh)[0].clone();
-            assert!((areas.iter().sum::<f64>() - 3.0).abs() < 1e-12, "{areas:?}");
+            // Each of 16 texels has at least 1e-12 of the whole.
+            assert!((areas.iter().sum::<f64>() / 3.0 - 1.0).abs() < 17e-12, "{areas:?}");
         }
         let mesh = mesh([[Vec2::ZERO, Vec2::X * 1e3, Vec2::Y * 1e3]; 2], [2.0, 4.0]);
         let areas = Atlas::new(&mesh, &[(4, 4)], &[]).areas(&mesh)[0].clone();
@@ -146,7 +147,9 @@ mod tests {
     proptest! {
         /// The parts that texels cut from a triangle make it up.
         #[test]
-        fn nothing_is_lost_and_nothing_counts_twice(corners in [[-1.5f32..1.5, -1.5f32..1.5], [-1.5f32..1.5, -1.5f32..1.5], [-1.5f32..1.5, -1.5f32..1.5]]) {
+        fn nothing_is_lost_and_nothing_counts_twice(
+            corners in [[-1.5f32..1.5, -1.5f32..1.5], [-1.5f32..1.5, -1.5f32..1.5], [-1.5f32..1.5, -1.5f32..1.5]],
+        ) {
             let uvs = corners.map(Vec2::from);
             let map = ChartMap::new(&TriangleMesh::default(), &[], |_| false, 7, 5);
             let mut shares = Vec::new();

@@ -60,7 +60,11 @@ pub fn from_folder(
         if let Some(voxels) = &mut voxels {
             for layer in images.chunks(look::Volume::LAYER as usize) {
                 let first = layer[0].k;
-                let rows = |j, k: u32, row: &mut [u8]| layer[(k - first) as usize].row(j, k, row);
+                // What each slice encloses by itself is told anew from the whole volume.
+                let rows = |j, k: u32, row: &mut [u8]| {
+                    layer[(k - first) as usize].row(j, k, row);
+                    row.iter_mut().filter(|id| Some(**id) == colours.support).for_each(|id| *id = 0);
+                };
                 voxels.add_slices(first..first + layer.len() as u32, rows);
             }
         }

@@ -212,6 +212,7 @@ pub const OWNER: Owner = Owner {
         "albedo.png",
         "clusters.png",
         "palette.png",
+        "residual.png",
         slab::MESH,
         slab::JOB,
         slab::REFINED,
