@@ -145,7 +145,7 @@ impl Shells {
         order.iter().enumerate().any(|(i, shell)| {
             let after = order[i + 1..].iter().take_while(|other| other.low.x - touch <= shell.high.x);
             let meets = |other: &&Shell| (other.low.max(shell.low) - touch).cmple(other.high.min(shell.high)).all();
-            after.into_iter().any(|other| meets(other))
+            after.into_iter().any(meets)
         })
     }
 

@@ -5,6 +5,8 @@
 //! and worst cases of the error in albedo, the colour difference CIEDE2000, the width of a shadow edge (10 to 90%) and
 //! the time a target took.
 
+#![allow(clippy::print_stdout)] // it prints a table
+
 use std::{path::PathBuf, time::Instant};
 
 use clap::Parser;
