@@ -2,7 +2,7 @@
 //!
 //! | room | request | record |
 //! | --- | --- | --- |
-//! | [`file`]    | a job file, TOML | a [`Job`], checked, with every default filled in |
+//! | [`file`](mod@file) | a job file, TOML | a [`Job`], checked, with every default filled in |
 //! | `plan`    | a [`Job`] | a [`Prepared`] job: resins, targets, stackings, fields on a lattice |
 //! | `run`     | a [`Prepared`] job | the output folder and its [`Manifest`] |
 //! | [`verify`](mod@verify) | a finished folder | what is not as its manifest has it |
