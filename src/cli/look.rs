@@ -6,8 +6,7 @@ use clap::{Args, builder::TypedValueParser};
 use lumislice::{
     glam::DVec3,
     job::{
-        Job, Prepared, RunError,
-        file::MaterialSource,
+        Job, RunError,
         look::{self, Fit, Look, LookError, LookOptions, PictureOptions, look_at, scene_for, write_mitsuba},
     },
     output::{Existing, OutputFolder},
@@ -16,7 +15,7 @@ use lumislice::{
 use super::{
     Answer, Result,
     failure::{refusal, refuse},
-    materials::say_provenance,
+    materials::prepared,
     print, print_json,
     progress::Bars,
     say,
@@ -138,12 +137,7 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         OutputFolder::check(folder, &look::MITSUBA, existing)?;
     }
     let bars = Bars::new(args.json);
-    let built_in = matches!(job.materials, MaterialSource::Set(_));
-    let prepared = Prepared::new(job, &bars);
-    if let Some(set) = prepared.as_ref().ok().map(|prepared| &prepared.materials).filter(|_| built_in) {
-        bars.finish();
-        say_provenance(&set.name, &set.provenance);
-    }
+    let prepared = prepared(job, &bars);
     let pictures = PictureOptions {
         size: args.size,
         samples: args.samples,

@@ -3,7 +3,10 @@
 use std::path::Path;
 
 use lumislice::{
-    job::file::{SUPPORT, SUPPORT_MIN_DEPTH_MM},
+    job::{
+        Job, Prepared, RunError,
+        file::{MaterialSource, SUPPORT, SUPPORT_MIN_DEPTH_MM},
+    },
     optics::{MaterialFile, MaterialSet, OpticsError},
     search::ResinLimit,
 };
@@ -61,6 +64,17 @@ pub fn say_provenance(set: &str, provenance: &str) {
     // The built-in text begins with the set's name already.
     let provenance = provenance.strip_prefix(&format!("{set}: ")).unwrap_or(provenance);
     say(&format!("note: materials `{set}`: {provenance}"));
+}
+
+/// A job with everything read and matched; says where a built-in set's numbers come from.
+pub fn prepared(job: Job, bars: &Bars) -> Result<Prepared, RunError> {
+    let built_in = matches!(job.materials, MaterialSource::Set(_));
+    let prepared = Prepared::new(job, bars);
+    if let Some(set) = prepared.as_ref().ok().map(|prepared| &prepared.materials).filter(|_| built_in) {
+        bars.finish();
+        say_provenance(&set.name, &set.provenance);
+    }
+    prepared
 }
 
 /// The limits that `--min-depth` sets; support keeps its default depth unless it is given another.

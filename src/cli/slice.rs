@@ -4,16 +4,13 @@ use std::{ops::Range, path::PathBuf};
 
 use clap::Args;
 use lumislice::{
-    job::{
-        self, Estimate, Finished, Job, Manifest, Prepared, REPORT, RunError, RunOptions, file::MaterialSource,
-        manifest::MaterialRecord,
-    },
+    job::{self, Estimate, Finished, Job, Manifest, Prepared, REPORT, RunError, RunOptions, manifest::MaterialRecord},
     output::{Existing, OutputFolder},
     words::voxels,
 };
 use serde_json::json;
 
-use super::{Answer, Result, failure::refusal, materials::say_provenance, print, print_json, progress::Bars, say};
+use super::{Answer, Result, failure::refusal, materials::prepared, print, print_json, progress::Bars, say};
 
 /// Slice a job into printer-ready files.
 #[derive(Debug, Args)]
@@ -57,12 +54,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
         OutputFolder::check(&folder, &job::OWNER, existing).map_err(RunError::from)?;
     }
     let bars = Bars::new(args.json);
-    let built_in = matches!(job.materials, MaterialSource::Set(_));
-    let prepared = Prepared::new(job, &bars);
-    if let Some(set) = prepared.as_ref().ok().map(|prepared| &prepared.materials).filter(|_| built_in) {
-        bars.finish();
-        say_provenance(&set.name, &set.provenance);
-    }
+    let prepared = prepared(job, &bars);
     if args.dry_run {
         let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars)?, prepared)));
         bars.finish();
