@@ -9,7 +9,6 @@ use std::{
 
 use rayon::prelude::*;
 use serde::Deserialize;
-use serde_json::Value;
 
 use super::{
     Existing, JOURNAL, MANIFEST, Owner, TIMINGS,
@@ -18,9 +17,13 @@ use super::{
     place::{FileEntry, is_plain, lies_at},
     scratch::is_scratch,
 };
+use crate::regular_file;
 
 /// Longest manifest that is read, bytes.
 const MAX_MANIFEST_BYTES: u64 = 256 << 20;
+
+/// Longest timings that are read, bytes: three numbers with their names.
+const MAX_TIMINGS_BYTES: u64 = 1 << 16;
 
 /// What stands in a folder, as far as it may be replaced or gone on with.
 #[derive(Debug, Default)]
@@ -41,7 +44,7 @@ struct OldManifest {
     generator: String,
     /// Manifests of jobs told themselves by their lattice once.
     command: Option<String>,
-    lattice: Option<Value>,
+    lattice: Option<serde::de::IgnoredAny>,
     files: Vec<FileEntry>,
 }
 
@@ -71,9 +74,9 @@ impl Earlier {
         // A manifest takes precedence: the run ended between it and the removal of its journal.
         let earlier = match (read_manifest(root)?, recorded) {
             (Some(manifest), recorded) => {
-                Self::finished(manifest, root, owner)?.with_own_files(root, recorded.is_some())
+                Self::finished(manifest, root, owner)?.with_own_files(root, recorded.is_some())?
             }
-            (None, Some(recorded)) => Self::begun(recorded, root, owner)?.with_own_files(root, true),
+            (None, Some(recorded)) => Self::begun(recorded, root, owner)?.with_own_files(root, true)?,
             (None, None) => return Err(OutputError::NoManifest { path: root.to_path_buf() }),
         };
         if existing == Existing::Overwrite {
@@ -127,18 +130,22 @@ impl Earlier {
         self.replaces.entry(file.path.clone()).or_default().push(file);
     }
 
-    /// Adds what no manifest lists: the journal, and timings if they are such.
-    fn with_own_files(mut self, root: &Path, journal: bool) -> Self {
+    /// Adds what no manifest lists: the journal, and timings, which must be such or were never written.
+    fn with_own_files(mut self, root: &Path, journal: bool) -> Result<Self, OutputError> {
         if journal {
             self.replaces.insert(JOURNAL.to_owned(), Vec::new());
         }
-        if matches!(lies_at(root, TIMINGS), Ok(Some(found)) if found.is_file() && found.len() < 1 << 16)
-            && fs::read(root.join(TIMINGS))
-                .is_ok_and(|text| serde_json::from_slice::<BTreeMap<String, f64>>(&text).is_ok())
-        {
+        if let Some(found) = lies_at(root, TIMINGS)? {
+            let path = root.join(TIMINGS);
+            let numbers = |text: Vec<u8>| serde_json::from_slice::<BTreeMap<String, f64>>(&text).is_ok();
+            let ours = found.is_file()
+                && (found.len() == 0 || regular_file::read(&path, MAX_TIMINGS_BYTES).is_ok_and(numbers));
+            if !ours {
+                return Err(OutputError::Foreign { path });
+            }
             self.replaces.insert(TIMINGS.to_owned(), Vec::new());
         }
-        self
+        Ok(self)
     }
 
     /// Refuses if a file that would be replaced is not, or no longer, what was listed.

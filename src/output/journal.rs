@@ -115,6 +115,7 @@ impl Journal {
         // Whole or not at all: the old journal may be the only record of what is there.
         let (partial, mut file) = scratch.file()?;
         file.write_all(&text)?;
+        file.sync_all()?;
         std::fs::rename(&partial, path)?;
         Ok(Self(Mutex::new(file)))
     }

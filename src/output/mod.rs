@@ -26,7 +26,7 @@ pub use journal::{JOURNAL, SliceCounts, Task};
 use journal::{Journal, Recorded};
 use lock::FolderLock;
 pub use place::FileEntry;
-pub(crate) use place::is_plain;
+pub(crate) use place::{digest, is_plain};
 use place::{lies_at, make_folder_of};
 use rayon::prelude::*;
 use scratch::Scratch;
@@ -86,13 +86,12 @@ impl OutputFolder {
     /// # Errors
     /// A folder that may not be replaced, or one that the disk does not let anyone write to.
     pub fn check(root: &Path, owner: &Owner, existing: Existing) -> Result<(), OutputError> {
+        let held = if root.is_dir() { Some(FolderLock::take(root)?) } else { None };
         Earlier::read(root, owner, existing)?;
+        drop(held);
         // `""` is the parent of a relative path of one part.
         let parents = root.ancestors().map(|folder| if folder == Path::new("") { Path::new(".") } else { folder });
         let existing = parents.clone().find(|folder| folder.exists()).unwrap_or(root);
-        if existing == root {
-            FolderLock::take(root)?;
-        }
         match tempfile::tempfile_in(existing) {
             Ok(_) => Ok(()),
             Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
@@ -193,7 +192,9 @@ impl OutputFolder {
     /// The folder, held, with a scratch folder in it.
     fn held(root: &Path) -> Result<Self, OutputError> {
         let held = FolderLock::take(root)?;
-        Scratch::sweep(root);
+        if held.is_certain() {
+            Scratch::sweep(root);
+        }
         Ok(Self {
             root: root.to_path_buf(),
             replaceable: Mutex::default(),
@@ -230,6 +231,12 @@ impl OutputFolder {
         self.put(relative, content, Durable::WhenTheSystemLikes)?;
         lock(&self.written).insert(relative.to_owned(), entry);
         Ok(())
+    }
+
+    /// The content of a listed file, if it lies there with its size and digest and is not longer than `most` bytes.
+    pub fn read(&self, entry: &FileEntry, most: u64) -> Option<Vec<u8>> {
+        let whole = is_plain(&entry.path) && entry.bytes <= most && entry.is_whole(&self.root);
+        whole.then(|| fs::read(self.root.join(&entry.path)).ok()).flatten()
     }
 
     /// Lists the file of an interrupted run as written, if it is there and whole.

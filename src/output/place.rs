@@ -1,7 +1,8 @@
 //! Where a file of the folder lies: reached without following any link below the folder.
 
 use std::{
-    fs, io,
+    fs,
+    io::{self, Read},
     path::{Component, Path, PathBuf},
 };
 
@@ -12,6 +13,7 @@ use super::{
     error::{OutputError, io_error},
     hex,
 };
+use crate::regular_file;
 
 /// A file of the output folder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -30,16 +32,30 @@ impl FileEntry {
     }
 
     /// Whether the file lies in `root`, behind no link, with this size and digest.
-    pub(super) fn is_whole(&self, root: &Path) -> bool {
+    pub(crate) fn is_whole(&self, root: &Path) -> bool {
         let same_size = |found: &fs::Metadata| found.is_file() && found.len() == self.bytes;
         matches!(lies_at(root, &self.path), Ok(Some(found)) if same_size(&found))
-            && fs::read(root.join(&self.path)).is_ok_and(|content| hex(&Sha256::digest(&content)) == self.sha256)
+            && digest(&root.join(&self.path)).is_ok_and(|sha256| sha256 == self.sha256)
     }
 }
 
-/// Whether a manifest's path stays inside its folder.
+/// Lower-case hexadecimal SHA-256 of a file, which may be longer than memory.
+pub(crate) fn digest(path: &Path) -> io::Result<String> {
+    let mut file = regular_file::open(path)?;
+    let (mut hasher, mut buffer) = (Sha256::new(), vec![0; 1 << 16]);
+    loop {
+        match file.read(&mut buffer)? {
+            0 => return Ok(hex(&hasher.finalize())),
+            read => hasher.update(&buffer[..read]),
+        }
+    }
+}
+
+/// Whether a manifest's path stays inside its folder, and is the one way to write it.
 pub(crate) fn is_plain(path: &str) -> bool {
-    !path.is_empty() && Path::new(path).components().all(|part| matches!(part, Component::Normal(_)))
+    let parts: Vec<_> = Path::new(path).components().collect();
+    let names: Vec<_> = parts.iter().map(|part| part.as_os_str().to_string_lossy()).collect();
+    !path.is_empty() && parts.iter().all(|part| matches!(part, Component::Normal(_))) && names.join("/") == path
 }
 
 /// What stands at `relative` below `root`, itself not followed; `None` where nothing does.

@@ -247,7 +247,9 @@ impl Stage<'_> {
         let mut t = 0.0;
         while t < 2.0 * reach {
             let id = voxels.voxel(voxel.to_array().map(|v| v as i64)).0;
-            if id != 0 && self.palette.flat(id).is_some() {
+            let at = (voxel + 0.5) * pitch;
+            let taken_out = at.x > self.scene.focus[0] && at.y < self.scene.focus[1];
+            if id != 0 && !taken_out && self.palette.flat(id).is_some() {
                 return Some(id);
             }
             let axis = if walls.x <= walls.y.min(walls.z) { 0 } else { 1 + usize::from(walls.z < walls.y) };

@@ -2,13 +2,11 @@
 
 use std::{
     collections::BTreeMap,
-    io::Read,
     path::{Path, PathBuf},
 };
 
 use glam::{DMat4, DVec3};
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 
 use super::{
     AskedMap, StackingReport, checks, context::TargetContext, factored::FactoredMap, images::picture_size,
@@ -24,7 +22,7 @@ use crate::{
     },
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
     optics::{MaterialFile, MaterialSet, OpticsError, ResinId},
-    output::hex,
+    output::digest,
     slice::{DistanceKind, ObjectField, Palette, Slicer},
     voxel::{Lattice, MaterialId},
     watch::{StopOnly, Watch},
@@ -238,18 +236,6 @@ fn read_inputs(job: &Job) -> Result<Inputs, RunError> {
         add(path.shown(), path.as_ref())?;
     }
     Ok(files)
-}
-
-fn digest(path: &Path) -> std::io::Result<String> {
-    let mut file = crate::regular_file::open(path)?;
-    let (mut hasher, mut buffer) = (Sha256::new(), vec![0; 1 << 16]);
-    loop {
-        let read = file.read(&mut buffer)?;
-        if read == 0 {
-            return Ok(hex(&hasher.finalize()));
-        }
-        hasher.update(&buffer[..read]);
-    }
 }
 
 /// Materials as far as they can be checked quickly.

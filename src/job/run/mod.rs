@@ -31,7 +31,10 @@ use crate::{
         manifest::{Manifest, MeshRecord, Outcome, STACKINGS, json},
         verify::read_manifest,
     },
-    output::{Existing, GENERATOR, MANIFEST, OutputError, OutputFolder, Owner, SliceCounts, TIMINGS, Task, pretty},
+    output::{
+        Existing, FileEntry, GENERATOR, MANIFEST, OutputError, OutputFolder, Owner, SliceCounts, TIMINGS, Task,
+        is_plain, pretty,
+    },
     preview::{PreviewBuilder, PreviewMaterial},
     slice::{
         RowBuffers, encode_mask, encode_rgba,
@@ -346,6 +349,10 @@ impl Prepared {
         let inputs: Vec<_> = self.inputs.iter().map(json).collect();
         if (&manifest.job, &manifest.inputs) != (&json(&self.job.resolved()), &inputs) {
             return Err(another("a finished job with other keys or inputs", "this one's".to_owned()).into());
+        }
+        let damaged = |file: &&FileEntry| !(is_plain(&file.path) && file.is_whole(folder));
+        if let Some(file) = manifest.files.par_iter().find_first(damaged) {
+            return Err(OutputError::Changed { path: folder.join(&file.path) }.into());
         }
         Ok(Some(manifest))
     }

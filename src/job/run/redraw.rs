@@ -10,7 +10,7 @@ use crate::{
         manifest::LatticeRecord,
         verify::{Finding, VerifyError, read_manifest},
     },
-    output::{MANIFEST, OutputFolder, pretty},
+    output::{MANIFEST, OutputError, OutputFolder, pretty},
     preview::PreviewFile,
     voxel::Lattice,
 };
@@ -58,10 +58,14 @@ impl Blamed for RedrawError {
 /// [`RedrawError`]; before anything is replaced unless writing itself fails.
 pub fn redraw(folder: &Path) -> Result<Vec<String>, RedrawError> {
     let mut manifest = read_manifest(folder)?.map_err(RedrawError::Manifest)?;
-    check(&manifest)?;
-    let mut pictures = looks(folder, &manifest);
-    pictures.extend(draw_again(folder, &manifest)?);
+    // Held while it is read: what another run replaced meanwhile must not come back.
     let output = OutputFolder::reopen(folder, &manifest.files).map_err(RunError::from)?;
+    if read_manifest(folder)?.as_ref() != Ok(&manifest) {
+        return Err(RunError::from(OutputError::Busy { path: folder.to_owned() }).into());
+    }
+    check(&manifest)?;
+    let mut pictures = looks(&output, &manifest);
+    pictures.extend(draw_again(folder, &manifest)?);
     write_pictures(&output, &manifest, &pictures)?;
     let written = output.files();
     manifest.files.retain(|file| written.iter().all(|new| new.path != file.path));
@@ -72,17 +76,20 @@ pub fn redraw(folder: &Path) -> Result<Vec<String>, RedrawError> {
 }
 
 /// The pictures of a look, which slices alone do not give again; what cannot be read is left out.
-fn looks(folder: &Path, manifest: &Manifest) -> Vec<PreviewFile> {
+fn looks(output: &OutputFolder, manifest: &Manifest) -> Vec<PreviewFile> {
     let listed = manifest.files.iter().filter(|file| file.path.starts_with("look/") && file.path.ends_with(".png"));
     let mut found: Vec<PreviewFile> = listed
-        .filter_map(|file| {
-            Some(PreviewFile { path: file.path.clone(), png: std::fs::read(folder.join(&file.path)).ok()? })
-        })
+        .filter_map(|file| Some(PreviewFile { path: file.path.clone(), png: output.read(file, MAX_PICTURE_BYTES)? }))
         .collect();
     // As they are drawn: under the sky first.
     found.sort_by_key(|file| ["soft", "edge", "behind", "spot"].iter().position(|name| file.path.contains(name)));
     found
 }
+
+/// Longest picture of a look, bytes.
+const MAX_PICTURE_BYTES: u64 = 64 << 20;
+/// Most pixels of a slice: a tray of half a metre at 15 µm.
+const MAX_PIXELS: u64 = 1 << 30;
 
 /// Whether there is a whole job to be drawn, of a size that can be.
 fn check(manifest: &Manifest) -> Result<(), RedrawError> {
@@ -90,6 +97,10 @@ fn check(manifest: &Manifest) -> Result<(), RedrawError> {
     let fault = |key: &str, problem: String| Err(RedrawError::Manifest(Finding::manifest(key, problem)));
     if !dims.iter().all(|dim| (1..=Lattice::MAX_DIM).contains(dim)) {
         return fault("lattice.dims", format!("found {dims:?}, expected 1 to {} per axis", Lattice::MAX_DIM));
+    }
+    let pixels = u64::from(dims[0]) * u64::from(dims[1]);
+    if pixels > MAX_PIXELS {
+        return fault("lattice.dims", format!("found slices of {pixels} pixels, expected at most {MAX_PIXELS}"));
     }
     if !pitch_mm.iter().all(|pitch| pitch.is_finite() && *pitch > 0.0) {
         return fault("lattice.pitch_mm", format!("found {pitch_mm:?}, expected positive lengths"));
