@@ -63,8 +63,9 @@ pub fn run(args: &VerifyArgs) -> Result<Answer> {
             0 => "sound".to_owned(),
             n => counted(n, "finding"),
         };
-        let (files, slices) = (result.files, result.slices);
-        say(&format!("{}: {files} files, {slices} slices: {verdict}", args.folder.display()));
+        let [files, slices] =
+            [(result.files, "file"), (result.slices, "slice")].map(|(count, noun)| counted(count as usize, noun));
+        say(&format!("{}: {files}, {slices}: {verdict}", args.folder.display()));
     }
     Ok(if sound { Answer::Yes } else { Answer::No })
 }

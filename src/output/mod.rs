@@ -20,6 +20,7 @@ use std::{
 };
 
 use earlier::Earlier;
+pub use earlier::MAX_MANIFEST_BYTES;
 pub use error::OutputError;
 use error::io_error;
 pub use journal::{JOURNAL, SliceCounts, Task};

@@ -35,13 +35,10 @@ use thiserror::Error;
 use crate::job::manifest::{MANIFEST_VERSION, Manifest};
 use crate::{
     blame::{Blame, Blamed},
-    output::MANIFEST,
+    output::{MANIFEST, MAX_MANIFEST_BYTES},
     watch::{Stopped, Watch},
     words::escaped,
 };
-
-/// Longest manifest that is read, bytes: a full tray of 14 µm layers with six masks each lists 100 000 files in 20 MB.
-pub const MAX_MANIFEST_BYTES: u64 = 256 << 20;
 
 /// One thing that is not as it should be.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
