@@ -18,6 +18,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let search = SearchOptions { core, objective: Objective::default(), ..SearchOptions::default() };
     let options = MatchOptions { search, ..MatchOptions::default() };
     let found = Matcher::new(&set, &options)?.match_targets(&[target], &Unwatched)?.remove(0);
-    println!("{} over black reflects {:.4}", set.named(found.stacking()), found.reflection()[0][0]);
+    println!("{} over black reflects {:.4}", set.named(&found.stacking()), found.reflection()[0][0]);
     Ok(())
 }

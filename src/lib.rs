@@ -34,7 +34,7 @@
 //! let search = SearchOptions { core, depth: 3, objective: Objective::default(), ..SearchOptions::default() };
 //! let matcher = Matcher::new(&set, &MatchOptions { search, ..MatchOptions::default() })?;
 //! let found = matcher.match_targets(&[target], &Unwatched)?.remove(0);
-//! println!("{} over black", set.named(found.stacking()));
+//! println!("{} over black", set.named(&found.stacking()));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

@@ -6,7 +6,9 @@ use clap::Args;
 use lumislice::{
     appearance::{material_target, srgb_albedo},
     colour::{delta_e_2000, lab},
-    optics::{DEFAULT_SEED, EdgeResponse, FrequencyGrid, Light, MaterialSet, Model, Prediction, Stack, predict},
+    optics::{
+        DEFAULT_SEED, EdgeResponse, FrequencyGrid, Light, MaterialSet, Mixture, Model, Prediction, Stack, predict,
+    },
     plot::Figure,
     search::{
         Judge, Judged, Match, MatchOptions, Matcher, Norm, Objective, RefineOptions, SearchError, SearchOptions,
@@ -330,7 +332,7 @@ impl Shown<'_> {
 
     fn figure(&self, monte_carlo: Option<&Prediction>) -> Result<Figure> {
         let stacking = &self.answer.stacking;
-        let named: Vec<_> = self.named(stacking).map(|(name, mm)| format!("{name} {mm:.3}")).collect();
+        let named: Vec<_> = self.named(stacking).iter().map(|(name, mm)| format!("{name} {mm:.3}")).collect();
         let below = self.args.core.as_ref().map_or("nothing", String::as_str);
         let by = |model: Model| predict(self.set, stacking, &model, &Unwatched);
         let plot = MatchPlot {
@@ -345,14 +347,14 @@ impl Shown<'_> {
         Ok(plot.figure())
     }
 
-    fn named<'b>(&'b self, stacking: &'b Stack) -> impl Iterator<Item = (&'b str, f64)> {
-        stacking.pairs().map(|(&resin, mm)| (self.set[resin].name.as_str(), mm))
+    fn named(&self, stacking: &Stack<Mixture>) -> Vec<(String, f64)> {
+        stacking.pairs().map(|(mixture, mm)| (self.set.mixture_name(mixture), mm)).collect()
     }
 
     fn document(&self) -> serde_json::Value {
         let Self { answer, search, .. } = self;
         let stack = |judged: &Judged| -> Vec<_> {
-            let layers = self.named(&judged.stacking);
+            let layers = self.named(&judged.stacking).into_iter();
             layers.map(|(material, mm)| json!({ "material": material, "thickness_mm": mm })).collect()
         };
         let mut document = json!({
@@ -374,7 +376,7 @@ impl Shown<'_> {
     fn report(&self) -> String {
         let Self { answer, search, .. } = self;
         let rows: Vec<_> =
-            self.named(&answer.stacking).map(|(name, mm)| vec![name.to_owned(), format!("{mm:.4}")]).collect();
+            self.named(&answer.stacking).into_iter().map(|(name, mm)| vec![name, format!("{mm:.4}")]).collect();
         let below = self.args.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
         let mut text = format!("from the observer down, over {below}:\n{}", table(&["layer", "mm"], &rows));
         let rms = |channel: usize| {

@@ -1,11 +1,15 @@
 //! `lumislice predict`: what a stack of layers does to light.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
 
 use clap::{Args, ValueEnum};
 use lumislice::{
     optics::{
-        ChannelPrediction, DEFAULT_PHOTONS, DEFAULT_SEED, Light, Model, Prediction, Stack, TransportOptions, predict,
+        ChannelPrediction, DEFAULT_PHOTONS, DEFAULT_SEED, Light, Mixture, Model, Prediction, Stack, TransportOptions,
+        predict,
     },
     plot::Figure,
 };
@@ -96,13 +100,16 @@ pub fn run(args: &PredictArgs) -> Result<Answer> {
     let named = named.over(args.core.clone());
     let mut materials = Materials::read(&args.materials)?;
     let file = &materials.file;
-    let stack = file.stack(&named)?;
+    let stack = file.mixed_stack(&named)?;
     let csv = args.open_csv(file.channels())?;
     let plot = args.plot.as_deref().map(PlotFile::open).transpose()?;
     let bars = Bars::new(args.json);
     let mut model = args.model();
     if model != Model::KubelkaMunk {
-        let names: Vec<&str> = named.pairs().map(|(name, _)| name.as_str()).chain(args.core.as_deref()).collect();
+        let mixtures = stack.layers.iter().map(|layer| &layer.resin).chain(&stack.core);
+        let resins: BTreeSet<_> = mixtures.flat_map(Mixture::parts).map(|part| part.0).collect();
+        let names: Vec<_> = file.resin_names().map(str::to_owned).collect();
+        let names: Vec<_> = resins.into_iter().map(|resin| names[resin.0].as_str()).collect();
         let refused = materials.fit(Some(&names), &bars)?;
         if let Some(reason) = refused.first() {
             if args.model == ModelArg::MonteCarlo || args.light == Source::Normal {

@@ -167,6 +167,35 @@ impl KubelkaMunk {
         self.alpha.iter().zip(&self.beta).map(|(alpha, beta)| 1.0 / (alpha + beta)).collect()
     }
 
+    /// What `parts`, at least one, all of one length, are together by their shares of the volume: K and S add. One
+    /// part alone keeps its bits.
+    pub fn mixed<'a>(parts: impl IntoIterator<Item = (&'a Self, f64)>) -> Self {
+        let parts: Vec<_> = parts.into_iter().collect();
+        if let [(only, _)] = parts[..] {
+            return only.clone();
+        }
+        let len = parts.iter().map(|(part, _)| part.len()).min().unwrap_or_default();
+        let sum = |of: &dyn Fn(&Self, usize) -> f64| -> Vec<f64> {
+            (0..len).map(|i| parts.iter().map(|(part, share)| share * of(part, i)).sum()).collect()
+        };
+        let scattering = sum(&|part, i| part.scattering[i]);
+        // K as K + S less S would cancel: K = γ²/(K + 2S).
+        let absorption = sum(&|part, i| {
+            let k_plus_2s = part.k_plus_s(i) + part.scattering[i];
+            if k_plus_2s > 0.0 { part.gamma[i].powi(2) / k_plus_2s } else { 0.0 }
+        });
+        let each = |of: &dyn Fn(f64, f64) -> f64| {
+            absorption.iter().zip(&scattering).map(|(&k, &s)| of(k, s)).collect::<Vec<f64>>()
+        };
+        let beta = |k: f64, s: f64| if s > 0.0 { (k * (k + 2.0 * s)).sqrt() / s } else { f64::INFINITY };
+        Self {
+            alpha: each(&|k, s| if s > 0.0 { 1.0 + k / s } else { f64::INFINITY }),
+            beta: each(&beta),
+            gamma: each(&|k, s| (k * (k + 2.0 * s)).sqrt()),
+            scattering,
+        }
+    }
+
     /// Number of coefficients.
     #[allow(clippy::len_without_is_empty)] // never empty
     pub fn len(&self) -> usize {
@@ -179,6 +208,24 @@ mod tests {
     use super::*;
     use crate::optics::Composite;
     use proptest::prelude::*;
+
+    /// Two resins in the thinnest layers are a mixture of both.
+    #[test]
+    fn a_mixture_is_the_limit_of_thin_layers() {
+        let of = |r: f64, t: f64| KubelkaMunk::from_slab(&single(r, t), 1.0).unwrap();
+        let (a, b) = (of(0.6, 0.2), of(0.05, 0.3));
+        let mixed = KubelkaMunk::mixed([(&a, 0.7), (&b, 0.3)]).slab(2.0);
+        let steps = 20_000;
+        let [thin_a, thin_b] = [(&a, 0.7), (&b, 0.3)]
+            .map(|(resin, share)| Composite::from_slab(&resin.slab(2.0 * share / f64::from(steps))));
+        let pair = thin_a.over(&thin_b);
+        let fine = (0..steps).fold(Composite::identity(1), |top, _| top.over(&pair));
+        assert!((mixed.reflection[0] - fine.reflection_top[0]).abs() < 1e-5, "{mixed:?} against {fine:?}");
+        assert!((mixed.transmission[0] - fine.transmission[0]).abs() < 1e-5, "{mixed:?} against {fine:?}");
+        assert_eq!(KubelkaMunk::mixed([(&a, 1.0)]), a);
+        let clear = KubelkaMunk::mixed([(&of(0.0, 0.9), 0.5), (&of(0.0, 0.5), 0.5)]).slab(1.0);
+        assert!((clear.transmission[0] - 0.45_f64.sqrt()).abs() < 1e-12 && clear.reflection[0] == 0.0);
+    }
 
     /// The paper's limit: halve the slab, read S and K off the thin one.
     fn halving(mut r: f64, mut t: f64, mut h: f64, steps: usize) -> (f64, f64) {

@@ -23,6 +23,7 @@ mod ids;
 mod inverse;
 mod kubelka_munk;
 mod materials;
+mod mixture;
 pub(crate) mod monte_carlo;
 mod predict;
 mod prediction;
@@ -46,6 +47,7 @@ pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MaterialFile, MaterialSet, Resin, ResinChannel, SimulatedProfile,
     SlabPlan, SpectrumError, regenerate_builtin,
 };
+pub use mixture::Mixture;
 pub use monte_carlo::{Estimate, Light};
 pub use predict::{Model, predict};
 pub use prediction::{ChannelPrediction, PredictedRing, Prediction};

@@ -9,8 +9,10 @@
 //!
 //! Over a core no light is transmitted: the half-space below has no other side.
 
+use std::borrow::Cow;
+
 use super::{
-    ChannelPrediction, Composite, FrequencyGrid, KubelkaMunk, Light, MaterialFile, MaterialSet, MonteCarlo,
+    ChannelPrediction, Composite, FrequencyGrid, KubelkaMunk, Light, MaterialFile, MaterialSet, Mixture, MonteCarlo,
     OpticsError, Prediction, RingEdges, Stack, Transport, TransportOptions, VolumeCoefficients,
 };
 use crate::watch::{Thousandths, Watch};
@@ -43,22 +45,28 @@ impl Model {
     pub const REFLECTION: Self = Self::Transport { light: Light::Diffuse, options: TransportOptions::REFLECTION };
 }
 
-/// What leaves `stack`, of resins of `set`, by `model`. `watch` hears the stage "photons" where they are traced.
+/// What leaves `stack`, of resins of `set` or mixtures of them, by `model`. `watch` hears the stage "photons" where they are traced.
 ///
 /// # Errors
 /// [`OpticsError::NoCoefficients`] where the model needs those of a resin that has none;
 /// [`OpticsError::Parameter`] where photons are asked what they cannot answer, such as of a core that absorbs nothing;
 /// [`OpticsError::Stopped`].
-pub fn predict(set: &MaterialSet, stack: &Stack, model: &Model, watch: &dyn Watch) -> Result<Prediction, OpticsError> {
+pub fn predict<M: Clone + Into<Mixture>>(
+    set: &MaterialSet,
+    stack: &Stack<M>,
+    model: &Model,
+    watch: &dyn Watch,
+) -> Result<Prediction, OpticsError> {
+    let stack = stack.map(|medium| medium.clone().into());
     let by_channel =
         |light: Vec<ChannelPrediction>| Prediction { channels: set.channels.clone(), grid: set.grid.clone(), light };
     if *model == Model::KubelkaMunk {
-        let parameters = |channel| stack.map(|&resin| &set[resin][channel].kubelka_munk);
+        let parameters = |channel| stack.map(|mixture| set.mixed_kubelka_munk(mixture, channel));
         let light = set.channel_ids().map(|channel| by_kubelka_munk(&parameters(channel), &set.grid));
         return Ok(by_channel(light.collect()));
     }
-    let volumes = stack.try_map(|&resin| set[resin].needed_volumes())?;
-    let volumes = volumes.map(|resin| resin.as_slice());
+    let volumes = stack.try_map(|mixture| set.mixed_volumes(mixture))?;
+    let volumes = volumes.map(|volumes| volumes.as_slice());
     Ok(by_channel(by_coefficients(&volumes, set.channels.len(), &set.grid, model, watch)?))
 }
 
@@ -69,8 +77,15 @@ impl MaterialFile {
     /// # Errors
     /// As [`predict`]; [`OpticsError::Parameter`] for [`Model::KubelkaMunk`], whose parameters a file does not have
     /// yet.
-    pub fn predict(&self, stack: &Stack, model: &Model, watch: &dyn Watch) -> Result<Prediction, OpticsError> {
-        let volumes = stack.try_map(|&resin| self.needed_volumes(resin))?;
+    pub fn predict<M: Clone + Into<Mixture>>(
+        &self,
+        stack: &Stack<M>,
+        model: &Model,
+        watch: &dyn Watch,
+    ) -> Result<Prediction, OpticsError> {
+        let stack = stack.map(|medium| medium.clone().into());
+        let volumes = stack.try_map(|mixture| self.mixed_volumes(mixture))?;
+        let volumes = volumes.map(|volumes| volumes.as_slice());
         let grid = FrequencyGrid::default();
         let light = by_coefficients(&volumes, self.channels().len(), &grid, model, watch)?;
         Ok(Prediction { channels: self.channels().to_vec(), grid, light })
@@ -78,7 +93,7 @@ impl MaterialFile {
 }
 
 /// Scalar Kubelka–Munk in one channel.
-fn by_kubelka_munk(stack: &Stack<&KubelkaMunk>, grid: &FrequencyGrid) -> ChannelPrediction {
+fn by_kubelka_munk(stack: &Stack<Cow<'_, KubelkaMunk>>, grid: &FrequencyGrid) -> ChannelPrediction {
     let slabs = stack.pairs().map(|(resin, mm)| Composite::from_slab(&resin.slab(mm)));
     let layers = slabs.fold(Composite::identity(grid.len()), |top, slab| top.over(&slab));
     let (reflection, transmission) = match &stack.core {

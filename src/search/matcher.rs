@@ -5,7 +5,7 @@ use super::{
     branch_and_bound::match_targets, forward, refine::Refiner, table::BlockTable,
 };
 use crate::{
-    optics::{MaterialSet, Model, OpticsError, Resin, Stack, VolumeCoefficients, predict},
+    optics::{MaterialSet, Mixture, Model, OpticsError, Resin, Stack, VolumeCoefficients, predict},
     watch::{Unwatched, Watch},
 };
 
@@ -50,7 +50,7 @@ pub struct Found {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
     /// The layers over the core.
-    pub stacking: Stack,
+    pub stacking: Stack<Mixture>,
     /// R̂ per channel by the model that judged.
     pub reflection: Vec<Vec<f64>>,
     /// The objective by Kubelka–Munk.
@@ -79,8 +79,8 @@ impl MatchOptions {
 
 impl Found {
     /// The layers, by the model that judged.
-    pub fn stacking(&self) -> &Stack {
-        self.refined.as_ref().map_or(&self.search.stacking, |refined| &refined.stacking)
+    pub fn stacking(&self) -> Stack<Mixture> {
+        self.refined.as_ref().map_or(&self.search.stacking, |refined| &refined.stacking).clone().into()
     }
 
     /// R̂ of them per channel.
@@ -101,25 +101,25 @@ impl Found {
     /// The stacking of whole units that was refined, by every model; `None` where none was.
     pub fn unrefined(&self, set: &MaterialSet, target: &SearchTarget, objective: &Objective) -> Option<Judged> {
         let Match { stacking, reflection, .. } = &self.search;
-        self.refined.is_some().then(|| Judged::new(set, stacking, reflection, target, objective))
+        self.refined.is_some().then(|| Judged::new(set, stacking.clone().into(), reflection, target, objective))
     }
 }
 
 impl Judged {
     fn new(
         set: &MaterialSet,
-        stacking: &Stack,
+        stacking: Stack<Mixture>,
         reflection: &[Vec<f64>],
         target: &SearchTarget,
         objective: &Objective,
     ) -> Self {
-        let by = |judge: Judge| judge.reflection(set, stacking).map(|reflection| objective.of(&reflection, target));
+        let by = |judge: Judge| judge.reflection(set, &stacking).map(|reflection| objective.of(&reflection, target));
         Self {
-            stacking: stacking.clone(),
             reflection: reflection.to_vec(),
             // Every set has what Kubelka–Munk needs.
             kubelka_munk: by(Judge::KubelkaMunk).unwrap_or(f64::NAN),
             transport: if set.has_coefficients() { by(Judge::Transport).ok() } else { None },
+            stacking,
         }
     }
 }
@@ -173,16 +173,23 @@ impl Matcher {
 }
 
 impl Judge {
-    /// R̂ per channel of `stack`, of resins of `set`.
+    /// R̂ per channel of `stack`, of resins of `set` or mixtures of them.
     ///
     /// # Errors
     /// A resin without coefficients, if transport judges.
-    pub fn reflection(self, set: &MaterialSet, stack: &Stack) -> Result<Vec<Vec<f64>>, OpticsError> {
+    pub fn reflection<M: Clone + Into<Mixture>>(
+        self,
+        set: &MaterialSet,
+        stack: &Stack<M>,
+    ) -> Result<Vec<Vec<f64>>, OpticsError> {
         match self {
             Self::KubelkaMunk => {
-                let parameters = |channel| stack.map(|&resin| &set[resin][channel].kubelka_munk);
-                let len = set.grid.len();
-                Ok(set.channel_ids().map(|channel| forward::reflection(&parameters(channel), len)).collect())
+                let stack: Stack<Mixture> = stack.map(|medium| medium.clone().into());
+                let in_channel = |channel| {
+                    let parameters = stack.map(|mixture| set.mixed_kubelka_munk(mixture, channel));
+                    forward::reflection(&parameters.map(|parameters| &**parameters), set.grid.len())
+                };
+                Ok(set.channel_ids().map(in_channel).collect())
             }
             Self::Transport => {
                 let light = predict(set, stack, &Model::REFLECTION, &Unwatched)?.light;

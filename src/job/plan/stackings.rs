@@ -15,7 +15,7 @@ use crate::{
         Job, RunError,
         file::{DepthFrom, OutputFormat, StackingModel, TargetSpec},
     },
-    optics::{OpticsError, ResinId, Stack},
+    optics::{Mixture, OpticsError, ResinId, Stack},
     search::{Found, Matcher, RefineOptions, SearchTarget},
 };
 
@@ -29,7 +29,7 @@ pub(super) fn object_layers(
     if let TargetSpec::Stacking { stack } = target {
         let layers = stack.pairs().filter_map(|(name, mm)| Some((context.materials.resin(name)?.0, mm)));
         let stacking = Stack::joined(layers).over(core);
-        let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking)?);
+        let entry = context.entry(&stacking.clone().into(), 1.0, &reflection(context, &stacking)?);
         let (layers, report) = context.uniform("stacking", &stacking, core, entry);
         return Ok((layers, report, AskedMap::default()));
     }
@@ -51,7 +51,7 @@ pub(super) fn object_layers(
     let (layers, report) = match &wanted.surface {
         Surface::Uniform => {
             let entry = entries.remove(0);
-            context.uniform(wanted.kind, matches[0].stacking(), core, entry)
+            context.uniform(wanted.kind, &context.pure(&matches[0])?, core, entry)
         }
         Surface::Labelled { atlas, labels } => context.textured(wanted.kind, atlas, labels, &matches, entries, core)?,
     };
@@ -123,7 +123,17 @@ impl TargetContext<'_> {
         found.and_then(|matcher| matcher.match_targets(targets, self.watch)).map_err(|source| self.search_fault(source))
     }
 
-    fn entry(&self, stacking: &Stack, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {
+    /// What was found, as layers of one resin each.
+    fn pure(&self, found: &Found) -> Result<Stack, RunError> {
+        let stacking = found.stacking();
+        stacking.pure().ok_or_else(|| {
+            let mixture = stacking.layers.iter().find(|layer| layer.resin.pure().is_none());
+            let found = mixture.map_or_else(String::new, |layer| self.materials.mixture_name(&layer.resin));
+            self.refuse("stacking", found, "layers of one resin each")
+        })
+    }
+
+    fn entry(&self, stacking: &Stack<Mixture>, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {
         StackingEntry {
             layers: self.materials.named(stacking).layers,
             share,
@@ -154,7 +164,7 @@ impl TargetContext<'_> {
                 }),
             }),
             cluster_rms: rms,
-            ..self.entry(found.stacking(), share, found.reflection())
+            ..self.entry(&found.stacking(), share, found.reflection())
         }
     }
 
@@ -188,7 +198,7 @@ impl TargetContext<'_> {
         core: ResinId,
     ) -> Result<(LayerField, StackingReport), RunError> {
         self.watch.stage("layers", 0);
-        let stackings: Vec<_> = matches.iter().map(|found| found.stacking().clone()).collect();
+        let stackings = matches.iter().map(|found| self.pure(found)).collect::<Result<Vec<_>, RunError>>()?;
         let aligned = align(&stackings);
         let ids: Vec<_> = aligned.sequence.iter().map(|&resin| self.id(resin)).collect();
         let slots = SlotTable::new(&ids, &aligned, &self.limits(), self.id(core)).ok_or_else(|| {

@@ -15,8 +15,8 @@ pub(crate) mod toml_source;
 use std::ops::Index;
 
 use super::{
-    ChannelId, CoefficientFit, FrequencyGrid, KubelkaMunk, OpticsError, RadialProfile, ResinId, SlabSpectrum, Stack,
-    VolumeCoefficients,
+    ChannelId, CoefficientFit, FrequencyGrid, KubelkaMunk, Mixture, OpticsError, RadialProfile, ResinId, SlabSpectrum,
+    Stack, VolumeCoefficients,
 };
 pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
@@ -140,9 +140,9 @@ impl MaterialSet {
         named.try_map(id)
     }
 
-    /// The stack with the names of its resins, which must be the set's.
-    pub fn named(&self, stack: &Stack) -> Stack<String> {
-        stack.map(|&resin| self[resin].name.clone())
+    /// The stack with the names of its resins or mixtures, which must be the set's; [`Self::mixed_stack`] reads them.
+    pub fn named<M: Clone + Into<Mixture>>(&self, stack: &Stack<M>) -> Stack<String> {
+        stack.map(|medium| self.mixture_name(&medium.clone().into()))
     }
 }
 

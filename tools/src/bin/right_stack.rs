@@ -153,7 +153,7 @@ fn main() -> anyhow::Result<()> {
             0 => Model::REFLECTION,
             photons => Model::MonteCarlo { light, photons, seed: DEFAULT_SEED },
         };
-        let printed = predict(&set, found.stacking(), &model, &Unwatched)?.reflection();
+        let printed = predict(&set, &found.stacking(), &model, &Unwatched)?.reflection();
         let of = |spectra: &[Vec<f64>]| -> Vec<f64> { spectra.iter().map(|r| r[0]).collect() };
         let (asked, got) = (of(&target.channels), of(&printed));
         let off = asked.iter().zip(&got).map(|(a, g)| 100.0 * (g / a - 1.0).abs()).fold(0.0, f64::max);
@@ -171,7 +171,8 @@ fn main() -> anyhow::Result<()> {
         let n = squares.clone().count() as f64;
         rms.push((squares.sum::<f64>() / n).sqrt() * 1e4);
         if args.each {
-            let named: Vec<_> = found.stacking().pairs().map(|(&r, mm)| format!("{} {mm:.3}", set[r].name)).collect();
+            let named: Vec<_> =
+                set.named(&found.stacking()).pairs().map(|(name, mm)| format!("{name} {mm:.3}")).collect();
             println!(
                 "{off:6.2}% dE {difference:5.2} edge {widths:5.1?}% {:.3e} [{}] {asked:.3?} {got:.3?}",
                 found.objective(),

@@ -1,7 +1,7 @@
 //! The synthetic resins, and a stack of them in all three models.
 
 use lumislice::{
-    optics::{Light, MaterialSet, Model, OpticsError, Prediction, ResinId, Stack, TransportOptions, predict},
+    optics::{Light, MaterialSet, Mixture, Model, OpticsError, Prediction, ResinId, Stack, TransportOptions, predict},
     search::{Judge, MatchOptions, RefineOptions, ResinLimit, SearchOptions},
     watch::Unwatched,
 };
@@ -39,9 +39,9 @@ impl Resins {
         MatchOptions { search, judge: Judge::Transport, layers: RefineOptions::default() }
     }
 
-    pub fn named(&self, stacking: &Stack) -> String {
-        let layers = stacking.pairs().map(|(&resin, mm)| format!("{} {mm:.3}", self.set[resin].name));
-        layers.collect::<Vec<_>>().join(", ")
+    pub fn named(&self, stacking: &Stack<Mixture>) -> String {
+        let named = self.set.named(stacking);
+        named.pairs().map(|(name, mm)| format!("{name} {mm:.3}")).collect::<Vec<_>>().join(", ")
     }
 
     /// The set's resins in layers over nothing.
@@ -49,12 +49,16 @@ impl Resins {
         Stack::new(layers.iter().map(|&(name, mm)| (self.id(name), mm)))
     }
 
-    pub fn by_transport(&self, stack: &Stack) -> Result<Prediction, OpticsError> {
+    pub fn by_transport<M: Clone + Into<Mixture>>(&self, stack: &Stack<M>) -> Result<Prediction, OpticsError> {
         let model = Model::Transport { light: Light::Diffuse, options: TransportOptions::default() };
         predict(&self.set, stack, &model, &Unwatched)
     }
 
-    pub fn by_photons(&self, stack: &Stack, photons: u64) -> Result<Prediction, OpticsError> {
+    pub fn by_photons<M: Clone + Into<Mixture>>(
+        &self,
+        stack: &Stack<M>,
+        photons: u64,
+    ) -> Result<Prediction, OpticsError> {
         let model = Model::MonteCarlo { light: Light::Diffuse, photons, seed: 5 };
         predict(&self.set, stack, &model, &Unwatched)
     }

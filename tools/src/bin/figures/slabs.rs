@@ -41,9 +41,9 @@ pub fn run(options: &Options) -> Outcome {
     );
     let mut seen = Vec::new();
     for (slab, (found, target)) in found.iter().zip(&targets).enumerate() {
-        let photons = resins.by_photons(found.stacking(), options.photons)?.light.remove(0);
+        let photons = resins.by_photons(&found.stacking(), options.photons)?.light.remove(0);
         row(&resins, slab, found, target, &photons);
-        seen.push((resins.by_transport(found.stacking())?.light.remove(0), photons));
+        seen.push((resins.by_transport(&found.stacking())?.light.remove(0), photons));
     }
     profiles(&resins, &targets, &seen).write(&options.folder.join("slabs-profiles.png"))?;
     profiles(&resins, &targets, &seen).write(&options.folder.join("slabs-profiles.svg"))?;
@@ -70,15 +70,15 @@ fn targets(resins: &Resins) -> Result<Vec<SearchTarget>, OpticsError> {
 
 fn row(resins: &Resins, slab: usize, found: &Found, target: &SearchTarget, photons: &ChannelPrediction) {
     let support = resins.id("support");
-    let layers = found.stacking().layers.iter().filter(|layer| layer.resin == support);
-    let support: f64 = layers.map(|layer| layer.thickness_mm).sum();
+    let layers = found.stacking();
+    let support: f64 = layers.pairs().map(|(mixture, mm)| mixture.share(support) * mm).sum();
     let radius = |spectrum: &[f64]| place_of(spectrum, &resins.set.grid).map_or(f64::NAN, |place| place[1]);
     let wanted = &target.channels[0];
     let off = rms(&photons.reflection_hankel, wanted);
     println!(
         "| {} | {} | {:.2} | {:.4} | {:.4} | {:.3} | {:.3} | {:.1e} | {:.1e} | {:.1e} | {off:.1e} |",
         slab + 1,
-        resins.named(found.stacking()),
+        resins.named(&found.stacking()),
         support.max(0.0),
         photons.reflection_hankel[0],
         wanted[0],
@@ -170,7 +170,7 @@ fn slice(options: &Options, resins: &Resins, found: &[Found]) -> Outcome {
             "[[object]]\nmesh = \"slab.stl\"\nposition-mm = [{}, 0, 0]\n[object.target]\nkind = \"stacking\"\nstack \
                 = \"{}\"\n",
             slab as f64 * PITCH_MM,
-            resins.set.named(found.stacking()),
+            resins.set.named(&found.stacking()),
         )?;
     }
     let path = folder.join("slabs.toml");
