@@ -20,6 +20,7 @@ mod frequency;
 mod fresnel;
 mod hankel;
 mod ids;
+mod interface;
 mod inverse;
 mod kubelka_munk;
 mod materials;
@@ -42,6 +43,7 @@ pub use error::OpticsError;
 pub use frequency::FrequencyGrid;
 pub use hankel::ProfileSpectrum;
 pub use ids::{ChannelId, ResinId};
+pub use interface::Interface;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
 pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MaterialFile, MaterialSet, Resin, ResinChannel, SimulatedProfile,

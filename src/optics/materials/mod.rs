@@ -15,8 +15,8 @@ pub(crate) mod toml_source;
 use std::ops::Index;
 
 use super::{
-    ChannelId, CoefficientFit, FrequencyGrid, KubelkaMunk, Mixture, OpticsError, RadialProfile, ResinId, SlabSpectrum,
-    Stack, VolumeCoefficients,
+    ChannelId, CoefficientFit, FrequencyGrid, Interface, KubelkaMunk, Mixture, OpticsError, RadialProfile, ResinId,
+    SlabSpectrum, Stack, VolumeCoefficients,
 };
 pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
@@ -126,6 +126,16 @@ impl MaterialSet {
     /// All channels.
     pub fn channel_ids(&self) -> impl ExactSizeIterator<Item = ChannelId> + use<> {
         (0..self.channels.len()).map(ChannelId)
+    }
+
+    /// The surface to air of a resin of the set: by the mean of their refractive indices.
+    pub fn surface(&self) -> Interface {
+        let indices = || self.resins.iter().map(|resin| resin.refractive_index);
+        let first = indices().next().unwrap_or(1.0);
+        // A mean of equals may round.
+        let alike = indices().all(|index| index == first);
+        let mean = if alike { first } else { indices().sum::<f64>() / self.resins.len() as f64 };
+        Interface::between(1.0, mean)
     }
 
     /// A stack of named resins as one of the set's.

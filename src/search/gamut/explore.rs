@@ -228,7 +228,7 @@ impl<'a> Explorer<'a> {
                 *below = r + t * t * *below / (1.0 - r * *below).max(f64::MIN_POSITIVE);
             }
         }
-        below
+        self.options.surface.surface_over(&below)
     }
 
     /// Keeps a stacking where it has a place.

@@ -120,6 +120,7 @@ impl Gamut {
     pub fn explore(set: &MaterialSet, options: &MatchOptions) -> Result<Self, SearchError> {
         let parameters: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
         let space = layer_space(&options.search, &options.layers, parameters.len());
+        let space = SearchOptions { surface: set.surface(), ..space };
         Self::of_space(&parameters, options.volumes(set)?.as_deref(), &set.grid, &space)
     }
 
