@@ -17,7 +17,7 @@ mod composite;
 mod edge;
 mod error;
 mod frequency;
-mod fresnel;
+pub(crate) mod fresnel;
 mod hankel;
 mod ids;
 mod interface;
