@@ -56,8 +56,8 @@ pub struct Resin {
     pub print_as_background: bool,
     /// What light does in it, by the set's channels.
     pub channels: Vec<ResinChannel>,
-    /// Refractive index, as in the coefficients. The Kubelka–Munk parameters of simulated slabs are index-matched
-    /// whatever it is; those of measured ones have the surfaces of the measured slab in them.
+    /// Refractive index, as in the coefficients. Kubelka–Munk parameters are those of the resin inside, without any
+    /// surface.
     pub refractive_index: f64,
     /// Free text of the file.
     pub notes: String,
