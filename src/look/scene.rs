@@ -419,11 +419,12 @@ impl<'a> Walker<'a> {
         Some((direction.turned(self.media.phase[id].sample(uniform(rng)), azimuth(rng)), weight))
     }
 
-    /// Walks until the scene is left, and tells the weight that is left then.
+    /// Walks until the scene is left, and tells the weight that is left then; `normal` is the outward one where the
+    /// line of sight meets the surface.
     #[inline]
-    pub fn walk(&self, mut place: Place, mut direction: Direction, rng: &mut Xoshiro256PlusPlus) -> f64 {
+    pub fn walk(&self, mut place: Place, mut direction: Direction, normal: DVec3, rng: &mut Xoshiro256PlusPlus) -> f64 {
         if let Some(skin) = &self.scene.skin {
-            return self.walk_under(skin, place, direction, rng);
+            return self.walk_under(skin, place, direction, normal, rng);
         }
         let mut weight = 1.0;
         while let Some(id) = self.fly(&mut place, direction, rng) {

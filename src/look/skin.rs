@@ -124,21 +124,26 @@ fn as_direction(vector: DVec3) -> Direction {
 }
 
 impl Walker<'_> {
-    /// Light that is seen where a line of sight enters the print at `place`: without the glint, the share of what it
-    /// meets at the surface, and then as much as is left when the scene is.
-    pub fn walk_under(&self, skin: &Skin, place: Place, direction: Direction, rng: &mut Xoshiro256PlusPlus) -> f64 {
+    /// Light that is seen where a line of sight onto a point of the surface with outward normal `normal` enters the
+    /// print at `place`: without the glint, the share of what it meets there, and then as much as is left when the scene
+    /// is.
+    pub fn walk_under(
+        &self,
+        skin: &Skin,
+        place: Place,
+        direction: Direction,
+        normal: DVec3,
+        rng: &mut Xoshiro256PlusPlus,
+    ) -> f64 {
         let mut ray = Ray { place, direction: as_vector(direction), medium: Medium::Resin };
         let mut weight = 1.0;
-        if let Some(normal) = skin.normal(self.scene.position(place)) {
-            let cosine = -ray.direction.dot(normal);
-            let index = skin.index[usize::from(self.scene.id_at(place))];
-            if cosine > 0.0 && index != 1.0 {
-                let Some(found) = refraction(cosine.min(1.0), 1.0, index) else { return 0.0 };
-                weight = 1.0 - found.reflectance;
-                // Bent for certain: what is mirrored is the glint.
-                if let Met::Bent(bent) = meet(ray.direction, -normal, cosine, 1.0, index, || 1.0) {
-                    ray.direction = bent;
-                }
+        let (cosine, index) = (-ray.direction.dot(normal), skin.index[usize::from(self.scene.id_at(place))]);
+        if cosine > 0.0 && index != 1.0 {
+            let Some(found) = refraction(cosine.min(1.0), 1.0, index) else { return 0.0 };
+            weight = 1.0 - found.reflectance;
+            // Bent for certain: what is mirrored is the glint.
+            if let Met::Bent(bent) = meet(ray.direction, -normal, cosine, 1.0, index, || 1.0) {
+                ray.direction = bent;
             }
         }
         let entered = weight;

@@ -91,7 +91,9 @@ impl Interface {
             let (even, odd) = (possible(r + t), possible(r - t));
             let [under_even, under_odd] = [even, odd].map(|b| both + below * b);
             // Half the sum, and half the difference without cancelling.
-            let transmission = both * 0.5 * (even - odd) / (under_even * under_odd);
+            let whole = even == r + t && odd == r - t;
+            let half = if whole { *t } else { 0.5 * (even - odd) };
+            let transmission = both * half / (under_even * under_odd);
             ((0.5 * (even / under_even + odd / under_odd)).max(0.0), transmission)
         });
         let (reflection, transmission) = pairs.unzip();

@@ -70,7 +70,7 @@ struct World {
 }
 
 /// A resin whose Kubelka–Munk parameters are read off a slab of transport's.
-fn resin(index: usize, volume: VolumeCoefficients, grid: &FrequencyGrid) -> Resin {
+pub(super) fn resin(index: usize, volume: VolumeCoefficients, grid: &FrequencyGrid) -> Resin {
     let slab_mm = volume.representative_thickness_mm();
     let stack = Stack::new([(volume.with_refractive_index(1.0), slab_mm)]);
     let slab = Transport { stack: &stack, light: Light::Diffuse, options: DIRECTIONS }.spectra(grid);
