@@ -143,7 +143,8 @@ impl Prepared {
             watch.go_on()?;
             let field = ObjectField::new(&solid, lattice, layers)
                 .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
-            fields.push(field.with_distance(distance));
+            let field = field.with_distance(distance);
+            fields.push(if job.dithers(index) { field.with_dithered_boundaries() } else { field });
             let (mesh, health) = (object.mesh.shown(), solid.health);
             objects.push(PreparedObject { mesh, transform, health, bounds, stackings, asked });
         }
