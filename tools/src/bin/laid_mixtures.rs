@@ -15,13 +15,16 @@ use lumislice::{
     watch::Unwatched,
 };
 
+const MIXTURES: [&str; 4] =
+    ["98% white + 2% black", "95% white + 5% black", "90% white + 10% black", "70% white + 30% black"];
+
 #[derive(Parser)]
 struct Args {
     /// A built-in set.
     #[arg(long, default_value = "synthetic")]
     materials: String,
     /// Mixtures.
-    #[arg(default_values_t = ["98% white + 2% black", "95% white + 5% black", "90% white + 10% black", "70% white + 30% black"].map(String::from))]
+    #[arg(default_values_t = MIXTURES.map(String::from))]
     mixtures: Vec<String>,
     /// Printers.
     #[arg(long, default_values_t = ["j750-14um", "j750-27um", "connex500-30um"].map(String::from))]
@@ -69,9 +72,7 @@ fn main() -> anyhow::Result<()> {
     let set = MaterialSet::builtin(&args.materials)?;
     let grid = FrequencyGrid::default();
     let (core, _) = set.resin("black").context("a set without black")?;
-    println!(
-        "mixture                          printer          face  channel  promised      seen  off %  (± %)  R̂ rms (noise) e-4"
-    );
+    println!("{:32} {:16} face  channel  promised      seen  off %    (± %)  R̂ rms (noise) e-4", "mixture", "printer");
     for name in &args.mixtures {
         let mixture = set.mixture(name)?;
         let stack = Stack::new([(mixture.clone(), args.thickness_mm)]).over(Mixture::from(core));
