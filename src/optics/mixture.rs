@@ -1,12 +1,14 @@
 //! Resins dithered into one another, voxel by voxel, seen from so far that they are one.
 //!
 //! In what light does they add by volume: events per mm of each resin count by its share, and the phase function is
-//! that of the events' mean cosine. That holds where the grains are small beside the way between two events; what is
-//! left is measured in docs/accuracy.md.
+//! that of the events' mean cosine. That holds where the grains are small beside the way between two events; for voxels
+//! see [`Grains`].
 
 use std::borrow::Cow;
 
-use super::{ChannelId, KubelkaMunk, MaterialFile, MaterialSet, OpticsError, ResinId, Stack, VolumeCoefficients};
+use super::{
+    ChannelId, Grains, KubelkaMunk, MaterialFile, MaterialSet, OpticsError, ResinId, Stack, VolumeCoefficients,
+};
 use crate::words::excerpt;
 
 /// Resins and their shares of the volume; one alone is pure.
@@ -121,12 +123,12 @@ impl MaterialSet {
         }
     }
 
-    /// The coefficients of a mixture of the set's resins, by channel.
+    /// The coefficients of a mixture of the set's resins, by channel, in the set's [`Grains`].
     ///
     /// # Errors
     /// [`OpticsError::NoCoefficients`].
     pub fn mixed_volumes(&self, mixture: &Mixture) -> Result<Vec<VolumeCoefficients>, OpticsError> {
-        mixed_volumes(mixture, self.channels.len(), |resin| self[resin].needed_volumes())
+        mixed_volumes(mixture, self.channels.len(), self.grains, |resin| self[resin].needed_volumes())
     }
 
     /// A mixture in words, which [`Self::mixture`] reads: `white`, or `90% white + 10% black`, the most first.
@@ -162,9 +164,9 @@ impl MaterialSet {
 }
 
 impl MaterialFile {
-    /// The coefficients of a mixture of the file's resins, by channel.
+    /// The coefficients of a mixture of the file's resins, by channel, in fine grains.
     pub(super) fn mixed_volumes(&self, mixture: &Mixture) -> Result<Vec<VolumeCoefficients>, OpticsError> {
-        mixed_volumes(mixture, self.channels().len(), |resin| Ok(self.needed_volumes(resin)?.to_vec()))
+        mixed_volumes(mixture, self.channels().len(), Grains::FINE, |resin| Ok(self.needed_volumes(resin)?.to_vec()))
     }
 
     /// A stack of named mixtures as one of the file's.
@@ -179,12 +181,15 @@ impl MaterialFile {
 fn mixed_volumes(
     mixture: &Mixture,
     channels: usize,
+    grains: Grains,
     volumes: impl Fn(ResinId) -> Result<Vec<VolumeCoefficients>, OpticsError>,
 ) -> Result<Vec<VolumeCoefficients>, OpticsError> {
     let parts = mixture.parts.iter().map(|&(resin, share)| Ok((volumes(resin)?, share)));
     let parts = parts.collect::<Result<Vec<_>, OpticsError>>()?;
-    let in_channel =
-        |channel: usize| VolumeCoefficients::mixed(parts.iter().map(|(volumes, share)| (volumes[channel], *share)));
+    let in_channel = |channel: usize| {
+        let parts: Vec<_> = parts.iter().map(|(volumes, share)| (volumes[channel], *share)).collect();
+        grains.mixed(&parts)
+    };
     Ok((0..channels).map(in_channel).collect())
 }
 
