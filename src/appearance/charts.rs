@@ -80,6 +80,12 @@ impl Atlas {
     pub fn pages(&self) -> &[ChartMap] {
         &self.pages
     }
+
+    /// Adds pages, with the triangles that lie on them now.
+    pub(super) fn add_pages(&mut self, pages: Vec<ChartMap>, places: Vec<(usize, Place)>) {
+        self.pages.extend(pages);
+        places.into_iter().for_each(|(triangle, place)| self.places[triangle] = place);
+    }
 }
 
 /// Who owns a texel: the chart that covers its centre, or failing that the nearest one that covers a texel.
