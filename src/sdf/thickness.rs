@@ -9,7 +9,7 @@
 //!        n                r' = |p − q|² / (2 n·(p − q))
 //!    ────p────
 //!        c·               A ball that a facet's neighbour limits, seen from c under a small angle from p, is no news
-//!    ────q────            of how thick the solid is, but of how finely it was cut into facets: it stays as it is.
+//!    ────q────            of how thick the solid is, but of how finely it was cut into facets: it stays as it was.
 //! ```
 //!
 //! Where two faces meet at an angle a ball that touches one near the edge is small, down to nothing at the edge itself.
@@ -18,9 +18,9 @@ use glam::DVec3;
 
 use super::Surface;
 
-/// Cosine of the angle, seen from a ball's centre, between where it touches and what limits it, above which that is a
+/// Sine of half the angle, seen from a ball's centre, between where it touches and what limits it, below which that is a
 /// neighbouring facet: 40°, edges of more than 140° within. Facets of a ball in 24 meridians meet at 165°.
-const FACET: f64 = 0.766;
+const FACET: f64 = 0.342;
 /// A ball that would shrink by less than this share of its radius touches. Facets of a ball in 24 meridians lie 1% of
 /// its radius below it.
 const TOUCHES: f64 = 0.02;
@@ -39,8 +39,7 @@ pub fn half_thickness(surface: &Surface, point: DVec3, normal: DVec3, most: f64)
         }
         let chord = point - nearest.point;
         let along = chord.dot(normal);
-        let cosine = (point - centre).dot(nearest.point - centre) / (radius * nearest.distance.max(f64::MIN_POSITIVE));
-        if cosine > FACET {
+        if along < FACET * chord.length() {
             break;
         }
         let smaller = chord.length_squared() / (2.0 * along);

@@ -7,8 +7,9 @@
 //! comes back is what the whole, symmetric plate reflects and lets through. Where the layers are thicker than H they are
 //! squeezed into it first, so that each still counts.
 //!
-//! Thicknesses move by the least relative change that makes up for what is missing, in each channel, by Newton's rule
-//! with differences for slopes.
+//! Where a job allows mixtures, the top layer takes in more or less of the other resins too. All of these numbers move by
+//! the least change that makes up for what is missing, in each channel, by Newton's rule with differences for slopes:
+//! thicknesses relative to what they are, shares in units of [`SHARE`].
 
 use rayon::prelude::*;
 
@@ -49,6 +50,8 @@ pub(in crate::job) struct Answers {
     limits: Vec<ResinLimit>,
     core: ResinId,
     min_layer_mm: f64,
+    /// Resins that the top layer may take in.
+    inks: Vec<ResinId>,
     /// Only the albedo matters.
     grid: FrequencyGrid,
 }
@@ -57,6 +60,8 @@ pub(in crate::job) struct Answers {
 #[derive(Debug)]
 struct Base {
     layers: Vec<(Mixture, f64)>,
+    /// What the top layer mostly is, and what else it may be, where it may be mixed.
+    top: Option<(ResinId, Vec<ResinId>)>,
     /// Albedo per channel that is asked for, and that the model promises of a flat slab.
     asked: Vec<f64>,
     promised: Vec<f64>,
@@ -67,9 +72,14 @@ const TOTALS: TransportOptions = TransportOptions { polar: 6, orders: 1 };
 /// Newton's steps, and the error of ln albedo that ends them.
 const STEPS: usize = 12;
 const CLOSE: f64 = 0.004;
-/// Change of ln thickness that slopes are taken over, and most that a step may change one.
+/// Change of ln thickness, or of shares in their unit, that slopes are taken over, and most that a step may change one.
 const DIFFERENCE: f64 = 0.04;
 const LONGEST: f64 = 0.7;
+const MOST_SHARES: f64 = 3.0;
+/// A share of the top layer that matters as much as its thickness once over.
+const SHARE: f64 = 0.05;
+/// Most of the top layer that may be other than what it mostly is.
+const MIXED: f64 = 0.8;
 /// Against slopes so flat that a step would be without end.
 const DAMPING: f64 = 1e-4;
 /// Part of a thin place that squeezed layers take.
@@ -93,15 +103,16 @@ impl Answers {
             limits: context.limits(),
             core: context.core()?,
             min_layer_mm: context.job.layer_options(context.object).min_layer_mm,
+            inks: if context.may_mix() { context.printed_resins() } else { Vec::new() },
             grid: FrequencyGrid::of(vec![0.0]),
         };
         for (found, target) in found.iter().zip(targets) {
             let stacking = found.stacking();
             let layers: Vec<_> = stacking.pairs().map(|(mixture, mm)| (mixture.clone(), mm)).collect();
-            let thickness: Vec<f64> = layers.iter().map(|layer| layer.1).collect();
-            let promised = answers.albedo(&layers, &thickness, None);
             let asked = target.channels.iter().map(|channel| channel[0]).collect();
-            answers.clusters.push(Base { layers, asked, promised });
+            let mut base = Base { top: answers.top(&layers), layers, asked, promised: Vec::new() };
+            base.promised = answers.albedo(&base, &base.numbers(), None);
+            answers.clusters.push(base);
         }
         Ok(answers)
     }
@@ -133,110 +144,160 @@ impl Answers {
         Ok(answered.into_iter().flatten().collect())
     }
 
+    /// What the top layer mostly is, and what it may take in.
+    fn top(&self, layers: &[(Mixture, f64)]) -> Option<(ResinId, Vec<ResinId>)> {
+        let (mixture, _) = layers.first()?;
+        let carrier = mixture.parts().iter().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?.0;
+        let known = |resin: &ResinId| mixture.share(*resin) > 0.0 || self.inks.contains(resin);
+        let others: Vec<ResinId> = (0..self.volumes.first()?.len()).map(ResinId).filter(known).collect();
+        let mixable = self.inks.contains(&carrier);
+        mixable.then(|| (carrier, others.into_iter().filter(|resin| *resin != carrier).collect()))
+    }
+
     /// Answers to questions of one cluster and thickness.
     fn answer_run(&self, run: &[Question]) -> Vec<Answer> {
         let base = &self.clusters[run[0].cluster];
         let half = run[0].half_mm;
-        let start = self.squeezed(&base.layers, half);
         let size = |question: &Question| question.ln_factor.iter().map(|ln| ln.abs()).sum::<f64>();
         let middle = (0..run.len()).fold(0, |best, n| if size(&run[n]) < size(&run[best]) { n } else { best });
         let mut answers: Vec<Option<Answer>> = vec![None; run.len()];
+        let mut first = self.squeezed(base, half);
         for order in [(middle..run.len()).collect::<Vec<_>>(), (0..middle).rev().collect()] {
-            let mut from = match &answers[middle] {
-                Some(answer) => answer.stacking.layers.iter().map(|layer| layer.thickness_mm).collect(),
-                None => start.clone(),
-            };
+            let mut from = first.clone();
             for n in order {
-                let (thickness, answer) = self.solve(base, half, &from, &run[n].ln_factor);
+                let (numbers, answer) = self.solve(base, half, &from, &run[n].ln_factor);
                 answers[n] = Some(answer);
-                from = thickness;
+                if n == middle {
+                    first = numbers.clone();
+                }
+                from = numbers;
             }
         }
         answers.into_iter().flatten().collect()
     }
 
-    /// Thicknesses of the layers in a part of half thickness `half`.
-    fn squeezed(&self, layers: &[(Mixture, f64)], half: Option<f64>) -> Vec<f64> {
-        let mut thickness: Vec<f64> = layers.iter().map(|layer| layer.1).collect();
-        let total: f64 = thickness.iter().sum();
+    /// The numbers of a cluster's stacking in a part of half thickness `half`.
+    fn squeezed(&self, base: &Base, half: Option<f64>) -> Vec<f64> {
+        let mut numbers = base.numbers();
+        let total: f64 = numbers[..base.layers.len()].iter().sum();
         if let Some(half) = half.filter(|half| SQUEEZED * half < total) {
-            thickness.iter_mut().for_each(|mm| *mm *= SQUEEZED * half / total);
-            self.keep_limits(layers, &mut thickness);
+            numbers[..base.layers.len()].iter_mut().for_each(|mm| *mm *= SQUEEZED * half / total);
+            self.keep_limits(base, &mut numbers);
         }
-        thickness
+        numbers
     }
 
-    /// No layer thinner than may be, no resin above its depth.
-    fn keep_limits(&self, layers: &[(Mixture, f64)], thickness: &mut [f64]) {
+    /// No layer thinner than may be, no resin above its depth, no shares below 0 or of more than the top layer.
+    fn keep_limits(&self, base: &Base, numbers: &mut [f64]) {
+        let (thickness, shares) = numbers.split_at_mut(base.layers.len());
         let mut above = 0.0;
-        for n in 0..layers.len() {
+        for n in 0..thickness.len() {
             let limit = |resin: ResinId| self.limits.get(resin.0).copied().unwrap_or(ResinLimit::NONE);
-            let parts = || layers[n].0.parts().iter().map(|(resin, _)| limit(*resin));
-            let least = parts().map(|limit| limit.min_mm).fold(self.min_layer_mm, f64::max);
+            let parts = || base.layers[n].0.parts().iter().map(|(resin, _)| limit(*resin));
+            // A layer that was found to be none may stay so.
+            let thinnest = if base.layers[n].1 == 0.0 { 0.0 } else { self.min_layer_mm.min(base.layers[n].1) };
+            let least = parts().map(|limit| limit.min_mm).fold(thinnest, f64::max);
             let most = parts().map(|limit| limit.max_mm).fold(f64::INFINITY, f64::min);
             thickness[n] = thickness[n].max(least).min(most.max(least));
             let depth = parts().map(|limit| limit.min_depth_mm).fold(0.0, f64::max);
-            if above < depth && above > 0.0 {
+            if above < depth && above > 0.0 && thickness[n] > 0.0 {
                 thickness[..n].iter_mut().for_each(|mm| *mm *= depth / above);
                 above = depth;
             }
             above += thickness[n];
         }
+        shares.iter_mut().for_each(|share| *share = share.max(0.0));
+        let sum: f64 = shares.iter().sum();
+        if sum > MIXED {
+            shares.iter_mut().for_each(|share| *share *= MIXED / sum);
+        }
     }
 
-    /// Thicknesses from `start` on that make the albedo what a factor asks for.
+    /// The numbers that make the albedo what a factor asks for, from `start` on.
     fn solve(&self, base: &Base, half: Option<f64>, start: &[f64], ln_factor: &[f64]) -> (Vec<f64>, Answer) {
         // A flat slab without a factor is what was found; a thin part is asked for what the target is.
         let from = if half.is_some() { &base.asked } else { &base.promised };
-        let goal: Vec<f64> = from.iter().zip(ln_factor).map(|(albedo, ln)| albedo.max(BLACK) * libm::exp(*ln)).collect();
+        let goal: Vec<f64> =
+            from.iter().zip(ln_factor).map(|(albedo, ln)| albedo.max(BLACK) * libm::exp(*ln)).collect();
         let missing = |albedo: &[f64]| -> Vec<f64> {
             goal.iter().zip(albedo).map(|(goal, albedo)| libm::log(goal / albedo.max(BLACK))).collect()
         };
         let size = |missing: &[f64]| missing.iter().map(|ln| ln * ln).sum::<f64>();
-        let mut thickness = start.to_vec();
-        let mut albedo = self.albedo(&base.layers, &thickness, half);
+        let mut numbers = start.to_vec();
+        let mut albedo = self.albedo(base, &numbers, half);
         let mut off = missing(&albedo);
         for _ in 0..STEPS {
             if off.iter().all(|ln| ln.abs() < CLOSE) {
                 break;
             }
-            let slopes: Vec<Vec<f64>> = (0..thickness.len())
+            let slopes: Vec<Vec<f64>> = (0..numbers.len())
                 .map(|n| {
-                    let mut moved = thickness.clone();
-                    moved[n] *= 1.0 + DIFFERENCE;
-                    let moved = self.albedo(&base.layers, &moved, half);
+                    let mut moved = numbers.clone();
+                    base.shift(&mut moved, n, DIFFERENCE);
+                    let moved = self.albedo(base, &moved, half);
                     let slope = |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
                     moved.iter().zip(&albedo).map(slope).collect()
                 })
                 .collect();
-            let step = least_step(&slopes, &off);
-            let mut better = None;
-            for shorter in [1.0, 0.5, 0.2] {
-                let mut next: Vec<f64> = thickness.clone();
-                for (mm, ln) in next.iter_mut().zip(&step) {
-                    *mm *= libm::exp((shorter * ln).clamp(-LONGEST, LONGEST));
-                }
-                self.keep_limits(&base.layers, &mut next);
-                let there = self.albedo(&base.layers, &next, half);
-                let left = missing(&there);
-                if size(&left) < 0.98 * size(&off) {
-                    better = Some((next, there, left));
-                    break;
+            let Some(better) = self.stepped(base, half, (&numbers, &off, &slopes), &missing, &size) else { break };
+            (numbers, albedo, off) = better;
+        }
+        let layers = numbers.iter().zip(base.mixtures(&numbers)).map(|(mm, mixture)| (mixture, *mm));
+        let stacking = Stack::new(layers).over(Mixture::from(self.core));
+        (numbers, Answer { stacking, albedo, short: off })
+    }
+
+    /// A step of Newton's rule that misses less than `here`: numbers, by how much they miss, and slopes; `None` where
+    /// none was found.
+    fn stepped(
+        &self,
+        base: &Base,
+        half: Option<f64>,
+        (numbers, off, slopes): (&[f64], &[f64], &[Vec<f64>]),
+        missing: &dyn Fn(&[f64]) -> Vec<f64>,
+        size: &dyn Fn(&[f64]) -> f64,
+    ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
+        // What cannot move the way it should is left out, and the others make up for it.
+        let mut slopes = slopes.to_vec();
+        let mut step = least_step(&slopes, off);
+        for _ in 0..numbers.len() {
+            let mut probe = numbers.to_vec();
+            (0..probe.len()).for_each(|n| base.shift(&mut probe, n, 1e-3 * step[n]));
+            let wanted = probe.clone();
+            self.keep_limits(base, &mut probe);
+            let mut left_out = false;
+            for n in 0..numbers.len() {
+                if step[n] != 0.0 && (probe[n] - wanted[n]).abs() > 1e-6 * wanted[n].abs().max(1e-6) {
+                    slopes[n].fill(0.0);
+                    left_out = true;
                 }
             }
-            let Some(better) = better else { break };
-            (thickness, albedo, off) = better;
+            if !left_out {
+                break;
+            }
+            step = least_step(&slopes, off);
         }
-        let layers = base.layers.iter().zip(&thickness).map(|((mixture, _), mm)| (mixture.clone(), *mm));
-        let stacking = Stack::new(layers).over(Mixture::from(self.core));
-        (thickness, Answer { stacking, albedo, short: off })
+        for shorter in [1.0, 0.5, 0.2] {
+            let mut next = numbers.to_vec();
+            (0..next.len()).for_each(|n| base.shift(&mut next, n, shorter * step[n]));
+            self.keep_limits(base, &mut next);
+            let there = self.albedo(base, &next, half);
+            let left = missing(&there);
+            if size(&left) < 0.98 * size(off) {
+                return Some((next, there, left));
+            }
+        }
+        None
     }
 
     /// Albedo per channel of layers over the core, or cut off at half the thickness of a part over its mirror image.
-    fn albedo(&self, layers: &[(Mixture, f64)], thickness: &[f64], half: Option<f64>) -> Vec<f64> {
+    fn albedo(&self, base: &Base, numbers: &[f64], half: Option<f64>) -> Vec<f64> {
+        let mixtures: Vec<Mixture> = base.mixtures(numbers).collect();
         let in_channel = |volumes: &Vec<VolumeCoefficients>| {
-            let mixed = |mixture: &Mixture| VolumeCoefficients::mixed(mixture.parts().iter().map(|(resin, share)| (volumes[resin.0], *share)));
-            let pairs = layers.iter().zip(thickness).map(|((mixture, _), mm)| (mixed(mixture), *mm));
+            let mixed = |mixture: &Mixture| {
+                VolumeCoefficients::mixed(mixture.parts().iter().map(|(resin, share)| (volumes[resin.0], *share)))
+            };
+            let pairs = mixtures.iter().zip(numbers).map(|(mixture, mm)| (mixed(mixture), *mm));
             let stack = match half {
                 None => Stack::new(pairs).over(volumes[self.core.0]),
                 Some(half) => {
@@ -253,6 +314,35 @@ impl Answers {
             light.reflection[0] + light.transmission[0]
         };
         self.volumes.iter().map(in_channel).collect()
+    }
+}
+
+impl Base {
+    /// Thicknesses of the layers in mm, then shares of the top layer.
+    fn numbers(&self) -> Vec<f64> {
+        let thickness = self.layers.iter().map(|layer| layer.1);
+        let others = self.top.iter().flat_map(|(_, others)| others);
+        thickness.chain(others.map(|resin| self.layers[0].0.share(*resin))).collect()
+    }
+
+    /// The mixtures of all layers.
+    fn mixtures<'a>(&'a self, numbers: &'a [f64]) -> impl Iterator<Item = Mixture> + 'a {
+        let shares = &numbers[self.layers.len()..];
+        let top = self.top.as_ref().and_then(|(carrier, others)| {
+            let rest = 1.0 - shares.iter().sum::<f64>();
+            Mixture::new(others.iter().copied().zip(shares.iter().copied()).chain([(*carrier, rest)]))
+        });
+        let first = top.into_iter().chain(self.top.is_none().then(|| self.layers.first().map(|layer| layer.0.clone())).flatten());
+        first.chain(self.layers.iter().skip(1).map(|layer| layer.0.clone()))
+    }
+
+    /// Moves a number by `step`: a thickness by a factor, a share by so many of its unit.
+    fn shift(&self, numbers: &mut [f64], n: usize, step: f64) {
+        if n < self.layers.len() {
+            numbers[n] *= libm::exp(step.clamp(-LONGEST, LONGEST));
+        } else {
+            numbers[n] += SHARE * step.clamp(-MOST_SHARES, MOST_SHARES);
+        }
     }
 }
 
