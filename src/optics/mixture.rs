@@ -188,24 +188,42 @@ fn mixed_volumes(
     Ok((0..channels).map(in_channel).collect())
 }
 
+/// The resins that a mixture's name names, with their shares; of a resin's name it alone. `None` for what is no
+/// list of shares; whether they sum to 100% is not checked.
+///
+/// ```
+/// use lumislice::optics::mixture_parts;
+///
+/// assert_eq!(mixture_parts("75% white + 25% black"), Some(vec![("white", 0.75), ("black", 0.25)]));
+/// assert_eq!(mixture_parts("white"), Some(vec![("white", 1.0)]));
+/// assert_eq!(mixture_parts("75% white + black"), None);
+/// ```
+pub fn mixture_parts(name: &str) -> Option<Vec<(&str, f64)>> {
+    // No resin's name holds a percent sign.
+    if !name.contains('%') {
+        return Some(vec![(name, 1.0)]);
+    }
+    let part = |text| {
+        let (share, resin) = str::split_once(text, '%')?;
+        let share: f64 = share.trim().parse().ok()?;
+        Some((resin.trim(), share / 100.0))
+    };
+    // A name may hold a plus sign, so that one between blanks parts them.
+    name.split(" + ").map(part).collect()
+}
+
+/// What a mixture's shares should be.
+pub(crate) const SHARES: &str = "shares that sum to 100%, such as 90% white + 10% black";
+
 /// Reads the name of a mixture of the resins that `known` knows.
 fn read(name: &str, known: impl Fn(&str) -> Result<ResinId, OpticsError>) -> Result<Mixture, OpticsError> {
-    // No resin's name holds a percent sign.
     if !name.contains('%') {
         return known(name).map(Mixture::from);
     }
-    let fault = || {
-        let expected = "shares that sum to 100%, such as 90% white + 10% black".to_owned();
-        OpticsError::parameter("a mixture", format!("\"{}\"", excerpt(name)), expected)
-    };
-    let part = |text: &str| {
-        let (share, resin) = text.split_once('%').ok_or_else(fault)?;
-        let share: f64 = share.trim().parse().map_err(|_| fault())?;
-        Ok((known(resin.trim())?, share / 100.0))
-    };
-    // A name may hold a plus sign, so that one between blanks parts them.
-    let parts = name.split(" + ").map(part).collect::<Result<Vec<_>, OpticsError>>()?;
-    Mixture::new(parts).ok_or_else(fault)
+    let fault = || OpticsError::parameter("a mixture", format!("\"{}\"", excerpt(name)), SHARES.to_owned());
+    let parts = mixture_parts(name).ok_or_else(fault)?;
+    let parts = parts.into_iter().map(|(resin, share)| Ok((known(resin)?, share)));
+    Mixture::new(parts.collect::<Result<Vec<_>, OpticsError>>()?).ok_or_else(fault)
 }
 
 /// A share in percent, to a millionth of the whole.

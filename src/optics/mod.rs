@@ -47,7 +47,8 @@ pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MaterialFile, MaterialSet, Resin, ResinChannel, SimulatedProfile,
     SlabPlan, SpectrumError, regenerate_builtin,
 };
-pub use mixture::Mixture;
+pub(crate) use mixture::SHARES;
+pub use mixture::{Mixture, mixture_parts};
 pub use monte_carlo::{Estimate, Light};
 pub use predict::{Model, predict};
 pub use prediction::{ChannelPrediction, PredictedRing, Prediction};

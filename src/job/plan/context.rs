@@ -34,12 +34,19 @@ impl TargetContext<'_> {
 
     pub(super) fn limits(&self) -> Vec<ResinLimit> {
         let names: Vec<_> = self.materials.resins.iter().map(|resin| resin.name.as_str()).collect();
-        self.job.stacking.resin_limits(&names)
+        let mut limits = self.job.stacking.resin_limits(&names);
+        if self.job.dithers(self.object) {
+            // A dithered boundary reaches half a voxel up: no voxel of the resin is to come nearer than the limit.
+            let reach = self.job.printer.pitch_mm.length() / 2.0;
+            let deep = limits.iter_mut().filter(|limit| limit.min_depth_mm > 0.0);
+            deep.for_each(|limit| limit.min_depth_mm += reach);
+        }
+        limits
     }
 
     /// Whether the layers of the object may be mixtures.
     pub(super) fn may_mix(&self) -> bool {
-        false
+        self.job.allows_mixtures()
     }
 
     /// Resins that are printed as themselves.

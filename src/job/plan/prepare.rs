@@ -153,7 +153,8 @@ impl Prepared {
             watch.go_on()?;
             let field = ObjectField::new(plan.as_ref().map_or(&solid, |plan| plan.solid()), lattice, layers)
                 .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
-            fields.push(field.with_distance(distance));
+            let field = field.with_distance(distance);
+            fields.push(if job.dithers(index) { field.with_dithered_boundaries() } else { field });
             let (mesh, health) = (object.mesh.shown(), solid.health);
             plans.extend(plan);
             objects.push(PreparedObject { mesh, transform, health, bounds, stackings, asked });
