@@ -80,6 +80,22 @@ impl Atlas {
     pub fn pages(&self) -> &[ChartMap] {
         &self.pages
     }
+
+    /// Where each page begins when the texels of all are counted, and then their number.
+    pub fn starts(&self) -> Vec<usize> {
+        let mut starts = vec![0];
+        starts.extend(self.pages.iter().scan(0, |sum, page| {
+            *sum += page.source.len();
+            Some(*sum)
+        }));
+        starts
+    }
+
+    /// Adds pages, with the triangles that lie on them now.
+    pub(super) fn add_pages(&mut self, pages: Vec<ChartMap>, places: Vec<(usize, Place)>) {
+        self.pages.extend(pages);
+        places.into_iter().for_each(|(triangle, place)| self.places[triangle] = place);
+    }
 }
 
 /// Who owns a texel: the chart that covers its centre, or failing that the nearest one that covers a texel.
@@ -118,6 +134,16 @@ impl ChartMap {
     /// Texels that triangles cover, in order; without any, all.
     pub fn covered(&self) -> impl Iterator<Item = usize> {
         (0..).zip(&self.source).filter(|(texel, source)| *texel == **source).map(|(texel, _)| texel as usize)
+    }
+
+    /// The texel whose content stands at texture coordinates `uv`, wherever they are.
+    pub fn texel_at(&self, uv: Vec2) -> usize {
+        let texel = |at: f32, size: u32| {
+            let within = if at.is_finite() { at.rem_euclid(1.0) } else { 0.0 };
+            ((within * size as f32) as u32).min(size - 1)
+        };
+        let texel = texel(uv.x, self.width) + self.width * texel(uv.y, self.height);
+        self.source[texel as usize] as usize
     }
 
     fn draw(&mut self, uvs: &[Vec2; 3], chart: u16) {

@@ -18,7 +18,9 @@ mod limits;
 mod lookups;
 mod material;
 mod metric;
+mod nodes;
 mod slots;
+mod surface_points;
 mod texture;
 mod textured;
 
@@ -33,6 +35,8 @@ pub use heights::HeightFields;
 pub use layers::{BrickQuery, LayerField, LayerStack, SurfaceShare};
 pub use limits::{SlotLimits, enforce_limits};
 pub use material::{MaterialError, material_target, srgb_albedo};
+pub use nodes::{MAX_NODES, TexelSite};
 pub use slots::SlotTable;
+pub use surface_points::{PointOfSurface, SurfacePoints};
 pub use texture::{Appearance, AppearancePage, Appearances, distinct_appearances};
 pub use textured::{LabelMap, TexturedLayers};

@@ -15,7 +15,7 @@ use lumislice::{
 use super::{
     Answer, Result,
     failure::{refusal, refuse},
-    materials::prepared,
+    materials::{Corrected, prepared},
     print, print_json,
     progress::Bars,
     say,
@@ -137,7 +137,7 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         OutputFolder::check(folder, &look::MITSUBA, existing)?;
     }
     let bars = Bars::new(args.json);
-    let prepared = prepared(job, &bars);
+    let prepared = prepared(job, folder.map_or(Corrected::Anew, Corrected::As), &bars);
     let pictures = PictureOptions {
         size: args.size,
         samples: args.samples,

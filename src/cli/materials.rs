@@ -66,10 +66,25 @@ pub fn say_provenance(set: &str, provenance: &str) {
     say(&format!("note: materials `{set}`: {provenance}"));
 }
 
+/// How far a job is prepared.
+#[derive(Debug, Clone, Copy)]
+pub enum Corrected<'a> {
+    /// As it is before its print was looked at.
+    Draft,
+    /// Corrected where its print would miss.
+    Anew,
+    /// Likewise, by what an earlier run of it left in a folder, if one did.
+    As(&'a Path),
+}
+
 /// A job with everything read and matched; says where a built-in set's numbers come from.
-pub fn prepared(job: Job, bars: &Bars) -> Result<Prepared, RunError> {
+pub fn prepared(job: Job, corrected: Corrected<'_>, bars: &Bars) -> Result<Prepared, RunError> {
     let built_in = matches!(job.materials, MaterialSource::Set(_));
-    let prepared = Prepared::new(job, bars);
+    let prepared = match corrected {
+        Corrected::Draft => Prepared::draft(job, bars),
+        Corrected::Anew => Prepared::new(job, bars),
+        Corrected::As(folder) => Prepared::for_folder(job, folder, bars),
+    };
     if let Some(set) = prepared.as_ref().ok().map(|prepared| &prepared.materials).filter(|_| built_in) {
         bars.finish();
         say_provenance(&set.name, &set.provenance);

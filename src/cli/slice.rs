@@ -4,13 +4,16 @@ use std::{ops::Range, path::PathBuf};
 
 use clap::Args;
 use lumislice::{
-    job::{self, Estimate, Finished, Job, Manifest, Prepared, REPORT, RunError, RunOptions, manifest::MaterialRecord},
+    job::{
+        self, Estimate, Finished, Job, Manifest, Prepared, REPORT, RoundRecord, RunError, RunOptions,
+        manifest::MaterialRecord,
+    },
     output::{Existing, OutputFolder},
     words::voxels,
 };
 use serde_json::json;
 
-use super::{Answer, Result, failure::refusal, materials::prepared, print, print_json, progress::Bars, say};
+use super::{Answer, Result, failure::refusal, materials::{Corrected, prepared}, print, print_json, progress::Bars, say};
 
 /// Slice a job into printer-ready files.
 #[derive(Debug, Args)]
@@ -54,7 +57,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
         OutputFolder::check(&folder, &job::OWNER, existing).map_err(RunError::from)?;
     }
     let bars = Bars::new(args.json);
-    let prepared = prepared(job, &bars);
+    let prepared = prepared(job, if args.dry_run { Corrected::Draft } else { Corrected::As(&folder) }, &bars);
     if args.dry_run {
         let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars)?, prepared)));
         bars.finish();
@@ -93,10 +96,22 @@ fn summary(manifest: &Manifest, folder: &str) -> String {
     let slices = manifest.slices[1] - manifest.slices[0];
     let mut text = format!("{}: {slices} of {z} slices of {x} × {y} voxels in {folder}\n", manifest.name);
     text += &material_table(&manifest.materials, "");
+    text += &rounds(&manifest.rounds);
     if manifest.files.iter().any(|file| file.path == REPORT) {
         text += &format!("  pictures and stackings: {folder}/{REPORT}\n");
     }
     text
+}
+
+/// A line per round of correction.
+fn rounds(rounds: &[RoundRecord]) -> String {
+    let line = |(number, round): (usize, &RoundRecord)| {
+        let fits = round.fit.iter();
+        let fits: Vec<_> =
+            fits.map(|fit| format!("{:+.3} ({:.1} % rms)", fit.bias, 100.0 * fit.relative_rms)).collect();
+        format!("  round {number}: printed less asked {} over {} points\n", fits.join(" "), round.points)
+    };
+    (1..).zip(rounds).map(line).collect()
 }
 
 /// A line per resin that occurs.

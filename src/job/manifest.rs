@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{OWNER, Prepared, StackingReport, look::LookSummary};
+use super::{OWNER, Prepared, RoundRecord, StackingReport, look::LookSummary};
 use crate::output::{FileEntry, GENERATOR};
 
 /// Version of the manifest's form; raised when readers must change.
@@ -40,6 +40,9 @@ pub struct Manifest {
     pub materials: Vec<MaterialRecord>,
     /// Stackings of each object.
     pub stackings: Vec<StackingReport>,
+    /// How far the print was from what was asked for, round by round of correction.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rounds: Vec<RoundRecord>,
     /// Material meshes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshRecord>,
@@ -170,6 +173,7 @@ impl Manifest {
             },
             materials: prepared.material_records(&outcome.counts, lattice.voxel_volume()),
             stackings: prepared.objects.iter().map(|object| object.stackings.clone()).collect(),
+            rounds: prepared.rounds.as_ref().map(|rounds| rounds.rounds.clone()).unwrap_or_default(),
             meshes: outcome.meshes,
             look: None,
             files: Vec::new(),

@@ -4,6 +4,7 @@
 //! | --- | --- | --- |
 //! | [`file`](mod@file) | a job file, TOML | a [`Job`], checked, with every default filled in |
 //! | `plan`    | a [`Job`] | a [`Prepared`] job: resins, targets, stackings, fields on a lattice |
+//! | `rounds`  | a [`Prepared`] job as a draft | the same job, its targets corrected where its print would miss |
 //! | `run`     | a [`Prepared`] job | the output folder and its [`Manifest`] |
 //! | [`verify`](mod@verify) | a finished folder | what is not as its manifest has it |
 //! | [`factor`]  | a measured BSSRDF | a folder of profiles and clusters to print from |
@@ -16,6 +17,7 @@ pub mod file;
 pub mod look;
 pub mod manifest;
 mod plan;
+mod rounds;
 mod run;
 mod run_error;
 pub mod verify;
@@ -24,7 +26,8 @@ pub use file::{Job, JobError};
 pub use manifest::Manifest;
 pub use plan::{
     Asked, AskedMap, GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry,
-    StackingReport, TransportEntry, targets,
+    StackingReport, TransportEntry, VariantEntry, targets,
 };
+pub use rounds::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
 pub use run::{Estimate, Finished, OWNER, REPORT, RedrawError, RunOptions, redraw, run};
 pub use run_error::RunError;

@@ -13,6 +13,7 @@
 //! | `parts`    | the same for the parts of a brick |
 //! | `kernel`   | nearest of a few triangles for the 512 voxels of a brick, in SIMD |
 //! | `voxelize`, `surface_voxels` | which voxels the surface passes through |
+//! | `thickness` | the largest ball inside at a surface point |
 //! | `grid`     | distance from voxel to surface voxel, as the paper has it |
 //! | `moments`, `lp_kernel`, `lp` | the Lp-averaged distance |
 
@@ -30,6 +31,7 @@ mod surface;
 mod surface_voxels;
 #[cfg(test)]
 mod tests;
+mod thickness;
 mod triangle;
 mod voxelize;
 
@@ -42,5 +44,6 @@ pub use lp::{LpField, LpOffsets, LpScratch, RELATIVE_ERROR};
 pub use parts::{PART_COLUMNS, PART_SLICES, Part};
 pub use surface::{Surface, SurfacePoint};
 pub use surface_voxels::SurfaceVoxels;
+pub use thickness::half_thickness;
 pub use triangle::{ClosestPoint, closest_point};
 pub use voxelize::{Cells, cell_centre, for_cells};

@@ -33,6 +33,11 @@ impl Slicer {
         &self.objects
     }
 
+    /// The objects again, to be prepared otherwise.
+    pub fn into_objects(self) -> Vec<ObjectField> {
+        self.objects
+    }
+
     /// The same objects on another lattice of the same frame.
     pub fn resampled(&self, lattice: Lattice) -> Self {
         Self { lattice, objects: self.objects.iter().map(|object| object.resampled(lattice)).collect() }

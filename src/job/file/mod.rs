@@ -5,6 +5,7 @@
 //! expected. Nothing slow happens here and nothing is read but the job: whether the resins it names exist is asked
 //! later ([`Job::check_resins`]), when the materials are known. `docs/job.md` lists every key.
 
+mod appearance;
 mod error;
 mod object;
 mod options;
@@ -22,6 +23,7 @@ use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
+pub use appearance::AppearanceOptions;
 pub use error::JobError;
 pub use object::{DepthFrom, ObjectJob, Scaling};
 pub use options::{
@@ -59,6 +61,8 @@ pub struct Job {
     pub clusters: ClusterOptions,
     /// Search for stackings.
     pub stacking: StackingOptions,
+    /// What is done so that the print looks as asked on any shape.
+    pub appearance: AppearanceOptions,
     /// Measure of depth.
     pub field: FieldOptions,
     /// What is written.
@@ -80,7 +84,7 @@ fn quoted(name: &str) -> String {
 
 /// The tables of a job.
 const ROOT_KEYS: &[&str] =
-    &["object", "printer", "materials", "target", "clusters", "stacking", "field", "output", "overlap"];
+    &["object", "printer", "materials", "target", "clusters", "stacking", "appearance", "field", "output", "overlap"];
 
 impl Job {
     /// Reads and checks the job at `path`. Its paths are relative to its folder.
@@ -140,12 +144,26 @@ impl Job {
         let materials = options::read_materials(&root)?;
         let clusters = options::read_clusters(&table("clusters")?)?;
         let stacking = options::read_stacking(&table("stacking")?)?;
+        let appearance = appearance::read_appearance(&table("appearance")?, &stacking)?;
         let field = options::read_field(&table("field")?)?;
         let output = options::read_output(&table("output")?)?;
         let overlap = options::read_overlap(&root)?;
         let (name, path) = (paths::job_name(path), path.to_owned());
         let places = source.into_places();
-        let job = Self { name, path, objects, printer, materials, clusters, stacking, field, output, overlap, places };
+        let job = Self {
+            name,
+            path,
+            objects,
+            printer,
+            materials,
+            clusters,
+            stacking,
+            appearance,
+            field,
+            output,
+            overlap,
+            places,
+        };
         job.check_mixtures()?;
         Ok(job)
     }

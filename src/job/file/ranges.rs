@@ -36,6 +36,8 @@ pub(super) const UNITS: IntRange = IntRange { noun: "a power of two", min: 2, ma
 /// Depth 8 is the deepest whose search was measured (16 ms with the tight bound, 16 s with the paper's); each
 /// further step multiplies it.
 pub(super) const DEPTH: IntRange = IntRange { noun: "a number of blocks", min: 1, max: 12 };
+/// Each takes as long as slicing and a look; what four do not correct no more do.
+pub(super) const ROUNDS: IntRange = IntRange { noun: "a number of rounds", min: 0, max: 16 };
 pub(super) const DC_WEIGHT: Range = Range::new("a weight", 0.0, 1e6);
 pub(super) const LIMIT_DEPTH: Range = Range::new("a depth in mm", 0.0, MAX_DEPTH_MM);
 pub(super) const LIMIT_MIN: Range = Range::new("a thickness in mm", 0.0, MAX_DEPTH_MM);

@@ -19,6 +19,7 @@ pub struct ResolvedJob {
     materials: Materials,
     clusters: Clusters,
     stacking: Stacking,
+    appearance: Appearance,
     field: Field,
     output: Output,
 }
@@ -153,6 +154,13 @@ struct Limit {
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+struct Appearance {
+    rounds: u32,
+    thin_parts: bool,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 struct Field {
     distance: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -219,6 +227,7 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
                 .collect(),
             mixtures: stacking.mixtures,
         },
+        appearance: Appearance { rounds: job.appearance.rounds, thin_parts: job.appearance.thin_parts },
         field: Field { distance, lp_exponent, dither: job.field.dither },
         output: Output {
             formats: job.output.formats.iter().map(|format| format.name()).collect(),

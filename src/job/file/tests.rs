@@ -1,6 +1,6 @@
 //! The documentation names every key and every bound.
 
-use super::{object, options, ranges, target};
+use super::{appearance, object, options, ranges, target};
 
 const PAGE: &str = include_str!("../../../docs/job.md");
 
@@ -13,6 +13,7 @@ fn every_key_is_documented() {
         options::CLUSTERS_KEYS,
         options::STACKING_KEYS,
         options::LIMIT_KEYS,
+        appearance::APPEARANCE_KEYS,
         options::FIELD_KEYS,
         options::OUTPUT_KEYS,
         super::ROOT_KEYS,

@@ -276,7 +276,7 @@ impl Look {
 /// What `look` writes.
 pub const OWNER: Owner = Owner { command: "look", names: &[LOOK, "soft.png", "edge.png", "behind.png", "spot.png"] };
 
-fn fits(spots: &[SpotRecord], expected: &[&[f64]], channels: usize) -> Vec<Fit> {
+pub(super) fn fits(spots: &[SpotRecord], expected: &[&[f64]], channels: usize) -> Vec<Fit> {
     let fit = |channel: usize| {
         let n = spots.len().max(1) as f64;
         let (mut bias, mut squared, mut noise, mut level) = (0.0, 0.0, 0.0, 0.0);

@@ -32,7 +32,7 @@ pub(super) struct SurfaceSpot {
 
 /// What a surface should show and what its stacking was promised to, per channel.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Expected {
+pub(in crate::job) struct Expected {
     /// Albedo that is asked for; `None` where a stacking was given.
     pub asked: Option<Vec<f64>>,
     /// The albedo predicted for the stacking as an endless flat slab.
@@ -51,13 +51,13 @@ impl Prepared {
     }
 
     /// What is expected at a point of an object's surface.
-    pub(super) fn expected_at(&self, object: usize, triangle: u32, point: DVec3) -> Expected {
+    pub(in crate::job) fn expected_at(&self, object: usize, triangle: u32, point: DVec3) -> Expected {
         let (object, field) = self.with_field(object);
         let (mut asked, mut predicted) = (Some(Vec::new()), Vec::new());
         for shared in field.shares(triangle, point).into_iter().filter(|shared| shared.share > 0.0) {
             let share = f64::from(shared.share);
-            let Some(entry) = object.stackings.stackings.get(usize::from(shared.stacking)) else { continue };
-            add(&mut predicted, &entry.predicted_albedo, share);
+            let Some((entry, promised)) = object.stackings.of_label(shared.stacking) else { continue };
+            add(&mut predicted, promised, share);
             let of_texel = object.asked.of(shared.texel).map(|asked| &asked.albedo);
             match (of_texel.or(entry.target_albedo.as_ref()), &mut asked) {
                 (Some(albedo), Some(sum)) => add(sum, albedo, share),
@@ -73,7 +73,8 @@ impl Prepared {
         let shares = self.slicer().objects()[object].shares(triangle, point);
         let most = shares.iter().fold(&shares[0], |best, next| if next.share > best.share { next } else { best });
         let asked = self.expected_at(object, triangle, point).asked.unwrap_or_default();
-        (most.stacking, asked.iter().sum::<f64>() / asked.len().max(1) as f64)
+        let cluster = self.objects[object].stackings.cluster_of(most.stacking);
+        (cluster, asked.iter().sum::<f64>() / asked.len().max(1) as f64)
     }
 
     /// What is expected of a spot: the mean over its sites.

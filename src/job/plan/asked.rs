@@ -58,6 +58,22 @@ impl AskedMap {
     }
 }
 
+impl AskedMap {
+    /// Makes room for `texels` texels in all, those that are new asking for what the first does.
+    pub(super) fn extend(&mut self, texels: usize) {
+        if !self.of_texel.is_empty() {
+            self.of_texel.resize(texels, self.of_texel[0]);
+        }
+    }
+
+    /// Has texel `to` ask for what texel `from` does.
+    pub(super) fn copy(&mut self, from: usize, to: usize) {
+        if let Some(&appearance) = self.of_texel.get(from) {
+            self.of_texel[to] = appearance;
+        }
+    }
+}
+
 /// Where which target is wanted.
 pub(super) enum Surface {
     Uniform,

@@ -44,6 +44,16 @@ impl TargetContext<'_> {
         limits
     }
 
+    /// Whether the layers of the object may be mixtures.
+    pub(super) fn may_mix(&self) -> bool {
+        self.job.allows_mixtures()
+    }
+
+    /// Resins that are printed as themselves.
+    pub(super) fn printed_resins(&self) -> Vec<ResinId> {
+        self.materials.ids().filter(|resin| !self.materials[*resin].print_as_background).collect()
+    }
+
     /// The id a resin has in voxels: its own, or that of the resin the job prints in place of the background.
     pub(super) fn id(&self, resin: ResinId) -> MaterialId {
         let mapped = self.job.output.map_background.as_deref().and_then(|name| self.materials.resin(name));

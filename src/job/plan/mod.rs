@@ -7,9 +7,11 @@
 //! | `prepare`  | reads the inputs, places the meshes, builds the fields |
 //! | `asked`, `images`, `factored` | what each surface point should reflect: targets, and where each is wanted |
 //! | `stackings`, `gamut_mapping`  | one stacking per target |
+//! | `on_surface`, `answers` | other stackings where an object is thin, or its print would miss |
 //! | `stacking_report` | what was found, as files and reports have it |
 //! | `checks`   | what will print badly |
 
+mod answers;
 mod asked;
 mod checks;
 mod context;
@@ -18,6 +20,7 @@ mod gamut_mapping;
 mod images;
 mod job_targets;
 mod layer_maps;
+mod on_surface;
 mod prepare;
 mod stacking_report;
 mod stackings;
@@ -26,5 +29,7 @@ pub use asked::{Asked, AskedMap};
 pub(super) use factored::FactoredMap;
 pub use job_targets::{JobTarget, targets};
 pub(super) use layer_maps::LayerMaps;
+pub use on_surface::VariantEntry;
+pub(super) use on_surface::{CHANNELS, ObjectPlan};
 pub use prepare::{InputFile, Prepared, PreparedObject};
 pub use stacking_report::{GamutMapEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};

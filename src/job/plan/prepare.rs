@@ -9,8 +9,11 @@ use glam::{DMat4, DVec3};
 use serde::Serialize;
 
 use super::{
-    AskedMap, StackingReport, checks, context::TargetContext, factored::FactoredMap, images::picture_size,
-    stackings::object_layers,
+    AskedMap, CHANNELS, ObjectPlan, StackingReport, checks,
+    context::TargetContext,
+    factored::FactoredMap,
+    images::picture_size,
+    stackings::{ObjectLayers, object_layers},
 };
 use crate::{
     job::{
@@ -45,6 +48,10 @@ pub struct Prepared {
     pub inputs: Vec<InputFile>,
     /// What the user should know, a sentence each.
     pub warnings: Vec<String>,
+    /// What rounds of correction found; `None` where there were none.
+    pub rounds: Option<super::super::rounds::Rounds>,
+    /// What the objects are laid from that can still be corrected.
+    pub(in crate::job) plans: Vec<ObjectPlan>,
     slicer: Slicer,
 }
 
@@ -78,11 +85,12 @@ pub struct InputFile {
 }
 
 impl Prepared {
-    /// Reads the inputs of `job`, searches the stackings, builds the fields.
+    /// Reads the inputs of `job`, searches the stackings, builds the fields: a job as it is before its print was looked
+    /// at, see [`Prepared::new`].
     ///
     /// # Errors
     /// Any input that cannot be used; see [`RunError`].
-    pub fn new(mut job: Job, watch: &dyn Watch) -> Result<Self, RunError> {
+    pub fn draft(mut job: Job, watch: &dyn Watch) -> Result<Self, RunError> {
         let mut warnings = Vec::new();
         let mut inputs = read_inputs(&job)?;
         let draft = read_materials(&job)?;
@@ -129,6 +137,7 @@ impl Prepared {
         }
         let mut objects = Vec::new();
         let mut fields = Vec::new();
+        let mut plans = Vec::new();
         for (index, ((mut solid, transform), object)) in solids.into_iter().zip(&job.objects).enumerate() {
             let bounds = bounds(&solid);
             if object.depth_from == DepthFrom::Top && !solid.measure_from_top() {
@@ -140,13 +149,15 @@ impl Prepared {
             let has_uvs = complete_uvs(&mut solid, &object.target)?;
             let context =
                 TargetContext { job: &job, materials: &materials, solid: &solid, has_uvs, object: index, watch };
-            let (layers, stackings, asked) = object_layers(&context, &object.target, &mut warnings)?;
+            let ObjectLayers { layers, report: stackings, asked, plan } =
+                object_layers(&context, &object.target, &mut warnings)?;
             watch.go_on()?;
-            let field = ObjectField::new(&solid, lattice, layers)
+            let field = ObjectField::new(plan.as_ref().map_or(&solid, |plan| plan.solid()), lattice, layers)
                 .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
             let field = field.with_distance(distance);
             fields.push(if job.dithers(index) { field.with_dithered_boundaries() } else { field });
             let (mesh, health) = (object.mesh.shown(), solid.health);
+            plans.extend(plan);
             objects.push(PreparedObject { mesh, transform, health, bounds, stackings, asked });
         }
         checks::tiny_objects(&job, &objects, &lattice, &mut warnings)?;
@@ -155,10 +166,40 @@ impl Prepared {
         let inputs = inputs.into_iter().map(|(path, (sha256, file))| InputFile { path, sha256, file }).collect();
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);
-        let prepared = Self { job, materials, lattice, objects, palette, inputs, warnings, slicer };
+        let prepared =
+            Self { job, materials, lattice, objects, palette, inputs, warnings, rounds: None, plans, slicer };
         prepared.check_colors()?;
         prepared.check_meshes()?;
         Ok(prepared)
+    }
+
+    /// Lays an object anew, its albedo corrected by the logarithms of factors at the points of its plan. What comes
+    /// back is by how much each label beside the clusters' own falls short of its factor.
+    pub(in crate::job) fn lay_again(
+        &mut self,
+        plan: &ObjectPlan,
+        ln_factors: &[[f64; CHANNELS]],
+        watch: &dyn Watch,
+    ) -> Result<Vec<[f64; CHANNELS]>, RunError> {
+        let context = TargetContext {
+            job: &self.job,
+            materials: &self.materials,
+            solid: plan.solid(),
+            has_uvs: plan.has_uvs(),
+            object: plan.object,
+            watch,
+        };
+        let laid = plan.lay(self.job.appearance.thin_parts, ln_factors, watch)?;
+        let entries = self.objects[plan.object].stackings.stackings.clone();
+        let (layers, report) = context.laid(plan, &laid, entries)?;
+        let short = laid.short();
+        self.objects[plan.object].stackings = report;
+        let slicer = std::mem::replace(&mut self.slicer, Slicer::new(self.lattice, Vec::new()));
+        let mut fields = slicer.into_objects();
+        let field = fields.remove(plan.object).with_layers(layers, &plan.solid().mesh.uvs);
+        fields.insert(plan.object, field);
+        self.slicer = Slicer::new(self.lattice, fields);
+        Ok(short)
     }
 
     /// The slicer.

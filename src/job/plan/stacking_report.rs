@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::layer_maps::LayerMaps;
+use super::{layer_maps::LayerMaps, on_surface::VariantEntry};
 use crate::{
     optics::{Layer, Stack},
     search::Move,
@@ -18,6 +18,9 @@ pub struct StackingReport {
     pub sequence: Vec<String>,
     /// One entry per stacking, in the order of their labels.
     pub stackings: Vec<StackingEntry>,
+    /// What lies where the object is thin or its print would miss, a label each after those of `stackings`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub variants: Vec<VariantEntry>,
     /// What fills the inside below all stackings.
     pub core: String,
     #[serde(skip)]
@@ -111,6 +114,24 @@ impl StackingReport {
     /// Every stacking over the core.
     pub fn stacks(&self) -> impl Iterator<Item = Stack<String>> {
         self.stackings.iter().map(|entry| Stack { layers: entry.layers.clone(), core: Some(self.core.clone()) })
+    }
+
+    /// The entry of a label's cluster, and the albedo predicted of its stacking.
+    pub fn of_label(&self, label: u16) -> Option<(&StackingEntry, &[f64])> {
+        let label = usize::from(label);
+        match self.stackings.get(label) {
+            Some(entry) => Some((entry, &entry.predicted_albedo)),
+            None => {
+                let variant = self.variants.get(label - self.stackings.len())?;
+                Some((self.stackings.get(variant.cluster)?, &variant.predicted_albedo))
+            }
+        }
+    }
+
+    /// The cluster of a label.
+    pub fn cluster_of(&self, label: u16) -> u16 {
+        let variant = usize::from(label).checked_sub(self.stackings.len()).and_then(|at| self.variants.get(at));
+        variant.map_or(label, |variant| variant.cluster as u16)
     }
 
     /// Every material that may occur, the core's among them.

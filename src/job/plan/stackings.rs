@@ -4,8 +4,10 @@ use glam::DVec3;
 
 use super::{
     GamutMapEntry, LayerMaps, SearchEntry, StackingEntry, StackingReport, TransportEntry,
+    answers::Answers,
     asked::{AskedMap, Surface, wanted},
     context::TargetContext,
+    on_surface::{CHANNELS, Laid, ObjectPlan},
 };
 use crate::{
     appearance::{
@@ -20,12 +22,21 @@ use crate::{
     search::{Found, Matcher, RefineOptions, SearchTarget},
 };
 
+/// What an object's target became.
+pub(super) struct ObjectLayers {
+    pub layers: LayerField,
+    pub report: StackingReport,
+    pub asked: AskedMap,
+    /// What it is laid from where its layers depend on more than its texture.
+    pub plan: Option<ObjectPlan>,
+}
+
 /// Turns the target of an object into its layers, with what was asked for where.
 pub(super) fn object_layers(
     context: &TargetContext<'_>,
     target: &TargetSpec,
     warnings: &mut Vec<String>,
-) -> Result<(LayerField, StackingReport, AskedMap), RunError> {
+) -> Result<ObjectLayers, RunError> {
     let core = context.core()?;
     if let TargetSpec::Stacking { stack } = target {
         let stacking = context.materials.mixed_stack(stack)?;
@@ -33,7 +44,7 @@ pub(super) fn object_layers(
         let stacking = stacking.over(Mixture::from(core));
         let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking)?);
         let (layers, report) = context.uniform("stacking", &stacking, core, entry);
-        return Ok((layers, report, AskedMap::default()));
+        return Ok(ObjectLayers { layers, report, asked: AskedMap::default(), plan: None });
     }
     let wanted = wanted(context, target, warnings)?;
     let map = context.gamut_map(core, &wanted, warnings)?;
@@ -50,16 +61,32 @@ pub(super) fn object_layers(
         entries.push(entry);
     }
     warnings.extend(out_of_reach(&entries).map(|words| format!("object {}: {words}", context.object + 1)));
+    let mut asked = wanted.map;
+    asked.targets = wanted.targets;
+    let stackings: Vec<_> = matches.iter().map(Found::stacking).collect();
+    if context.follows_the_surface() {
+        let answers = Answers::new(context, &matches, &targets)?;
+        let solid = context.solid.clone();
+        let plan = ObjectPlan::new(context, solid, wanted.kind, wanted.surface, &mut asked, answers)?;
+        if let Some(plan) = plan {
+            let context = TargetContext { solid: plan.solid(), ..*context };
+            let none = vec![[0.0; CHANNELS]; plan.points.points().len()];
+            let laid = plan.lay(context.job.appearance.thin_parts, &none, context.watch)?;
+            let (layers, report) = context.laid(&plan, &laid, entries)?;
+            return Ok(ObjectLayers { layers, report, asked, plan: Some(plan) });
+        }
+        return Err(context.refuse("object", "no triangles", "a solid"));
+    }
     let (layers, report) = match &wanted.surface {
         Surface::Uniform => {
             let entry = entries.remove(0);
-            context.uniform(wanted.kind, &matches[0].stacking(), core, entry)
+            context.uniform(wanted.kind, &stackings[0], core, entry)
         }
-        Surface::Labelled { atlas, labels } => context.textured(wanted.kind, atlas, labels, &matches, entries, core)?,
+        Surface::Labelled { atlas, labels } => {
+            context.textured(wanted.kind, atlas, labels, &stackings, entries, core)?
+        }
     };
-    let mut asked = wanted.map;
-    asked.targets = wanted.targets;
-    Ok((layers, report, asked))
+    Ok(ObjectLayers { layers, report, asked, plan: None })
 }
 
 /// Albedos that differ by less look much alike.
@@ -125,6 +152,32 @@ impl TargetContext<'_> {
         found.and_then(|matcher| matcher.match_targets(targets, self.watch)).map_err(|source| self.search_fault(source))
     }
 
+    /// Whether the layers of the object depend on how thick it is, or on how its print looks.
+    fn follows_the_surface(&self) -> bool {
+        let appearance = &self.job.appearance;
+        let judged = self.job.stacking.model != StackingModel::KubelkaMunk;
+        let from_surface = self.job.objects[self.object].depth_from == DepthFrom::Surface;
+        // Layer maps are of the texture that the job has.
+        let free = !self.job.wants(OutputFormat::Heights);
+        judged && from_surface && free && (appearance.thin_parts || appearance.rounds > 0)
+    }
+
+    /// The layers that a plan lays; `entries` are those of its clusters.
+    pub(super) fn laid(
+        &self,
+        plan: &ObjectPlan,
+        laid: &Laid,
+        entries: Vec<StackingEntry>,
+    ) -> Result<(LayerField, StackingReport), RunError> {
+        let stackings: Vec<_> = plan.stackings().chain(laid.stackings().cloned()).collect();
+        let core = self.core()?;
+        if let ([stacking], [entry]) = (&stackings[..], &entries[..]) {
+            return Ok(self.uniform(plan.kind, stacking, core, entry.clone()));
+        }
+        let (layers, report) = self.textured(plan.kind, plan.atlas(), &laid.labels, &stackings, entries, core)?;
+        Ok((layers, StackingReport { variants: laid.variants(self), ..report }))
+    }
+
     fn entry(&self, stacking: &Stack<Mixture>, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {
         // A slot that a stacking skips is no layer of it.
         let laid = Stack::joined(stacking.pairs().map(|(mixture, mm)| (mixture.clone(), mm)));
@@ -176,6 +229,7 @@ impl TargetContext<'_> {
             kind: kind.to_owned(),
             sequence: Vec::new(),
             stackings: vec![entry],
+            variants: Vec::new(),
             core: self.materials[core].name.clone(),
             ids,
             maps: LayerMaps::default(),
@@ -188,13 +242,12 @@ impl TargetContext<'_> {
         kind: &'static str,
         atlas: &Atlas,
         labels: &[LabelMap],
-        matches: &[Found],
+        stackings: &[Stack<Mixture>],
         entries: Vec<StackingEntry>,
         core: ResinId,
     ) -> Result<(LayerField, StackingReport), RunError> {
         self.watch.stage("layers", 0);
-        let stackings: Vec<_> = matches.iter().map(Found::stacking).collect();
-        let aligned = align_mixtures(&stackings);
+        let aligned = align_mixtures(stackings);
         let id = |resin| self.id(resin);
         let slots = SlotTable::with_mixtures(id, &aligned, &self.limits(), self.id(core)).ok_or_else(|| {
             let found = format!("stackings that need {} slots", aligned.sequence.len());
@@ -205,6 +258,7 @@ impl TargetContext<'_> {
             kind: kind.to_owned(),
             sequence: slots_of(&aligned).map(|resins| self.names(resins)).collect(),
             stackings: entries,
+            variants: Vec::new(),
             core: self.materials[core].name.clone(),
             ids: slots_of(&aligned).flatten().map(|&resin| self.id(resin)).chain([self.id(core)]).collect(),
             maps: self.maps(&aligned, atlas, labels),

@@ -25,7 +25,7 @@ use report::write_pictures;
 use crate::look::Volume;
 use crate::{
     job::{
-        Prepared, RunError, StackingReport,
+        Prepared, ROUNDS, RunError, StackingReport,
         file::{OutputFormat, Overlap},
         look::{LOOK, Look, LookError, LookOptions, look_at},
         manifest::{Manifest, MeshRecord, Outcome, STACKINGS, json},
@@ -91,6 +91,11 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     let (output, recorded) = OutputFolder::begin(folder, &OWNER, options.existing, &task, &prepared.files())?;
     if !output.keep(STACKINGS) {
         output.write(STACKINGS, &stackings)?;
+    }
+    if let Some(rounds) = &prepared.rounds
+        && !output.keep(ROUNDS)
+    {
+        output.write(ROUNDS, &pretty(rounds))?;
     }
 
     watch.stage("slices", u64::from(slices.end - slices.start));
@@ -160,7 +165,7 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
 
 /// Most voxels of a job that shows its look without being asked: it holds them in memory, at most a byte for each and
 /// mostly a tenth.
-const LOOK_VOXELS: u64 = 2_000_000_000;
+pub(super) const LOOK_VOXELS: u64 = 2_000_000_000;
 
 impl Prepared {
     /// An empty volume for the cut-away's surface and the look that a whole job shows with its pictures; `None` for a
@@ -188,7 +193,7 @@ fn mask_path(resin: &str, k: u32) -> String {
 /// What `slice` writes.
 pub const OWNER: Owner = Owner {
     command: "slice",
-    names: &["slices/", "masks/", "meshes/", "heights/", "preview/", "look/", LOOK, STACKINGS, REPORT, TIMINGS],
+    names: &["slices/", "masks/", "meshes/", "heights/", "preview/", "look/", LOOK, STACKINGS, ROUNDS, REPORT, TIMINGS],
 };
 
 /// Where slabs go.
@@ -446,7 +451,7 @@ impl Prepared {
     }
 
     /// Digest of the job, its inputs and its stackings.
-    fn digest(&self) -> String {
+    pub(super) fn digest(&self) -> String {
         use sha2::{Digest, Sha256};
         let content = json!({ "job": self.job.resolved(), "inputs": self.inputs, "objects": self.stackings() });
         crate::output::hex(&Sha256::digest(content.to_string().as_bytes()))

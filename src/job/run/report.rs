@@ -4,7 +4,7 @@ use crate::{
     colour::linear_to_byte,
     job::look::{Fit, LookSummary},
     job::{
-        Manifest, RunError,
+        Manifest, RoundRecord, RunError,
         manifest::{LatticeRecord, MaterialRecord, ObjectRecord},
     },
     optics::{ResinId, Stack},
@@ -115,7 +115,9 @@ fn report_data(manifest: &Manifest, pictures: &[PreviewFile]) -> ReportData {
         error_name: "rms error of R\u{302}".to_owned(),
         warnings: manifest.warnings.clone(),
         health: manifest.objects.iter().map(health).collect(),
-        look: manifest.look.as_ref().map(|look| look_words(look, &manifest.material_set.channels)).unwrap_or_default(),
+        look: rounds_words(&manifest.rounds, &manifest.material_set.channels)
+            .chain(manifest.look.iter().flat_map(|look| look_words(look, &manifest.material_set.channels)))
+            .collect(),
         pictures: pictures
             .iter()
             .filter(|picture| picture.path != preview::FILM_STRIP)
@@ -139,15 +141,32 @@ fn shown(albedo: &[f64]) -> [u8; 3] {
     light.map(linear_to_byte)
 }
 
+/// What the rounds of correction saw.
+fn rounds_words<'a>(rounds: &'a [RoundRecord], channels: &'a [String]) -> impl Iterator<Item = String> + 'a {
+    (1..).zip(rounds).map(move |(number, round)| {
+        let out = match round.out_of_reach {
+            0.0 => String::new(),
+            share => format!(" At {:.0} % of them what the round before asked for was out of reach.", 100.0 * share),
+        };
+        let fits = fits_words(&round.fit, channels);
+        format!("Round {number} of correction, {} points: printed less asked {fits}.{out}", round.points)
+    })
+}
+
+/// Bias and rms of every channel.
+fn fits_words(fits: &[Fit], channels: &[String]) -> String {
+    let one = |(channel, fit): (&String, &Fit)| {
+        let channel = if channels.len() > 1 { format!("{channel} ") } else { String::new() };
+        format!("{channel}{:+.3} on average, {:.3} rms ({:.0} %)", fit.bias, fit.rms, 100.0 * fit.relative_rms)
+    };
+    channels.iter().zip(fits).map(one).collect::<Vec<_>>().join("; ")
+}
+
 /// What the numbers of a look say.
 fn look_words(look: &LookSummary, channels: &[String]) -> Vec<String> {
     let fit = |name: &str, fits: &[Fit]| {
-        let one = |(channel, fit): (&String, &Fit)| {
-            let channel = if channels.len() > 1 { format!("{channel} ") } else { String::new() };
-            format!("{channel}{:+.3} on average, {:.3} rms ({:.0} %)", fit.bias, fit.rms, 100.0 * fit.relative_rms)
-        };
-        let all: Vec<_> = channels.iter().zip(fits).map(one).collect();
-        format!("Printed albedo less the one that was {name}, over {} spots: {}.", look.spots, all.join("; "))
+        let fits = fits_words(fits, channels);
+        format!("Printed albedo less the one that was {name}, over {} spots: {fits}.", look.spots)
     };
     let mut words: Vec<_> = look.against_asked.iter().map(|fits| fit("asked for", fits)).collect();
     words.push(fit("predicted for a flat slab", &look.against_predicted));

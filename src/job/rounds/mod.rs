@@ -1,0 +1,195 @@
+//! What was asked for is what prints: a job is printed in memory and looked at, and its targets are corrected where the
+//! print misses; then it is printed again.
+//!
+//! **In:** a [`Prepared`] job as a draft. **Out:** the same job with other layers, and what every round found ([`Rounds`]).
+//!
+//! ```text
+//!   fields ──► voxels ──► printed albedo at points of the surface
+//!     ▲                                │
+//!     │                   ln (asked / printed), means over some mm², as far as noise allows
+//!     │                                │
+//!   labels ◄── factors of the albedo ◄─┘        (see `plan/on_surface`)
+//! ```
+//!
+//! A flat slab's promise misses where a surface bends, where light comes through from another side, beside an edge, and
+//! where the lattice cannot hold a layer. What makes up for it is a factor of the albedo that the stackings are asked for,
+//! one for each channel, smooth over the surface. Where no stacking reaches it, the factor stays at what is reached.
+//!
+//! Points, walks and means are drawn and summed in a fixed order, and factors are rounded to a thousandth before they are
+//! used: what is found is the same for any number of threads, and reads back from a file as what it was.
+
+mod record;
+mod residual;
+
+use std::path::Path;
+
+pub use record::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
+use residual::{Looked, residuals};
+
+use super::{
+    Job, Prepared, RunError,
+    plan::{CHANNELS, ObjectPlan},
+    run::LOOK_VOXELS,
+};
+use crate::{
+    look::{Site, Spot},
+    watch::{StopOnly, Watch},
+};
+
+/// Walks of a round, for each channel, and how many a point has at least and at most.
+const WALKS: u64 = 2_500_000;
+const WALKS_EACH: [u64; 2] = [128, 1024];
+/// Seeds of rounds: apart from those of looks.
+const SEED: u64 = 0x5EED_0F20_0D50;
+/// Factors end here, as logarithms: what needs more is out of reach.
+const GREATEST: f64 = 2.5;
+/// A factor that falls short by more than this is out of reach.
+const SHORT: f64 = 0.03;
+
+/// Factors of an object's albedo at its points, as logarithms.
+type Factors = Vec<[f64; CHANNELS]>;
+
+impl Prepared {
+    /// Reads the inputs of `job`, searches the stackings, builds the fields; then looks at the print and corrects it, as
+    /// often as the job says.
+    ///
+    /// # Errors
+    /// Any input that cannot be used; see [`RunError`].
+    pub fn new(job: Job, watch: &dyn Watch) -> Result<Self, RunError> {
+        Self::corrected(job, None, watch)
+    }
+
+    /// [`Self::new`], which takes what an earlier run of the same job left in `folder` in place of looking again.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn for_folder(job: Job, folder: &Path, watch: &dyn Watch) -> Result<Self, RunError> {
+        Self::corrected(job, Some(folder), watch)
+    }
+
+    fn corrected(job: Job, folder: Option<&Path>, watch: &dyn Watch) -> Result<Self, RunError> {
+        let mut prepared = Self::draft(job, watch)?;
+        let plans = std::mem::take(&mut prepared.plans);
+        if prepared.job.appearance.rounds == 0 || plans.is_empty() {
+            return Ok(prepared);
+        }
+        if prepared.lattice.voxels() > LOOK_VOXELS {
+            prepared.warnings.push(format!(
+                "appearance.rounds: the print is not corrected, for its {} voxels are more than the {LOOK_VOXELS} that \
+                 are looked at in memory",
+                prepared.lattice.voxels()
+            ));
+            return Ok(prepared);
+        }
+        let sha256 = prepared.digest();
+        let known = folder.and_then(|folder| Rounds::read(folder, &sha256));
+        prepared.rounds = Some(match known.filter(|known| known.fits(&plans)) {
+            Some(known) => {
+                for (plan, correction) in plans.iter().zip(&known.objects) {
+                    prepared.lay_again(plan, &factors(correction), watch)?;
+                }
+                known
+            }
+            None => prepared.correct(&plans, sha256, watch)?,
+        });
+        Ok(prepared)
+    }
+
+    fn correct(&mut self, plans: &[ObjectPlan], sha256: String, watch: &dyn Watch) -> Result<Rounds, RunError> {
+        let none = |plan: &ObjectPlan| vec![[0.0; CHANNELS]; plan.points.points().len()];
+        let mut factors_of: Vec<Factors> = plans.iter().map(none).collect();
+        let mut short_of: Vec<Vec<[f64; CHANNELS]>> = vec![Vec::new(); plans.len()];
+        let mut records = Vec::new();
+        let rounds = self.job.appearance.rounds;
+        for round in 0..rounds {
+            let looked = self.look_at_points(plans, round, watch)?;
+            let mut record = looked.record();
+            let mut lost = 0;
+            for (n, plan) in plans.iter().enumerate() {
+                let (off, worst) = residuals(plan, &looked.objects[n]);
+                record.worst = record.worst.max(worst);
+                let clusters = self.objects[plan.object].stackings.stackings.len();
+                let field = &self.slicer().objects()[plan.object];
+                for ((point, factor), off) in plan.points.points().iter().zip(&mut factors_of[n]).zip(&off) {
+                    let mut short = [0.0; CHANNELS];
+                    for shared in field.shares(point.triangle, point.point) {
+                        let label = usize::from(shared.stacking).checked_sub(clusters);
+                        if let Some(of_label) = label.and_then(|label| short_of[n].get(label)) {
+                            short.iter_mut().zip(of_label).for_each(|(sum, one)| *sum += f64::from(shared.share) * one);
+                        }
+                    }
+                    lost += usize::from(short[..plan.factors()].iter().any(|short| short.abs() > SHORT));
+                    for channel in 0..plan.factors() {
+                        let reached = factor[channel] - short[channel];
+                        factor[channel] = (reached + off[channel]).clamp(-GREATEST, GREATEST);
+                    }
+                }
+            }
+            record.out_of_reach = lost as f64 / record.points.max(1) as f64;
+            records.push(record);
+            for (n, plan) in plans.iter().enumerate() {
+                factors_of[n] = factors(&correction(plan, &factors_of[n]));
+                short_of[n] = self.lay_again(plan, &factors_of[n], watch)?;
+            }
+        }
+        let objects = plans.iter().zip(&factors_of).map(|(plan, factors)| correction(plan, factors)).collect();
+        Ok(Rounds::new(sha256, records, objects))
+    }
+
+    /// Prints in memory, and looks at the points of all objects that can be corrected.
+    fn look_at_points(&self, plans: &[ObjectPlan], round: u32, watch: &dyn Watch) -> Result<Looked, RunError> {
+        let rounds = self.job.appearance.rounds;
+        watch.stage(&format!("round {} of {rounds}: voxels", round + 1), 0);
+        let scene = self.scene(&StopOnly(watch))?;
+        let mut spots = Vec::new();
+        let mut of_spot = Vec::new();
+        for (n, plan) in plans.iter().enumerate() {
+            for (at, point) in plan.points.points().iter().enumerate() {
+                let site = Site { point: point.point, normal: point.normal };
+                let asked = self.expected_at(plan.object, point.triangle, point.point).asked;
+                if let Some(asked) = asked.filter(|_| scene.is_open(&site)) {
+                    spots.push(Spot { sites: vec![site] });
+                    of_spot.push((n, at, asked));
+                }
+            }
+        }
+        let [fewest, most] = WALKS_EACH;
+        let walks = (WALKS / spots.len().max(1) as u64).clamp(fewest, most);
+        watch.stage(&format!("round {} of {rounds}: light", round + 1), spots.len() as u64);
+        let seed = SEED.wrapping_mul(u64::from(round) + 1);
+        let printed = scene.printed_albedo(&spots, walks, seed, watch)?;
+        let mut looked = Looked::new(plans, walks, self.materials.channels.len());
+        for ((n, at, asked), printed) in of_spot.into_iter().zip(printed) {
+            if let Some(printed) = printed.into_iter().collect() {
+                looked.objects[n][at] = Some((asked, printed));
+            }
+        }
+        Ok(looked)
+    }
+}
+
+impl Rounds {
+    /// Whether it holds a factor for every point of every plan.
+    fn fits(&self, plans: &[ObjectPlan]) -> bool {
+        let fits = |(plan, found): (&ObjectPlan, &ObjectCorrection)| {
+            let points = plan.points.points().len();
+            found.object == plan.object
+                && found.ln_factor_thousandths.len() == plan.factors()
+                && found.ln_factor_thousandths.iter().all(|channel| channel.len() == points)
+        };
+        self.objects.len() == plans.len() && plans.iter().zip(&self.objects).all(fits)
+    }
+}
+
+fn correction(plan: &ObjectPlan, factors: &Factors) -> ObjectCorrection {
+    let rounded = |channel: usize| factors.iter().map(|ln| (1000.0 * ln[channel]).round() as i32).collect();
+    ObjectCorrection { object: plan.object, ln_factor_thousandths: (0..plan.factors()).map(rounded).collect() }
+}
+
+fn factors(correction: &ObjectCorrection) -> Factors {
+    let of = |channel: usize, at: usize| {
+        correction.ln_factor_thousandths.get(channel).map_or(0.0, |factors| f64::from(factors[at]) / 1000.0)
+    };
+    let points = correction.ln_factor_thousandths.first().map_or(0, Vec::len);
+    (0..points).map(|at| std::array::from_fn(|channel| of(channel, at))).collect()
+}
