@@ -143,6 +143,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::optics::ResinId;
     use crate::{
         optics::{Light, MaterialSet, Model, OpticsError, ProfileFile, Stack, predict},
         watch::{Interrupt, Unwatched},
@@ -193,7 +194,7 @@ mod tests {
     #[test]
     fn nothing_transmits_everything() {
         let set = MaterialSet::builtin("synthetic").unwrap();
-        let nothing = predict(&set, &Stack::default(), &Model::KubelkaMunk, &Unwatched).unwrap();
+        let nothing = predict(&set, &Stack::<ResinId>::default(), &Model::KubelkaMunk, &Unwatched).unwrap();
         let light = &nothing.light[0];
         assert_eq!((light.reflection_hankel[0], light.transmission_hankel[0]), (0.0, 1.0));
         assert_eq!(light.radius_of_energy_mm(0.5), None);
@@ -204,7 +205,7 @@ mod tests {
         let set = MaterialSet::builtin("synthetic").unwrap();
         let stop = Interrupt::new();
         stop.request();
-        let result = predict(&set, &Stack::default(), &photons(10), &stop);
+        let result = predict(&set, &Stack::<ResinId>::default(), &photons(10), &stop);
         assert!(matches!(result, Err(OpticsError::Stopped(_))));
     }
 }

@@ -20,6 +20,7 @@ mod algorithm_1;
 mod branch_and_bound;
 mod endings;
 mod envelope;
+pub mod family;
 mod forward;
 mod gamut;
 mod kernels;

@@ -1,0 +1,7 @@
+//! Families.
+
+mod model;
+mod shape;
+mod solve;
+
+pub use solve::{Family, FamilyAnswer};
