@@ -1,6 +1,6 @@
 //! The transport model of a shape's stackings, cheap or expensive.
 
-use super::shape::Shape;
+use super::shape::{Shape, Slot};
 use crate::{
     optics::{Base, FrequencyGrid, LayeredReflection, TransportOptions, VolumeCoefficients},
     search::refine::{fit::Residuals, nodes::Nodes},
@@ -48,7 +48,7 @@ impl Model {
         let k: Vec<f64> = nodes.indices.iter().map(|&i| grid.as_slice()[i]).collect();
         let channel = |channel: usize| {
             let resins: Vec<_> = resins.iter().map(|resin| resin[channel]).collect();
-            let pure = |slot: &super::shape::Slot| match slot.resins[..] {
+            let pure = |slot: &Slot| match slot.resins[..] {
                 [resin] => Some(resins[resin]),
                 _ => None,
             };
@@ -63,6 +63,11 @@ impl Model {
             Channel { endless: over(&layers, base), middle, resins }
         };
         Self { channels: (0..resins.first().map_or(0, Vec::len)).map(channel).collect(), nodes }
+    }
+
+    /// Channels, and coefficients of each.
+    pub fn size(&self) -> (usize, usize) {
+        (self.channels.len(), self.nodes.indices.last().map_or(0, |last| last + 1))
     }
 
     /// R̂ per channel.

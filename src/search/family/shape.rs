@@ -11,6 +11,9 @@ use crate::{
     },
 };
 
+/// Thicknesses, mm, and shares below this are none.
+const NOTHING: f64 = 1e-6;
+
 /// A place in the order of layers.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Slot {
@@ -61,6 +64,11 @@ impl Shape {
         };
         let mm = x.iter().map(|mm| mm.max(0.0));
         Stack::new(self.parts(x).map(mixture).zip(mm)).over(core.map(Mixture::from))
+    }
+
+    /// What is there to rounding only is not there.
+    pub fn tidy(&self, x: &mut [f64]) {
+        x.iter_mut().filter(|value| value.abs() < NOTHING).for_each(|value| *value = 0.0);
     }
 
     /// Coefficients of the slots of several resins in one channel, with the changes that each share makes; `resins`

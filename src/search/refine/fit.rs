@@ -35,16 +35,13 @@ pub(in crate::search) fn fit(
     steps: usize,
     residuals: impl Fn(&[f64]) -> Residuals,
 ) -> Option<Fit> {
-    let n = mm.len();
-    let identity: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| if i == j { 1.0 } else { 0.0 }).collect()).collect();
-    let inside = polytope.step(mm, &identity, &vec![0.0; n])?;
     let moved = |mm: &[f64], step: &[f64]| -> Vec<f64> { mm.iter().zip(step).map(|(h, d)| h + d).collect() };
     let at = |mm: Vec<f64>| (residuals(&mm), mm);
     // Slopes without a sense end the fit without a result.
     let mut senseless = false;
     let (here, mm) = DESCENT.run(
         Budget::Evaluations(steps),
-        at(moved(mm, &inside)),
+        at(polytope.nearest(mm)?),
         |(here, _)| here.objective(),
         |(here, _)| gradient(&here.per_mm, &here.values),
         |(here, mm), gradient, damping| {

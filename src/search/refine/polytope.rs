@@ -62,6 +62,14 @@ impl Polytope {
         Self { constraints }
     }
 
+    /// The nearest point within, in the plain distance.
+    pub(in crate::search) fn nearest(&self, x: &[f64]) -> Option<Vec<f64>> {
+        let n = x.len();
+        let identity: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| f64::from(u8::from(i == j))).collect()).collect();
+        let step = self.step(x, &identity, &vec![0.0; n])?;
+        Some(x.iter().zip(step).map(|(x, d)| x + d).collect())
+    }
+
     /// The constraints that hold with no slack at `x`.
     pub(in crate::search) fn active(&self, x: &[f64]) -> impl Iterator<Item = &Constraint> {
         self.constraints.iter().filter(move |c| dot(&c.a, x) <= c.b + ACTIVE)
@@ -123,14 +131,6 @@ mod tests {
         SearchOptions { max_thickness_mm: 3.0, limits, core: Some(ResinId(2)), ..SearchOptions::default() }
     }
 
-    /// From where all constraints hold, to the nearest point in the plain distance.
-    fn nearest(polytope: &Polytope, mm: &[f64]) -> Vec<f64> {
-        let identity: Vec<Vec<f64>> =
-            (0..mm.len()).map(|i| (0..mm.len()).map(|j| f64::from(u8::from(i == j))).collect()).collect();
-        let step = polytope.step(mm, &identity, &vec![0.0; mm.len()]).unwrap();
-        mm.iter().zip(step).map(|(h, d)| h + d).collect()
-    }
-
     #[test]
     fn the_nearest_point_keeps_every_limit() {
         let polytope = Polytope::new(&[0, 1, 2], &options(), 0.03).unwrap();
@@ -140,7 +140,7 @@ mod tests {
             ([0.5, -1.0, 1.5], [0.5, 0.03, 1.0]),
             ([2.0, 2.0, 0.5], [1.5, 1.5, 0.03]),
         ] {
-            let found = nearest(&polytope, &from);
+            let found = polytope.nearest(&from).unwrap();
             assert!(polytope.contains(&found), "{found:?}");
             if from[0] < 2.0 {
                 assert!(found.iter().zip(to).all(|(a, b)| (a - b).abs() < 1e-8), "{from:?}: {found:?}");
