@@ -27,7 +27,8 @@ pub(super) fn read_appearance(table: &Table<'_>, stacking: &StackingOptions) -> 
     if !judged && (rounds > 0 || thin_parts) {
         let key = if rounds > 0 { "rounds" } else { "thin-parts" };
         let value = table.require(key, "a key that was read")?;
-        return Err(value.refuse_as(format!("{key} with stackings judged by Kubelka-Munk"), "model = \"transport\" in [stacking]"));
+        return Err(value
+            .refuse_as(format!("{key} with stackings judged by Kubelka-Munk"), "model = \"transport\" in [stacking]"));
     }
     Ok(AppearanceOptions { rounds, thin_parts })
 }

@@ -89,7 +89,11 @@ const BLACK: f64 = 1e-4;
 
 impl Answers {
     /// What `found` for `targets` can become.
-    pub(super) fn new(context: &TargetContext<'_>, found: &[Found], targets: &[SearchTarget]) -> Result<Self, RunError> {
+    pub(super) fn new(
+        context: &TargetContext<'_>,
+        found: &[Found],
+        targets: &[SearchTarget],
+    ) -> Result<Self, RunError> {
         let materials = context.materials;
         let lacking = |resin: &str| context.lacks_coefficients(resin);
         let mut volumes = vec![Vec::new(); materials.channels.len()];
@@ -235,7 +239,8 @@ impl Answers {
                     let mut moved = numbers.clone();
                     base.shift(&mut moved, n, DIFFERENCE);
                     let moved = self.albedo(base, &moved, half);
-                    let slope = |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
+                    let slope =
+                        |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
                     moved.iter().zip(&albedo).map(slope).collect()
                 })
                 .collect();
@@ -332,7 +337,9 @@ impl Base {
             let rest = 1.0 - shares.iter().sum::<f64>();
             Mixture::new(others.iter().copied().zip(shares.iter().copied()).chain([(*carrier, rest)]))
         });
-        let first = top.into_iter().chain(self.top.is_none().then(|| self.layers.first().map(|layer| layer.0.clone())).flatten());
+        let first = top
+            .into_iter()
+            .chain(self.top.is_none().then(|| self.layers.first().map(|layer| layer.0.clone())).flatten());
         first.chain(self.layers.iter().skip(1).map(|layer| layer.0.clone()))
     }
 

@@ -7,7 +7,7 @@ use rand_xoshiro::{
 
 use super::laws::resin;
 use crate::{
-    optics::{FrequencyGrid, MaterialSet, Model, ResinId, Stack, VolumeCoefficients, predict},
+    optics::{FrequencyGrid, Grains, MaterialSet, Model, ResinId, Stack, VolumeCoefficients, predict},
     watch::Unwatched,
 };
 
@@ -27,6 +27,7 @@ fn inks() -> MaterialSet {
         resins: INKS.iter().enumerate().map(|(index, ink)| resin(index, volume(ink), &grid)).collect(),
         provenance: String::new(),
         grid,
+        grains: Grains::FINE,
         warnings: Vec::new(),
     }
 }

@@ -35,7 +35,7 @@ use self::{
 };
 use super::{RefineOptions, SearchError, SearchOptions, SearchTarget, refine::nodes::Nodes};
 use crate::{
-    optics::{FrequencyGrid, MaterialSet, Mixture, Stack, TransportOptions, VolumeCoefficients},
+    optics::{FrequencyGrid, Grains, MaterialSet, Mixture, Stack, TransportOptions, VolumeCoefficients},
     watch::Watch,
 };
 
@@ -110,7 +110,8 @@ impl Family {
         };
         let resins: Vec<Vec<VolumeCoefficients>> = set.resins.iter().map(volumes).collect::<Result<_, _>>()?;
         let background: Vec<bool> = set.resins.iter().map(|resin| resin.print_as_background).collect();
-        let models = Models { resins: &resins, core: options.core.map(|core| core.0), grid: &set.grid };
+        let models =
+            Models { resins: &resins, core: options.core.map(|core| core.0), grid: &set.grid, grains: set.grains };
         let tried: Vec<&PartTarget> = Places::new(targets).spread(TRIED).into_iter().map(|i| &targets[i]).collect();
         let mut best: Option<(f64, Shape, Model)> = None;
         let shapes = shapes::offered(&resins, &background, options, layers);
@@ -127,7 +128,12 @@ impl Family {
                 best = Some((worth, shape, cheap));
             }
         }
-        Ok(best.map(|(_, shape, cheap)| Self { expensive: models.expensive(&shape), cheap, shape, options: options.clone() }))
+        Ok(best.map(|(_, shape, cheap)| Self {
+            expensive: models.expensive(&shape),
+            cheap,
+            shape,
+            options: options.clone(),
+        }))
     }
 
     /// The best stacking of each target, in parallel; the answers do not depend on the number of threads. A target is a
@@ -256,16 +262,17 @@ struct Models<'a> {
     resins: &'a [Vec<VolumeCoefficients>],
     core: Option<usize>,
     grid: &'a FrequencyGrid,
+    grains: Grains,
 }
 
 impl Models<'_> {
     fn cheap(&self, shape: &Shape) -> Model {
-        Model::new(shape, self.resins, self.core, self.grid, Nodes::few(self.grid.len()), CHEAP)
+        Model::new(shape, self.resins, self.core, self.grid, Nodes::few(self.grid.len()), CHEAP, self.grains)
     }
 
     fn expensive(&self, shape: &Shape) -> Model {
         let nodes = Nodes::new(self.grid.len());
-        Model::new(shape, self.resins, self.core, self.grid, nodes, TransportOptions::REFLECTION)
+        Model::new(shape, self.resins, self.core, self.grid, nodes, TransportOptions::REFLECTION, self.grains)
     }
 }
 
@@ -280,4 +287,3 @@ fn worth(shape: &Shape, cheap: &Model, options: &SearchOptions, targets: &[&Part
     let all: Vec<f64> = targets.par_iter().with_max_len(1).map(one).collect();
     all.iter().sum::<f64>() / all.len() as f64
 }
-

@@ -4,7 +4,7 @@
 //! shares of all but the first.
 
 use crate::{
-    optics::{Mixed, Mixture, ResinId, Stack, VolumeCoefficients},
+    optics::{Grains, Mixed, Mixture, ResinId, Stack, VolumeCoefficients},
     search::{
         ResinLimit, SearchOptions,
         refine::polytope::{Constraint, Polytope},
@@ -13,6 +13,9 @@ use crate::{
 
 /// Thicknesses, mm, and shares below this are none.
 const NOTHING: f64 = 1e-6;
+
+/// Change of a share that slopes are taken over: small, and far above rounding.
+const DIFFERENCE: f64 = 1e-6;
 
 /// A place in the order of layers.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,21 +74,25 @@ impl Shape {
         x.iter_mut().filter(|value| value.abs() < NOTHING).for_each(|value| *value = 0.0);
     }
 
-    /// Coefficients of the slots of several resins in one channel, with the changes that each share makes; `resins`
-    /// are all resins' coefficients in the channel.
-    pub fn mixed(&self, x: &[f64], resins: &[VolumeCoefficients]) -> Vec<Mixed> {
+    /// Coefficients of the slots of several resins in one channel, laid in `grains`, with the changes that each share
+    /// makes; `resins` are all resins' coefficients in the channel.
+    pub fn mixed(&self, x: &[f64], resins: &[VolumeCoefficients], grains: Grains) -> Vec<Mixed> {
         let mixed = self.parts(x).filter(|parts| parts.len() > 1).map(|parts| {
-            let all = parts.iter().map(|&(resin, share)| (resins[resin], share));
-            let volume = VolumeCoefficients::mixed(all.filter(|part| part.1 > 0.0));
-            let first = resins[parts[0].0];
-            let tangents = parts[1..].iter().map(|&(resin, _)| {
-                let other = resins[resin];
-                let sigma_s = other.sigma_s - first.sigma_s;
-                let cosine = other.sigma_s * other.g - first.sigma_s * first.g;
-                let g = if volume.sigma_s > 0.0 { (cosine - volume.g * sigma_s) / volume.sigma_s } else { 0.0 };
-                [sigma_s, other.sigma_a - first.sigma_a, g]
+            let of = |parts: &[(usize, f64)]| {
+                let there = parts.iter().filter(|part| part.1 > 0.0);
+                grains.mixed(&there.map(|&(resin, share)| (resins[resin], share)).collect::<Vec<_>>())
+            };
+            let volume = of(&parts);
+            let tangents = (1..parts.len()).map(|at| {
+                // One more of the ink and one less of the first, or the other way where that is all used up.
+                let step = if parts[0].1 >= DIFFERENCE { DIFFERENCE } else { -DIFFERENCE };
+                let mut moved = parts.clone();
+                moved[0].1 -= step;
+                moved[at].1 += step;
+                let there = of(&moved);
+                [there.sigma_s - volume.sigma_s, there.sigma_a - volume.sigma_a, there.g - volume.g].map(|d| d / step)
             });
-            Mixed { volume, tangents: tangents.collect() }
+            Mixed { tangents: tangents.collect(), volume }
         });
         mixed.collect()
     }
