@@ -20,6 +20,7 @@ mod algorithm_1;
 mod branch_and_bound;
 mod endings;
 mod envelope;
+mod family;
 mod forward;
 mod gamut;
 mod kernels;
@@ -31,6 +32,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
+pub use family::{Family, FamilyAnswer, PartTarget};
 pub use gamut::{Boundary, ChannelGamut, Gamut, GamutMap, GamutPoint, Move, Side, place_of};
 pub use matcher::{Found, Judge, Judged, MatchOptions, Matcher};
 pub(crate) use objective::BLACK_RMS;

@@ -16,6 +16,7 @@ mod beam;
 mod directions;
 mod doubled;
 mod interface;
+mod mixed;
 mod modal;
 mod modes;
 mod once;
@@ -26,7 +27,10 @@ mod slab;
 use faer::{Col, Row};
 use rayon::prelude::*;
 
-pub use self::modal::ModalReflection;
+pub use self::{
+    mixed::{Base, LayeredReflection, LayeredSlope, Mixed},
+    modal::ModalReflection,
+};
 use self::{
     beam::Straight,
     directions::{AIR, Directions},

@@ -46,7 +46,7 @@ pub struct ReflectionSlope {
 /// frequency.
 #[derive(Debug)]
 pub(super) struct Setting {
-    scattering: Vec<Scattering>,
+    pub(super) scattering: Vec<Scattering>,
     indices: Vec<f64>,
     base: Option<usize>,
     directions: Directions,
@@ -71,7 +71,7 @@ pub(super) struct Frequency {
 
 /// The surface: `enter` is M times the source, `leave` and `leave_below` the flux of P and Q.
 #[derive(Debug)]
-struct Top {
+pub(super) struct Top {
     interface: Interface,
     enter: Col<f64>,
     leave: Row<f64>,
@@ -148,13 +148,19 @@ impl Setting {
         light: Light,
         options: TransportOptions,
     ) -> Self {
+        Self { base, ..Self::with_indices(resins, &[], light, options) }
+    }
+
+    /// Directions that know further refractive indices too, and no base.
+    pub(super) fn with_indices(
+        resins: &[VolumeCoefficients],
+        further: &[f64],
+        light: Light,
+        options: TransportOptions,
+    ) -> Self {
         let indices: Vec<f64> = resins.iter().map(|resin| resin.refractive_index).collect();
-        let directions = Directions::new(indices.iter().copied(), options);
-        let scattering = resins.iter().map(|resin| {
-            let absorbing = VolumeCoefficients { sigma_a: resin.sigma_a.max(LEAST_ABSORPTION), ..*resin };
-            Scattering::new(&absorbing, &directions)
-        });
-        let scattering = scattering.collect();
+        let directions = Directions::new(indices.iter().chain(further).copied(), options);
+        let scattering = resins.iter().map(|resin| scattering(resin, &directions)).collect();
         // The beam, the last unknown, has no part in diffuse light.
         let n = match light {
             Light::Diffuse => directions.beam(),
@@ -162,8 +168,35 @@ impl Setting {
         };
         let (source, flux) = (super::source(light, &directions), flux(&directions));
         let (source, flux) = (source.subrows(0, n).to_owned(), flux.subcols(0, n).to_owned());
-        Self { scattering, indices, base, directions, source, flux }
+        Self { scattering, indices, base: None, directions, source, flux }
     }
+
+    /// Unknowns per hemisphere.
+    pub(super) fn len(&self) -> usize {
+        self.source.nrows()
+    }
+
+    /// A medium over the directions, which must know its refractive index.
+    pub(super) fn scattering_of(&self, volume: &VolumeCoefficients) -> Scattering {
+        scattering(volume, &self.directions)
+    }
+
+    /// Between two media, given by their modes and refractive indices.
+    pub(super) fn interface(&self, above: (&Modes, f64), below: (&Modes, f64)) -> Interface {
+        Interface::new(above.0, below.0, reflectances(&self.directions, above.1, below.1).as_deref())
+    }
+
+    /// The surface, from air into a medium.
+    pub(super) fn top(&self, air: (&Modes, f64), below: (&Modes, f64)) -> Top {
+        let interface = self.interface(air, below);
+        let (leave, leave_below) = interface.leaving(&self.flux);
+        Top { enter: interface.enter(self.source.clone()), leave, leave_below, interface }
+    }
+}
+
+fn scattering(volume: &VolumeCoefficients, directions: &Directions) -> Scattering {
+    let absorbing = VolumeCoefficients { sigma_a: volume.sigma_a.max(LEAST_ABSORPTION), ..*volume };
+    Scattering::new(&absorbing, directions)
 }
 
 impl Frequency {
@@ -173,16 +206,10 @@ impl Frequency {
         let modes: Vec<_> = setting.scattering.iter().map(|resin| Modes::new(&resin.generator(k), n)).collect();
         let air = Modes::air(n);
         let medium = |medium: Option<usize>| medium.map_or((&air, AIR), |resin| (&modes[resin], indices[resin]));
-        let interface = |above: Option<usize>, below: Option<usize>| {
-            let ((above, index_above), (below, index_below)) = (medium(above), medium(below));
-            Interface::new(above, below, reflectances(&setting.directions, index_above, index_below).as_deref())
-        };
+        let interface =
+            |above: Option<usize>, below: Option<usize>| setting.interface(medium(above), medium(below));
         let resins = 0..modes.len();
-        let top = |below: Option<usize>| {
-            let interface = interface(None, below);
-            let (p, q) = interface.leaving(flux);
-            Top { enter: interface.enter(source.clone()), leave: p, leave_below: q, interface }
-        };
+        let top = |below: Option<usize>| setting.top(medium(None), medium(below));
         let bottom = |resin: usize| {
             let interface = interface(Some(resin), *base);
             let down = factorise(&interface.down(None));
@@ -271,23 +298,23 @@ struct Step<'a> {
 }
 
 /// A boundary within a stack.
-struct Boundary<'a> {
-    interface: &'a Interface,
+pub(super) struct Boundary<'a> {
+    pub(super) interface: &'a Interface,
     /// Factors of N₁ + N₂ρ.
     down: PartialPivLu<f64>,
     /// (P + Qρ)(N₁ + N₂ρ)⁻¹.
-    up: Mat<f64>,
+    pub(super) up: Mat<f64>,
 }
 
 impl<'a> Boundary<'a> {
-    fn new(interface: &'a Interface, rho: &Mat<f64>) -> Self {
+    pub(super) fn new(interface: &'a Interface, rho: &Mat<f64>) -> Self {
         let down = factorise(&interface.down(Some(rho)));
         let mut up = interface.up(Some(rho));
         down.rsolve_in_place(&mut up);
         Self { interface, down, up }
     }
 
-    fn through(&self, column: Col<f64>) -> Col<f64> {
+    pub(super) fn through(&self, column: Col<f64>) -> Col<f64> {
         let mut column = self.interface.enter(column);
         self.down.solve_in_place(&mut column);
         column
@@ -296,7 +323,7 @@ impl<'a> Boundary<'a> {
 
 impl Top {
     /// R̂ over ρ, the amplitudes below the surface, and the row that ρ's changes make R̂'s with.
-    fn value(&self, rho: Option<&Mat<f64>>) -> (f64, Col<f64>, Row<f64>) {
+    pub(super) fn value(&self, rho: Option<&Mat<f64>>) -> (f64, Col<f64>, Row<f64>) {
         let down = factorise(&self.interface.down(rho));
         let mut column = self.enter.clone();
         down.solve_in_place(&mut column);

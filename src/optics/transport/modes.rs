@@ -24,7 +24,7 @@
 //! Eigenvalues of Q are real or come in conjugate pairs; a pair is kept as a 2 × 2 block, so that everything is real.
 //! Where two modes nearly coincide V is ill-conditioned: the results agree with doubling to 1e-8 on random stacks.
 
-use faer::{Col, Mat, Row, Scale, linalg::solvers::Solve};
+use faer::{Col, Mat, Row, Scale, c64, linalg::solvers::Solve};
 
 use super::{scattering::Generator, slab::factorise};
 
@@ -174,6 +174,14 @@ impl Modes {
         Self { u: identity(), w: identity(), u_inverse: identity(), w_inverse: identity(), rates }
     }
 
+    /// Sensitivities to A − B and A + B, from those to X = U⁻¹ δ(A + B) W and Y = W⁻¹ δ(A − B) U.
+    pub(super) fn of_equations(&self, x: &Mat<f64>, y: &Mat<f64>) -> Generator {
+        Generator {
+            minus: self.w_inverse.transpose() * y * self.u.transpose(),
+            plus: self.u_inverse.transpose() * x * self.w.transpose(),
+        }
+    }
+
     /// E and H.
     fn directions(&self) -> (Mat<f64>, Mat<f64>) {
         (half(&self.u + &self.w), half(&self.u - &self.w))
@@ -231,6 +239,55 @@ impl Rates {
 
     pub(super) fn column(&self, column: &Col<f64>) -> Col<f64> {
         Col::from_fn(column.nrows(), |i| self.real[i] * column[i] + self.imaginary[i] * column[self.other[i]])
+    }
+}
+
+/// Modes of which every one is an exponential: of a pair x, y those of x − iy and x + iy.
+impl Rates {
+    /// Whether a mode is the first of a pair.
+    fn begins_pair(&self, mode: usize) -> bool {
+        self.other[mode] == mode + 1
+    }
+
+    pub(super) fn complex(&self) -> Vec<c64> {
+        self.real.iter().zip(&self.imaginary).map(|(&re, &im)| c64::new(re, im)).collect()
+    }
+
+    pub(super) fn complex_row(&self, row: &Row<f64>) -> Vec<c64> {
+        let of = |j: usize| match self.other[j] {
+            other if other == j => c64::new(row[j], 0.0),
+            other if other > j => 0.5 * c64::new(row[j], row[other]),
+            other => 0.5 * c64::new(row[other], -row[j]),
+        };
+        (0..row.ncols()).map(of).collect()
+    }
+
+    pub(super) fn complex_column(&self, column: &Col<f64>) -> Vec<c64> {
+        let of = |j: usize| match self.other[j] {
+            other if other == j => c64::new(column[j], 0.0),
+            other if other > j => c64::new(column[j], -column[other]),
+            other => c64::new(column[other], column[j]),
+        };
+        (0..column.nrows()).map(of).collect()
+    }
+
+    /// Factors of a matrix's elements in these modes as factors of them in the real ones: the sum of the products is
+    /// the same.
+    pub(super) fn to_real(&self, mut matrix: Mat<c64>) -> Mat<f64> {
+        let (n, i) = (matrix.nrows(), c64::new(0.0, 1.0));
+        for pair in (0..n).filter(|&mode| self.begins_pair(mode)) {
+            for other in 0..n {
+                let (w, conjugate) = (matrix[(pair, other)], matrix[(pair + 1, other)]);
+                (matrix[(pair, other)], matrix[(pair + 1, other)]) = (w + conjugate, i * (conjugate - w));
+            }
+        }
+        for pair in (0..n).filter(|&mode| self.begins_pair(mode)) {
+            for other in 0..n {
+                let (w, conjugate) = (matrix[(other, pair)], matrix[(other, pair + 1)]);
+                (matrix[(other, pair)], matrix[(other, pair + 1)]) = (0.5 * (w + conjugate), 0.5 * i * (w - conjugate));
+            }
+        }
+        Mat::from_fn(n, n, |p, q| matrix[(p, q)].re)
     }
 }
 

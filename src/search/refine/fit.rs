@@ -4,22 +4,22 @@ use super::polytope::Polytope;
 use crate::numeric::least_squares::{Budget, Descent, curvature, dot, gradient};
 
 /// Residuals √w (R̂ − R̂_t) and their slopes per mm, layer after layer.
-pub(super) struct Residuals {
-    pub(super) values: Vec<f64>,
-    pub(super) per_mm: Vec<Vec<f64>>,
+pub(in crate::search) struct Residuals {
+    pub(in crate::search) values: Vec<f64>,
+    pub(in crate::search) per_mm: Vec<Vec<f64>>,
 }
 
 impl Residuals {
-    pub(super) fn objective(&self) -> f64 {
+    pub(in crate::search) fn objective(&self) -> f64 {
         dot(&self.values, &self.values)
     }
 }
 
 /// Where a fit ended.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Fit {
-    pub(super) mm: Vec<f64>,
-    pub(super) objective: f64,
+pub(in crate::search) struct Fit {
+    pub(in crate::search) mm: Vec<f64>,
+    pub(in crate::search) objective: f64,
 }
 
 /// Damping is a share of H's diagonal.
@@ -29,22 +29,19 @@ const FLOOR: f64 = 1e-9;
 
 /// Lowers the objective from `mm`, brought within the constraints first, by at most `steps` evaluations. `None` where
 /// nothing keeps the constraints.
-pub(super) fn fit(
+pub(in crate::search) fn fit(
     mm: &[f64],
     polytope: &Polytope,
     steps: usize,
     residuals: impl Fn(&[f64]) -> Residuals,
 ) -> Option<Fit> {
-    let n = mm.len();
-    let identity: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| if i == j { 1.0 } else { 0.0 }).collect()).collect();
-    let inside = polytope.step(mm, &identity, &vec![0.0; n])?;
     let moved = |mm: &[f64], step: &[f64]| -> Vec<f64> { mm.iter().zip(step).map(|(h, d)| h + d).collect() };
     let at = |mm: Vec<f64>| (residuals(&mm), mm);
     // Slopes without a sense end the fit without a result.
     let mut senseless = false;
     let (here, mm) = DESCENT.run(
         Budget::Evaluations(steps),
-        at(moved(mm, &inside)),
+        at(polytope.nearest(mm)?),
         |(here, _)| here.objective(),
         |(here, _)| gradient(&here.per_mm, &here.values),
         |(here, mm), gradient, damping| {
@@ -67,7 +64,7 @@ impl Residuals {
 
 /// (JᵀJ + damping · diag)⁻¹ by Gauss and Jordan's elimination with pivots on the diagonal: the matrix is positive
 /// definite.
-fn damped_inverse(per_mm: &[Vec<f64>], damping: f64) -> Option<Vec<Vec<f64>>> {
+pub(in crate::search) fn damped_inverse(per_mm: &[Vec<f64>], damping: f64) -> Option<Vec<Vec<f64>>> {
     let n = per_mm.len();
     let mut matrix = curvature(per_mm);
     let mean = (0..n).map(|i| matrix[i][i]).sum::<f64>() / n as f64;

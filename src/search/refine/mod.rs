@@ -14,9 +14,9 @@
 //! of the frequencies ([`nodes`]), gives the target (space mapping, Bandler et al. 1994, with a shift for the mapping).
 //! Nothing is random, and nothing depends on the number of threads.
 
-mod fit;
-mod nodes;
-mod polytope;
+pub(super) mod fit;
+pub(super) mod nodes;
+pub(super) mod polytope;
 
 use rayon::prelude::*;
 

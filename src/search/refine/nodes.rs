@@ -7,16 +7,16 @@
 
 /// The chosen frequencies of an evenly spaced grid.
 #[derive(Debug)]
-pub(super) struct Nodes {
+pub(in crate::search) struct Nodes {
     /// Indices into the grid, ascending, the first and the last among them.
-    pub(super) indices: Vec<usize>,
+    pub(in crate::search) indices: Vec<usize>,
     /// What each node's value adds at each frequency: frequency, node.
     spread: Vec<Vec<f64>>,
 }
 
 impl Nodes {
     /// Of a grid of `len` ≥ 1 frequencies.
-    pub(super) fn new(len: usize) -> Self {
+    pub(in crate::search) fn new(len: usize) -> Self {
         Self::at(indices(len, |at| match at {
             ..8 => 1,
             8..24 => 2,
@@ -27,7 +27,7 @@ impl Nodes {
     }
 
     /// Half as many: R̂ within some 1e-3.
-    pub(super) fn few(len: usize) -> Self {
+    pub(in crate::search) fn few(len: usize) -> Self {
         Self::at(indices(len, |at| match at {
             ..4 => 1,
             4..8 => 2,
@@ -49,7 +49,7 @@ impl Nodes {
     }
 
     /// Values at every frequency from those at the nodes.
-    pub(super) fn spread(&self, at_nodes: &[f64]) -> Vec<f64> {
+    pub(in crate::search) fn spread(&self, at_nodes: &[f64]) -> Vec<f64> {
         self.spread.iter().map(|row| row.iter().zip(at_nodes).map(|(share, value)| share * value).sum()).collect()
     }
 }

@@ -7,25 +7,27 @@ use crate::{
 
 /// a·h ≥ b for the thicknesses h of one sequence of resins.
 #[derive(Debug, Clone, PartialEq)]
-struct Constraint {
-    a: Vec<f64>,
-    b: f64,
+pub(in crate::search) struct Constraint {
+    pub(in crate::search) a: Vec<f64>,
+    pub(in crate::search) b: f64,
 }
 
 /// All constraints of one sequence of resins.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Polytope {
+pub(in crate::search) struct Polytope {
     constraints: Vec<Constraint>,
 }
 
 /// Violations below this are rounding, mm.
 const TOLERANCE_MM: f64 = 1e-9;
+/// A constraint with less slack holds its point.
+const ACTIVE: f64 = 1e-7;
 /// Sweeps of [`Polytope::step`]; a handful of constraints settles in tens.
 const MAX_SWEEPS: usize = 2000;
 
 impl Polytope {
     /// `None` where no thicknesses will do.
-    pub(super) fn new(sequence: &[usize], options: &SearchOptions, min_layer_mm: f64) -> Option<Self> {
+    pub(in crate::search) fn new(sequence: &[usize], options: &SearchOptions, min_layer_mm: f64) -> Option<Self> {
         let limit = |resin: usize| options.limits.get(resin).copied().unwrap_or(ResinLimit::NONE);
         let n = sequence.len();
         let above = |last: usize| (0..n).map(|i| if i < last { 1.0 } else { 0.0 }).collect::<Vec<_>>();
@@ -55,8 +57,26 @@ impl Polytope {
         possible.then_some(Self { constraints })
     }
 
+    /// Of any linear constraints.
+    pub(in crate::search) fn of(constraints: Vec<Constraint>) -> Self {
+        Self { constraints }
+    }
+
+    /// The nearest point within, in the plain distance.
+    pub(in crate::search) fn nearest(&self, x: &[f64]) -> Option<Vec<f64>> {
+        let n = x.len();
+        let identity: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| f64::from(u8::from(i == j))).collect()).collect();
+        let step = self.step(x, &identity, &vec![0.0; n])?;
+        Some(x.iter().zip(step).map(|(x, d)| x + d).collect())
+    }
+
+    /// The constraints that hold with no slack at `x`.
+    pub(in crate::search) fn active(&self, x: &[f64]) -> impl Iterator<Item = &Constraint> {
+        self.constraints.iter().filter(move |c| dot(&c.a, x) <= c.b + ACTIVE)
+    }
+
     /// The same with one layer of a given thickness.
-    pub(super) fn with_fixed(&self, layer: usize, mm: f64) -> Self {
+    pub(in crate::search) fn with_fixed(&self, layer: usize, mm: f64) -> Self {
         let n = self.constraints.first().map_or(0, |constraint| constraint.a.len());
         let only = |sign: f64| (0..n).map(|i| if i == layer { sign } else { 0.0 }).collect();
         let mut fixed = self.clone();
@@ -65,13 +85,13 @@ impl Polytope {
     }
 
     /// Whether `mm` keeps all constraints.
-    pub(super) fn contains(&self, mm: &[f64]) -> bool {
+    pub(in crate::search) fn contains(&self, mm: &[f64]) -> bool {
         self.constraints.iter().all(|c| dot(&c.a, mm) >= c.b - TOLERANCE_MM)
     }
 
     /// The step δ of least ½ δᵀHδ + gᵀδ for which `mm` + δ keeps all constraints, with H⁻¹ given: Hildreth's procedure,
     /// coordinate ascent on the multipliers. `None` where it does not settle: then nothing keeps them.
-    pub(super) fn step(&self, mm: &[f64], inverse: &[Vec<f64>], gradient: &[f64]) -> Option<Vec<f64>> {
+    pub(in crate::search) fn step(&self, mm: &[f64], inverse: &[Vec<f64>], gradient: &[f64]) -> Option<Vec<f64>> {
         let apply = |v: &[f64]| -> Vec<f64> { inverse.iter().map(|row| dot(row, v)).collect() };
         let mut delta: Vec<f64> = apply(gradient).into_iter().map(|x| -x).collect();
         let pushes: Vec<Vec<f64>> = self.constraints.iter().map(|c| apply(&c.a)).collect();
@@ -111,14 +131,6 @@ mod tests {
         SearchOptions { max_thickness_mm: 3.0, limits, core: Some(ResinId(2)), ..SearchOptions::default() }
     }
 
-    /// From where all constraints hold, to the nearest point in the plain distance.
-    fn nearest(polytope: &Polytope, mm: &[f64]) -> Vec<f64> {
-        let identity: Vec<Vec<f64>> =
-            (0..mm.len()).map(|i| (0..mm.len()).map(|j| f64::from(u8::from(i == j))).collect()).collect();
-        let step = polytope.step(mm, &identity, &vec![0.0; mm.len()]).unwrap();
-        mm.iter().zip(step).map(|(h, d)| h + d).collect()
-    }
-
     #[test]
     fn the_nearest_point_keeps_every_limit() {
         let polytope = Polytope::new(&[0, 1, 2], &options(), 0.03).unwrap();
@@ -128,7 +140,7 @@ mod tests {
             ([0.5, -1.0, 1.5], [0.5, 0.03, 1.0]),
             ([2.0, 2.0, 0.5], [1.5, 1.5, 0.03]),
         ] {
-            let found = nearest(&polytope, &from);
+            let found = polytope.nearest(&from).unwrap();
             assert!(polytope.contains(&found), "{found:?}");
             if from[0] < 2.0 {
                 assert!(found.iter().zip(to).all(|(a, b)| (a - b).abs() < 1e-8), "{from:?}: {found:?}");
