@@ -16,8 +16,8 @@ use rayon::prelude::*;
 use super::context::TargetContext;
 use crate::{
     job::RunError,
-    optics::{FrequencyGrid, Light, Mixture, ResinId, Stack, Transport, TransportOptions, VolumeCoefficients},
-    search::{Found, ResinLimit, SearchTarget},
+    optics::{Base as Bottom, LayeredReflection, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients},
+    search::{ResinLimit, SearchTarget},
     watch::{Stopped, Watch},
 };
 
@@ -42,9 +42,10 @@ pub(in crate::job) struct Answer {
 }
 
 /// The stackings of an object's clusters, and what they can become.
-#[derive(Debug)]
 pub(in crate::job) struct Answers {
     clusters: Vec<Base>,
+    /// Of every order of layers that clusters have.
+    models: Vec<Model>,
     /// By channel, then resin.
     volumes: Vec<Vec<VolumeCoefficients>>,
     limits: Vec<ResinLimit>,
@@ -52,14 +53,23 @@ pub(in crate::job) struct Answers {
     min_layer_mm: f64,
     /// Resins that the top layer may take in.
     inks: Vec<ResinId>,
-    /// Only the albedo matters.
-    grid: FrequencyGrid,
+}
+
+/// Transport in stacks of one order of layers, by channel.
+struct Model {
+    order: Vec<Option<Mixture>>,
+    /// Over the core.
+    thick: Vec<LayeredReflection>,
+    /// With a layer of the core below, over a mirror.
+    thin: Vec<LayeredReflection>,
 }
 
 /// What was found for a cluster.
 #[derive(Debug)]
 struct Base {
     layers: Vec<(Mixture, f64)>,
+    /// Index of its model.
+    model: usize,
     /// What the top layer mostly is, and what else it may be, where it may be mixed.
     top: Option<(ResinId, Vec<ResinId>)>,
     /// Albedo per channel that is asked for, and that the model promises of a flat slab.
@@ -69,6 +79,11 @@ struct Base {
 
 /// One azimuthal order is enough for totals.
 const TOTALS: TransportOptions = TransportOptions { polar: 6, orders: 1 };
+/// Frequency of what stands for the total, rad/mm: light that leaves 5 mm aside counts 0.998. At 0 resins that absorb
+/// nothing have no modes.
+const NEARLY_ALL: f64 = 0.02;
+/// Slopes are taken anew where a step leaves more than this of the square of what was missing.
+const STALE: f64 = 0.25;
 /// Newton's steps, and the error of ln albedo that ends them.
 const STEPS: usize = 12;
 const CLOSE: f64 = 0.004;
@@ -89,7 +104,7 @@ const BLACK: f64 = 1e-4;
 
 impl Answers {
     /// What `found` for `targets` can become.
-    pub(super) fn new(context: &TargetContext<'_>, found: &[Found], targets: &[SearchTarget]) -> Result<Self, RunError> {
+    pub(super) fn new(context: &TargetContext<'_>, found: &[Stack<Mixture>], targets: &[SearchTarget]) -> Result<Self, RunError> {
         let materials = context.materials;
         let lacking = |resin: &str| context.lacks_coefficients(resin);
         let mut volumes = vec![Vec::new(); materials.channels.len()];
@@ -99,18 +114,19 @@ impl Answers {
         }
         let mut answers = Self {
             clusters: Vec::new(),
+            models: Vec::new(),
             volumes,
             limits: context.limits(),
             core: context.core()?,
             min_layer_mm: context.job.layer_options(context.object).min_layer_mm,
             inks: if context.may_mix() { context.printed_resins() } else { Vec::new() },
-            grid: FrequencyGrid::of(vec![0.0]),
         };
-        for (found, target) in found.iter().zip(targets) {
-            let stacking = found.stacking();
+        for (stacking, target) in found.iter().zip(targets) {
             let layers: Vec<_> = stacking.pairs().map(|(mixture, mm)| (mixture.clone(), mm)).collect();
             let asked = target.channels.iter().map(|channel| channel[0]).collect();
-            let mut base = Base { top: answers.top(&layers), layers, asked, promised: Vec::new() };
+            let top = answers.top(&layers);
+            let model = answers.model(&layers, top.is_some());
+            let mut base = Base { top, layers, model, asked, promised: Vec::new() };
             base.promised = answers.albedo(&base, &base.numbers(), None);
             answers.clusters.push(base);
         }
@@ -144,13 +160,40 @@ impl Answers {
         Ok(answered.into_iter().flatten().collect())
     }
 
+    /// The model of these layers, the first of them a mixture if `mixed`.
+    fn model(&mut self, layers: &[(Mixture, f64)], mixed: bool) -> usize {
+        let order: Vec<Option<Mixture>> =
+            (0..).zip(layers).map(|(n, layer)| if n == 0 && mixed { None } else { Some(layer.0.clone()) }).collect();
+        if let Some(known) = self.models.iter().position(|known| known.order == order) {
+            return known;
+        }
+        let in_channel = |volumes: &Vec<VolumeCoefficients>, thin: bool| {
+            let core = volumes[self.core.0];
+            let of = |mixture: &Option<Mixture>| mixture.as_ref().map(|mixture| mixed_volume(mixture, volumes));
+            let layers: Vec<_> = order.iter().map(of).chain(thin.then_some(Some(core))).collect();
+            let indices: Vec<f64> = self.inks.first().map(|ink| volumes[ink.0].refractive_index).into_iter().collect();
+            let bottom = if thin { Bottom::Mirror } else { Bottom::HalfSpace(core) };
+            // A stacking of no layers is its core.
+            let layers = if layers.is_empty() { vec![Some(core)] } else { layers };
+            LayeredReflection::new(&layers, &indices, bottom, &[NEARLY_ALL], TOTALS)
+        };
+        let of = |thin: bool| self.volumes.iter().map(|volumes| in_channel(volumes, thin)).collect();
+        let model = Model { thick: of(false), thin: of(true), order };
+        self.models.push(model);
+        self.models.len() - 1
+    }
+
     /// What the top layer mostly is, and what it may take in.
     fn top(&self, layers: &[(Mixture, f64)]) -> Option<(ResinId, Vec<ResinId>)> {
         let (mixture, _) = layers.first()?;
         let carrier = mixture.parts().iter().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?.0;
         let known = |resin: &ResinId| mixture.share(*resin) > 0.0 || self.inks.contains(resin);
         let others: Vec<ResinId> = (0..self.volumes.first()?.len()).map(ResinId).filter(known).collect();
-        let mixable = self.inks.contains(&carrier);
+        // Mixtures of unlike indices are more than these models know.
+        let alike = |of: &Vec<VolumeCoefficients>| {
+            self.inks.iter().all(|ink| of[ink.0].refractive_index == of[carrier.0].refractive_index)
+        };
+        let mixable = self.inks.contains(&carrier) && self.volumes.iter().all(alike);
         mixable.then(|| (carrier, others.into_iter().filter(|resin| *resin != carrier).collect()))
     }
 
@@ -164,8 +207,9 @@ impl Answers {
         let mut first = self.squeezed(base, half);
         for order in [(middle..run.len()).collect::<Vec<_>>(), (0..middle).rev().collect()] {
             let mut from = first.clone();
+            let mut slopes = None;
             for n in order {
-                let (numbers, answer) = self.solve(base, half, &from, &run[n].ln_factor);
+                let (numbers, answer) = self.solve(base, half, &from, &run[n].ln_factor, &mut slopes);
                 answers[n] = Some(answer);
                 if n == middle {
                     first = numbers.clone();
@@ -195,7 +239,8 @@ impl Answers {
             let limit = |resin: ResinId| self.limits.get(resin.0).copied().unwrap_or(ResinLimit::NONE);
             let parts = || base.layers[n].0.parts().iter().map(|(resin, _)| limit(*resin));
             // A layer that was found to be none may stay so.
-            let thinnest = if base.layers[n].1 == 0.0 { 0.0 } else { self.min_layer_mm.min(base.layers[n].1) };
+            let free = !self.inks.is_empty() || base.layers[n].1 == 0.0;
+            let thinnest = if free { 0.0 } else { self.min_layer_mm.min(base.layers[n].1) };
             let least = parts().map(|limit| limit.min_mm).fold(thinnest, f64::max);
             let most = parts().map(|limit| limit.max_mm).fold(f64::INFINITY, f64::min);
             thickness[n] = thickness[n].max(least).min(most.max(least));
@@ -213,8 +258,16 @@ impl Answers {
         }
     }
 
-    /// The numbers that make the albedo what a factor asks for, from `start` on.
-    fn solve(&self, base: &Base, half: Option<f64>, start: &[f64], ln_factor: &[f64]) -> (Vec<f64>, Answer) {
+    /// The numbers that make the albedo what a factor asks for, from `start` on; `slopes` are those of an answer nearby,
+    /// and then of this one.
+    fn solve(
+        &self,
+        base: &Base,
+        half: Option<f64>,
+        start: &[f64],
+        ln_factor: &[f64],
+        slopes: &mut Option<Vec<Vec<f64>>>,
+    ) -> (Vec<f64>, Answer) {
         // A flat slab without a factor is what was found; a thin part is asked for what the target is.
         let from = if half.is_some() { &base.asked } else { &base.promised };
         let goal: Vec<f64> =
@@ -230,21 +283,34 @@ impl Answers {
             if off.iter().all(|ln| ln.abs() < CLOSE) {
                 break;
             }
-            let slopes: Vec<Vec<f64>> = (0..numbers.len())
-                .map(|n| {
-                    let mut moved = numbers.clone();
-                    base.shift(&mut moved, n, DIFFERENCE);
-                    let moved = self.albedo(base, &moved, half);
-                    let slope = |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
-                    moved.iter().zip(&albedo).map(slope).collect()
-                })
-                .collect();
-            let Some(better) = self.stepped(base, half, (&numbers, &off, &slopes), &missing, &size) else { break };
-            (numbers, albedo, off) = better;
+            let (known, fresh) = match slopes.take() {
+                Some(known) => (known, false),
+                None => (self.slopes(base, half, &numbers, &albedo), true),
+            };
+            match self.stepped(base, half, (&numbers, &off, &known), &missing, &size) {
+                Some(better) => {
+                    *slopes = (size(&better.2) < STALE * size(&off)).then_some(known);
+                    (numbers, albedo, off) = better;
+                }
+                None if fresh => break,
+                None => {}
+            }
         }
         let layers = numbers.iter().zip(base.mixtures(&numbers)).map(|(mm, mixture)| (mixture, *mm));
         let stacking = Stack::new(layers).over(Mixture::from(self.core));
         (numbers, Answer { stacking, albedo, short: off })
+    }
+
+    /// What ln albedo changes by with every number, in its unit.
+    fn slopes(&self, base: &Base, half: Option<f64>, numbers: &[f64], albedo: &[f64]) -> Vec<Vec<f64>> {
+        let of = |n: usize| {
+            let mut moved = numbers.to_vec();
+            base.shift(&mut moved, n, DIFFERENCE);
+            let moved = self.albedo(base, &moved, half);
+            let slope = |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
+            moved.iter().zip(albedo).map(slope).collect()
+        };
+        (0..numbers.len()).map(of).collect()
     }
 
     /// A step of Newton's rule that misses less than `here`: numbers, by how much they miss, and slopes; `None` where
@@ -292,28 +358,35 @@ impl Answers {
 
     /// Albedo per channel of layers over the core, or cut off at half the thickness of a part over its mirror image.
     fn albedo(&self, base: &Base, numbers: &[f64], half: Option<f64>) -> Vec<f64> {
-        let mixtures: Vec<Mixture> = base.mixtures(numbers).collect();
-        let in_channel = |volumes: &Vec<VolumeCoefficients>| {
-            let mixed = |mixture: &Mixture| {
-                VolumeCoefficients::mixed(mixture.parts().iter().map(|(resin, share)| (volumes[resin.0], *share)))
-            };
-            let pairs = mixtures.iter().zip(numbers).map(|(mixture, mm)| (mixed(mixture), *mm));
-            let stack = match half {
-                None => Stack::new(pairs).over(volumes[self.core.0]),
-                Some(half) => {
-                    let mut left = half;
-                    let mut cut = Vec::new();
-                    for (volume, mm) in pairs.chain([(volumes[self.core.0], half)]) {
-                        cut.push((volume, mm.min(left)));
-                        left -= mm.min(left);
-                    }
-                    Stack::new(cut.clone().into_iter().chain(cut.into_iter().rev()))
-                }
-            };
-            let light = Transport { stack: &stack, light: Light::Diffuse, options: TOTALS }.spectra(&self.grid);
-            light.reflection[0] + light.transmission[0]
+        let model = &self.models[base.model];
+        let mut mm: Vec<f64> = numbers[..base.layers.len()].to_vec();
+        if let Some(half) = half {
+            let mut left = half;
+            for mm in &mut mm {
+                *mm = mm.min(left);
+                left -= *mm;
+            }
+            mm.push(left);
+        } else if mm.is_empty() {
+            mm.push(0.0);
+        }
+        let top = base.top.is_some().then(|| base.mixtures(numbers).next()).flatten();
+        let models = if half.is_some() { &model.thin } else { &model.thick };
+        let in_channel = |(model, volumes): (&LayeredReflection, &Vec<VolumeCoefficients>)| {
+            let mixed: Vec<_> = top.iter().map(|mixture| mixed_volume(mixture, volumes)).collect();
+            model.reflection(&mm, &mixed)[0]
         };
-        self.volumes.iter().map(in_channel).collect()
+        models.iter().zip(&self.volumes).map(in_channel).collect()
+    }
+}
+
+fn mixed_volume(mixture: &Mixture, volumes: &[VolumeCoefficients]) -> VolumeCoefficients {
+    VolumeCoefficients::mixed(mixture.parts().iter().map(|(resin, share)| (volumes[resin.0], *share)))
+}
+
+impl std::fmt::Debug for Answers {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Answers").field("clusters", &self.clusters).finish_non_exhaustive()
     }
 }
 
