@@ -72,7 +72,7 @@ pub(super) fn object_layers(
         if let Some(plan) = plan {
             let context = TargetContext { solid: plan.solid(), ..*context };
             let none = vec![[0.0; CHANNELS]; plan.points.points().len()];
-            let laid = plan.lay(context.job.appearance.thin_parts, &none, context.watch)?;
+            let laid = plan.lay(context.job.thin_parts(), &none, context.watch)?;
             let (layers, report) = context.laid(&plan, &laid, entries)?;
             return Ok(ObjectLayers { layers, report, asked, plan: Some(plan) });
         }
@@ -155,12 +155,11 @@ impl TargetContext<'_> {
 
     /// Whether the layers of the object depend on how thick it is, or on how its print looks.
     fn follows_the_surface(&self) -> bool {
-        let appearance = &self.job.appearance;
         let judged = self.job.stacking.model != StackingModel::KubelkaMunk;
         let from_surface = self.job.objects[self.object].depth_from == DepthFrom::Surface;
         // Layer maps are of the texture that the job has.
         let free = !self.job.wants(OutputFormat::Heights);
-        judged && from_surface && free && (appearance.thin_parts || appearance.rounds > 0)
+        judged && from_surface && free && (self.job.thin_parts() || self.job.rounds() > 0)
     }
 
     /// Puts stackings of one family in place of what was found, where the job allows mixtures.
