@@ -72,7 +72,8 @@ impl Block {
         let order = [apex, (apex + 1) % 3, (apex + 2) % 3];
         let cells = |side: f64| ((side / spacing_mm).ceil().max(1.0) as usize).min(MAX_SIDE - 1);
         // The side that a corner does not touch has its number.
-        let size = if sides[apex] > spacing_mm { [cells(sides[order[2]]) + 1, cells(sides[order[1]]) + 1] } else { [1; 2] };
+        let size =
+            if sides[apex] > spacing_mm { [cells(sides[order[2]]) + 1, cells(sides[order[1]]) + 1] } else { [1; 2] };
         Self { triangle, order, size, page: 0, corner: [0; 2] }
     }
 
@@ -174,7 +175,8 @@ impl Atlas {
                     seen[texel] = true;
                     let at = Vec2::new(x as f32, y as f32) - a;
                     let weights = [at.perp_dot(ac) * scale, ab.perp_dot(at) * scale];
-                    let weights = if weights.iter().all(|weight| weight.is_finite()) { weights } else { [1.0 / 3.0; 2] };
+                    let weights =
+                        if weights.iter().all(|weight| weight.is_finite()) { weights } else { [1.0 / 3.0; 2] };
                     sites.push(TexelSite { page: place.page, texel: texel as u32, triangle, weights });
                 }
             });
@@ -234,7 +236,8 @@ mod tests {
         // One layer, as many hundredths of a mm thick as its label says.
         let stacks: Vec<Stack> = (0..stacks).map(|n| Stack::new([(ResinId(0), 0.01 * (n + 1) as f64)])).collect();
         let aligned: AlignedStackings = align(&stacks);
-        let slots = SlotTable::new(&[MaterialId(1)], &aligned, &[crate::search::ResinLimit::NONE], MaterialId(2)).unwrap();
+        let slots =
+            SlotTable::new(&[MaterialId(1)], &aligned, &[crate::search::ResinLimit::NONE], MaterialId(2)).unwrap();
         TexturedLayers::new(mesh, atlas, &labels, slots)
     }
 

@@ -67,8 +67,7 @@ impl SurfacePoints {
             cube *= 1.5;
         }
         let dims = count(cube).to_array().map(|n| n as usize);
-        let mut found =
-            Self { points, spacing_mm, origin: low, cube, dims, starts: Vec::new(), order: Vec::new() };
+        let mut found = Self { points, spacing_mm, origin: low, cube, dims, starts: Vec::new(), order: Vec::new() };
         let cubes: Vec<usize> = found.points.iter().map(|p| found.index(found.cell(p.point))).collect();
         found.starts = vec![0; dims.iter().product::<usize>() + 1];
         cubes.iter().for_each(|&cube| found.starts[cube + 1] += 1);

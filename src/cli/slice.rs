@@ -13,7 +13,14 @@ use lumislice::{
 };
 use serde_json::json;
 
-use super::{Answer, Result, failure::refusal, materials::{Corrected, prepared}, print, print_json, progress::Bars, say};
+use super::{
+    Answer, Result,
+    failure::refusal,
+    materials::{Corrected, prepared},
+    print, print_json,
+    progress::Bars,
+    say,
+};
 
 /// Slice a job into printer-ready files.
 #[derive(Debug, Args)]

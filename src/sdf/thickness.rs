@@ -60,7 +60,8 @@ mod tests {
         let corner = |n: u32| DVec3::new(f64::from(n & 1), f64::from(n >> 1 & 1), f64::from(n >> 2)) * size;
         let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-        Surface::new(&TriangleMesh { positions: (0..8).map(corner).collect(), triangles, ..Default::default() }).unwrap()
+        Surface::new(&TriangleMesh { positions: (0..8).map(corner).collect(), triangles, ..Default::default() })
+            .unwrap()
     }
 
     fn ball(radius: f64, meridians: u32) -> Surface {

@@ -23,7 +23,8 @@ pub(super) fn read_appearance(table: &Table<'_>, stacking: &StackingOptions) -> 
     table.allow_only(APPEARANCE_KEYS)?;
     let rounds = table.get("rounds").map(|value| value.integer(range::ROUNDS)).transpose()?.map(|rounds| rounds as u32);
     let thin_parts = table.get("thin-parts").map(|value| value.truth()).transpose()?;
-    for (key, asked) in [("rounds", rounds.is_some_and(|rounds| rounds > 0)), ("thin-parts", thin_parts == Some(true))] {
+    for (key, asked) in [("rounds", rounds.is_some_and(|rounds| rounds > 0)), ("thin-parts", thin_parts == Some(true))]
+    {
         if let Some(value) = table.get(key).filter(|_| asked && stacking.model == StackingModel::KubelkaMunk) {
             return Err(value.refuse_as(
                 format!("{key} of stackings that Kubelka-Munk judges"),

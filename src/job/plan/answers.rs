@@ -104,7 +104,11 @@ const BLACK: f64 = 1e-4;
 
 impl Answers {
     /// What `found` for `targets` can become.
-    pub(super) fn new(context: &TargetContext<'_>, found: &[Stack<Mixture>], targets: &[SearchTarget]) -> Result<Self, RunError> {
+    pub(super) fn new(
+        context: &TargetContext<'_>,
+        found: &[Stack<Mixture>],
+        targets: &[SearchTarget],
+    ) -> Result<Self, RunError> {
         let materials = context.materials;
         let lacking = |resin: &str| context.lacks_coefficients(resin);
         let mut volumes = vec![Vec::new(); materials.channels.len()];
@@ -405,7 +409,9 @@ impl Base {
             let rest = 1.0 - shares.iter().sum::<f64>();
             Mixture::new(others.iter().copied().zip(shares.iter().copied()).chain([(*carrier, rest)]))
         });
-        let first = top.into_iter().chain(self.top.is_none().then(|| self.layers.first().map(|layer| layer.0.clone())).flatten());
+        let first = top
+            .into_iter()
+            .chain(self.top.is_none().then(|| self.layers.first().map(|layer| layer.0.clone())).flatten());
         first.chain(self.layers.iter().skip(1).map(|layer| layer.0.clone()))
     }
 
@@ -467,7 +473,8 @@ mod tests {
         };
         let top = answers.top(layers);
         let model = answers.model(layers, top.is_some());
-        let mut base = Base { layers: layers.to_vec(), model, top, asked: vec![0.4; set.channels.len()], promised: Vec::new() };
+        let mut base =
+            Base { layers: layers.to_vec(), model, top, asked: vec![0.4; set.channels.len()], promised: Vec::new() };
         base.promised = answers.albedo(&base, &base.numbers(), None);
         answers.clusters.push(base);
         answers
@@ -521,7 +528,10 @@ mod tests {
                         None => total(&set, &answer.stacking, channel),
                         Some(half) => total(&set, &plate(&answer.stacking, half), channel),
                     };
-                    assert!((whole - answer.albedo[channel]).abs() < 4e-3, "{question:?} {channel}: {whole} {answer:?}");
+                    assert!(
+                        (whole - answer.albedo[channel]).abs() < 4e-3,
+                        "{question:?} {channel}: {whole} {answer:?}"
+                    );
                     let from = match question.half_mm {
                         None => answers.clusters[0].promised[channel],
                         Some(_) => 0.4,

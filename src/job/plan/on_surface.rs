@@ -124,7 +124,8 @@ impl ObjectPlan {
         let before = solid.mesh.uvs.clone();
         let old_places = atlas.places().to_vec();
         let nodes = atlas.lay_nodes(&mut solid.mesh, &spacing);
-        clusters.extend(atlas.pages()[clusters.len()..].iter().map(|page| LabelMap(vec![ClusterId(0); page.source.len()])));
+        clusters
+            .extend(atlas.pages()[clusters.len()..].iter().map(|page| LabelMap(vec![ClusterId(0); page.source.len()])));
         // What a node's place asked for by the texture that it had.
         let starts = atlas.starts();
         let old_pages = old_places.iter().map(|place| usize::from(place.page) + 1).max().unwrap_or(0);
@@ -142,7 +143,8 @@ impl ObjectPlan {
         context.watch.go_on()?;
         let area: f64 = solid.mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
         let spacing_mm = POINT_MM.min((area / FEWEST_POINTS).sqrt());
-        let points = SurfacePoints::spread(closest.triangles(), spacing_mm, MOST_POINTS / context.job.objects.len().max(1));
+        let points =
+            SurfacePoints::spread(closest.triangles(), spacing_mm, MOST_POINTS / context.job.objects.len().max(1));
         let half = |place: &crate::appearance::PointOfSurface| {
             libm::log(half_thickness(&closest, place.point, place.normal, THICKEST_MM * 1.5).max(THINNEST_MM))
         };
@@ -187,8 +189,7 @@ impl ObjectPlan {
             .map(|(&half, ln)| std::array::from_fn(|n| if n == 0 { half } else { ln[n - 1] }))
             .collect();
         let corners: Vec<_> = self.solid.mesh.corners().collect();
-        let normals: Vec<_> =
-            corners.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).normalize_or_zero()).collect();
+        let normals: Vec<_> = corners.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).normalize_or_zero()).collect();
         let at_sites: Vec<Known> = self
             .sites
             .par_iter()

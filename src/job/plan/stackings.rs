@@ -178,7 +178,9 @@ impl TargetContext<'_> {
         let family = Family::new(self.materials, &options.search, &options.layers, &targets, self.watch);
         let fault = |source| self.search_fault(source);
         let Some(family) = family.map_err(fault)? else { return Ok(()) };
-        for ((stacking, entry), answer) in stackings.iter_mut().zip(entries).zip(family.answers(&targets, self.watch).map_err(fault)?) {
+        for ((stacking, entry), answer) in
+            stackings.iter_mut().zip(entries).zip(family.answers(&targets, self.watch).map_err(fault)?)
+        {
             *stacking = answer.stacking;
             *entry = StackingEntry {
                 target_albedo: entry.target_albedo.clone(),
