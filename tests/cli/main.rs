@@ -27,6 +27,7 @@ mod slice_folder;
 mod slice_mixtures;
 mod slice_refined;
 mod slice_resume;
+mod slice_rounds;
 mod slice_says;
 mod slice_union;
 mod support;

@@ -4,14 +4,14 @@ use super::options::{StackingModel, StackingOptions};
 use super::ranges as range;
 use super::read::{Result, Table};
 
-/// What is done beyond one stacking for each target.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// What is done beyond one stacking for each target; what a job does not say follows from whether layers may be
+/// mixtures, see [`super::Job::rounds`] and [`super::Job::thin_parts`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct AppearanceOptions {
-    /// Rounds of printing in memory, looking, and correcting the targets, 0 to 16; default 3, or 0 where stackings are
-    /// judged by Kubelka–Munk, which is as the paper has it.
-    pub rounds: u32,
-    /// Whether parts thinner than the stackings get stackings of their own; default true, or false with Kubelka–Munk.
-    pub thin_parts: bool,
+    /// Rounds of printing in memory, looking, and correcting the targets, 0 to 16.
+    pub rounds: Option<u32>,
+    /// Whether parts thinner than the stackings get stackings of their own.
+    pub thin_parts: Option<bool>,
 }
 
 /// Rounds that README's job can afford.
@@ -21,14 +21,30 @@ pub(super) const APPEARANCE_KEYS: &[&str] = &["rounds", "thin-parts"];
 
 pub(super) fn read_appearance(table: &Table<'_>, stacking: &StackingOptions) -> Result<AppearanceOptions> {
     table.allow_only(APPEARANCE_KEYS)?;
-    let judged = stacking.model != StackingModel::KubelkaMunk;
-    let rounds = table.integer_or("rounds", if judged { u64::from(DEFAULT_ROUNDS) } else { 0 }, range::ROUNDS)? as u32;
-    let thin_parts = table.get("thin-parts").map_or(Ok(judged), |value| value.truth())?;
-    if !judged && (rounds > 0 || thin_parts) {
-        let key = if rounds > 0 { "rounds" } else { "thin-parts" };
-        let value = table.require(key, "a key that was read")?;
-        return Err(value
-            .refuse_as(format!("{key} with stackings judged by Kubelka-Munk"), "model = \"transport\" in [stacking]"));
+    let rounds = table.get("rounds").map(|value| value.integer(range::ROUNDS)).transpose()?.map(|rounds| rounds as u32);
+    let thin_parts = table.get("thin-parts").map(|value| value.truth()).transpose()?;
+    for (key, asked) in [("rounds", rounds.is_some_and(|rounds| rounds > 0)), ("thin-parts", thin_parts == Some(true))]
+    {
+        if let Some(value) = table.get(key).filter(|_| asked && stacking.model == StackingModel::KubelkaMunk) {
+            return Err(value.refuse_as(
+                format!("{key} of stackings that Kubelka-Munk judges"),
+                "model = \"transport\" in [stacking]",
+            ));
+        }
     }
     Ok(AppearanceOptions { rounds, thin_parts })
+}
+
+impl super::Job {
+    /// Rounds of correction: as the job says, else 3 where layers may be mixtures. Layers of pure resins can make up for
+    /// little.
+    pub fn rounds(&self) -> u32 {
+        self.appearance.rounds.unwrap_or(if self.allows_mixtures() { DEFAULT_ROUNDS } else { 0 })
+    }
+
+    /// Whether parts thinner than the stackings get stackings of their own: as the job says, else where layers may be
+    /// mixtures.
+    pub fn thin_parts(&self) -> bool {
+        self.appearance.thin_parts.unwrap_or(self.allows_mixtures())
+    }
 }

@@ -227,7 +227,7 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
                 .collect(),
             mixtures: stacking.mixtures,
         },
-        appearance: Appearance { rounds: job.appearance.rounds, thin_parts: job.appearance.thin_parts },
+        appearance: Appearance { rounds: job.rounds(), thin_parts: job.thin_parts() },
         field: Field { distance, lp_exponent, dither: job.field.dither },
         output: Output {
             formats: job.output.formats.iter().map(|format| format.name()).collect(),

@@ -16,8 +16,8 @@ use rayon::prelude::*;
 use super::context::TargetContext;
 use crate::{
     job::RunError,
-    optics::{FrequencyGrid, Light, Mixture, ResinId, Stack, Transport, TransportOptions, VolumeCoefficients},
-    search::{Found, ResinLimit, SearchTarget},
+    optics::{Base as Bottom, LayeredReflection, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients},
+    search::{ResinLimit, SearchTarget},
     watch::{Stopped, Watch},
 };
 
@@ -42,9 +42,10 @@ pub(in crate::job) struct Answer {
 }
 
 /// The stackings of an object's clusters, and what they can become.
-#[derive(Debug)]
 pub(in crate::job) struct Answers {
     clusters: Vec<Base>,
+    /// Of every order of layers that clusters have.
+    models: Vec<Model>,
     /// By channel, then resin.
     volumes: Vec<Vec<VolumeCoefficients>>,
     limits: Vec<ResinLimit>,
@@ -52,14 +53,23 @@ pub(in crate::job) struct Answers {
     min_layer_mm: f64,
     /// Resins that the top layer may take in.
     inks: Vec<ResinId>,
-    /// Only the albedo matters.
-    grid: FrequencyGrid,
+}
+
+/// Transport in stacks of one order of layers, by channel.
+struct Model {
+    order: Vec<Option<Mixture>>,
+    /// Over the core.
+    thick: Vec<LayeredReflection>,
+    /// With a layer of the core below, over a mirror.
+    thin: Vec<LayeredReflection>,
 }
 
 /// What was found for a cluster.
 #[derive(Debug)]
 struct Base {
     layers: Vec<(Mixture, f64)>,
+    /// Index of its model.
+    model: usize,
     /// What the top layer mostly is, and what else it may be, where it may be mixed.
     top: Option<(ResinId, Vec<ResinId>)>,
     /// Albedo per channel that is asked for, and that the model promises of a flat slab.
@@ -69,6 +79,11 @@ struct Base {
 
 /// One azimuthal order is enough for totals.
 const TOTALS: TransportOptions = TransportOptions { polar: 6, orders: 1 };
+/// Frequency of what stands for the total, rad/mm: light that leaves 5 mm aside counts 0.998. At 0 resins that absorb
+/// nothing have no modes.
+const NEARLY_ALL: f64 = 0.02;
+/// Slopes are taken anew where a step leaves more than this of the square of what was missing.
+const STALE: f64 = 0.25;
 /// Newton's steps, and the error of ln albedo that ends them.
 const STEPS: usize = 12;
 const CLOSE: f64 = 0.004;
@@ -91,7 +106,7 @@ impl Answers {
     /// What `found` for `targets` can become.
     pub(super) fn new(
         context: &TargetContext<'_>,
-        found: &[Found],
+        found: &[Stack<Mixture>],
         targets: &[SearchTarget],
     ) -> Result<Self, RunError> {
         let materials = context.materials;
@@ -103,18 +118,19 @@ impl Answers {
         }
         let mut answers = Self {
             clusters: Vec::new(),
+            models: Vec::new(),
             volumes,
             limits: context.limits(),
             core: context.core()?,
             min_layer_mm: context.job.layer_options(context.object).min_layer_mm,
             inks: if context.may_mix() { context.printed_resins() } else { Vec::new() },
-            grid: FrequencyGrid::of(vec![0.0]),
         };
-        for (found, target) in found.iter().zip(targets) {
-            let stacking = found.stacking();
+        for (stacking, target) in found.iter().zip(targets) {
             let layers: Vec<_> = stacking.pairs().map(|(mixture, mm)| (mixture.clone(), mm)).collect();
             let asked = target.channels.iter().map(|channel| channel[0]).collect();
-            let mut base = Base { top: answers.top(&layers), layers, asked, promised: Vec::new() };
+            let top = answers.top(&layers);
+            let model = answers.model(&layers, top.is_some());
+            let mut base = Base { top, layers, model, asked, promised: Vec::new() };
             base.promised = answers.albedo(&base, &base.numbers(), None);
             answers.clusters.push(base);
         }
@@ -148,13 +164,40 @@ impl Answers {
         Ok(answered.into_iter().flatten().collect())
     }
 
+    /// The model of these layers, the first of them a mixture if `mixed`.
+    fn model(&mut self, layers: &[(Mixture, f64)], mixed: bool) -> usize {
+        let order: Vec<Option<Mixture>> =
+            (0..).zip(layers).map(|(n, layer)| if n == 0 && mixed { None } else { Some(layer.0.clone()) }).collect();
+        if let Some(known) = self.models.iter().position(|known| known.order == order) {
+            return known;
+        }
+        let in_channel = |volumes: &Vec<VolumeCoefficients>, thin: bool| {
+            let core = volumes[self.core.0];
+            let of = |mixture: &Option<Mixture>| mixture.as_ref().map(|mixture| mixed_volume(mixture, volumes));
+            let layers: Vec<_> = order.iter().map(of).chain(thin.then_some(Some(core))).collect();
+            let indices: Vec<f64> = self.inks.first().map(|ink| volumes[ink.0].refractive_index).into_iter().collect();
+            let bottom = if thin { Bottom::Mirror } else { Bottom::HalfSpace(core) };
+            // A stacking of no layers is its core.
+            let layers = if layers.is_empty() { vec![Some(core)] } else { layers };
+            LayeredReflection::new(&layers, &indices, bottom, &[NEARLY_ALL], TOTALS)
+        };
+        let of = |thin: bool| self.volumes.iter().map(|volumes| in_channel(volumes, thin)).collect();
+        let model = Model { thick: of(false), thin: of(true), order };
+        self.models.push(model);
+        self.models.len() - 1
+    }
+
     /// What the top layer mostly is, and what it may take in.
     fn top(&self, layers: &[(Mixture, f64)]) -> Option<(ResinId, Vec<ResinId>)> {
         let (mixture, _) = layers.first()?;
         let carrier = mixture.parts().iter().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?.0;
         let known = |resin: &ResinId| mixture.share(*resin) > 0.0 || self.inks.contains(resin);
         let others: Vec<ResinId> = (0..self.volumes.first()?.len()).map(ResinId).filter(known).collect();
-        let mixable = self.inks.contains(&carrier);
+        // Mixtures of unlike indices are more than these models know.
+        let alike = |of: &Vec<VolumeCoefficients>| {
+            self.inks.iter().all(|ink| of[ink.0].refractive_index == of[carrier.0].refractive_index)
+        };
+        let mixable = self.inks.contains(&carrier) && self.volumes.iter().all(alike);
         mixable.then(|| (carrier, others.into_iter().filter(|resin| *resin != carrier).collect()))
     }
 
@@ -168,8 +211,9 @@ impl Answers {
         let mut first = self.squeezed(base, half);
         for order in [(middle..run.len()).collect::<Vec<_>>(), (0..middle).rev().collect()] {
             let mut from = first.clone();
+            let mut slopes = None;
             for n in order {
-                let (numbers, answer) = self.solve(base, half, &from, &run[n].ln_factor);
+                let (numbers, answer) = self.solve(base, half, &from, &run[n].ln_factor, &mut slopes);
                 answers[n] = Some(answer);
                 if n == middle {
                     first = numbers.clone();
@@ -199,7 +243,8 @@ impl Answers {
             let limit = |resin: ResinId| self.limits.get(resin.0).copied().unwrap_or(ResinLimit::NONE);
             let parts = || base.layers[n].0.parts().iter().map(|(resin, _)| limit(*resin));
             // A layer that was found to be none may stay so.
-            let thinnest = if base.layers[n].1 == 0.0 { 0.0 } else { self.min_layer_mm.min(base.layers[n].1) };
+            let free = !self.inks.is_empty() || base.layers[n].1 == 0.0;
+            let thinnest = if free { 0.0 } else { self.min_layer_mm.min(base.layers[n].1) };
             let least = parts().map(|limit| limit.min_mm).fold(thinnest, f64::max);
             let most = parts().map(|limit| limit.max_mm).fold(f64::INFINITY, f64::min);
             thickness[n] = thickness[n].max(least).min(most.max(least));
@@ -217,8 +262,16 @@ impl Answers {
         }
     }
 
-    /// The numbers that make the albedo what a factor asks for, from `start` on.
-    fn solve(&self, base: &Base, half: Option<f64>, start: &[f64], ln_factor: &[f64]) -> (Vec<f64>, Answer) {
+    /// The numbers that make the albedo what a factor asks for, from `start` on; `slopes` are those of an answer nearby,
+    /// and then of this one.
+    fn solve(
+        &self,
+        base: &Base,
+        half: Option<f64>,
+        start: &[f64],
+        ln_factor: &[f64],
+        slopes: &mut Option<Vec<Vec<f64>>>,
+    ) -> (Vec<f64>, Answer) {
         // A flat slab without a factor is what was found; a thin part is asked for what the target is.
         let from = if half.is_some() { &base.asked } else { &base.promised };
         let goal: Vec<f64> =
@@ -234,22 +287,34 @@ impl Answers {
             if off.iter().all(|ln| ln.abs() < CLOSE) {
                 break;
             }
-            let slopes: Vec<Vec<f64>> = (0..numbers.len())
-                .map(|n| {
-                    let mut moved = numbers.clone();
-                    base.shift(&mut moved, n, DIFFERENCE);
-                    let moved = self.albedo(base, &moved, half);
-                    let slope =
-                        |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
-                    moved.iter().zip(&albedo).map(slope).collect()
-                })
-                .collect();
-            let Some(better) = self.stepped(base, half, (&numbers, &off, &slopes), &missing, &size) else { break };
-            (numbers, albedo, off) = better;
+            let (known, fresh) = match slopes.take() {
+                Some(known) => (known, false),
+                None => (self.slopes(base, half, &numbers, &albedo), true),
+            };
+            match self.stepped(base, half, (&numbers, &off, &known), &missing, &size) {
+                Some(better) => {
+                    *slopes = (size(&better.2) < STALE * size(&off)).then_some(known);
+                    (numbers, albedo, off) = better;
+                }
+                None if fresh => break,
+                None => {}
+            }
         }
         let layers = numbers.iter().zip(base.mixtures(&numbers)).map(|(mm, mixture)| (mixture, *mm));
         let stacking = Stack::new(layers).over(Mixture::from(self.core));
         (numbers, Answer { stacking, albedo, short: off })
+    }
+
+    /// What ln albedo changes by with every number, in its unit.
+    fn slopes(&self, base: &Base, half: Option<f64>, numbers: &[f64], albedo: &[f64]) -> Vec<Vec<f64>> {
+        let of = |n: usize| {
+            let mut moved = numbers.to_vec();
+            base.shift(&mut moved, n, DIFFERENCE);
+            let moved = self.albedo(base, &moved, half);
+            let slope = |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
+            moved.iter().zip(albedo).map(slope).collect()
+        };
+        (0..numbers.len()).map(of).collect()
     }
 
     /// A step of Newton's rule that misses less than `here`: numbers, by how much they miss, and slopes; `None` where
@@ -297,28 +362,35 @@ impl Answers {
 
     /// Albedo per channel of layers over the core, or cut off at half the thickness of a part over its mirror image.
     fn albedo(&self, base: &Base, numbers: &[f64], half: Option<f64>) -> Vec<f64> {
-        let mixtures: Vec<Mixture> = base.mixtures(numbers).collect();
-        let in_channel = |volumes: &Vec<VolumeCoefficients>| {
-            let mixed = |mixture: &Mixture| {
-                VolumeCoefficients::mixed(mixture.parts().iter().map(|(resin, share)| (volumes[resin.0], *share)))
-            };
-            let pairs = mixtures.iter().zip(numbers).map(|(mixture, mm)| (mixed(mixture), *mm));
-            let stack = match half {
-                None => Stack::new(pairs).over(volumes[self.core.0]),
-                Some(half) => {
-                    let mut left = half;
-                    let mut cut = Vec::new();
-                    for (volume, mm) in pairs.chain([(volumes[self.core.0], half)]) {
-                        cut.push((volume, mm.min(left)));
-                        left -= mm.min(left);
-                    }
-                    Stack::new(cut.clone().into_iter().chain(cut.into_iter().rev()))
-                }
-            };
-            let light = Transport { stack: &stack, light: Light::Diffuse, options: TOTALS }.spectra(&self.grid);
-            light.reflection[0] + light.transmission[0]
+        let model = &self.models[base.model];
+        let mut mm: Vec<f64> = numbers[..base.layers.len()].to_vec();
+        if let Some(half) = half {
+            let mut left = half;
+            for mm in &mut mm {
+                *mm = mm.min(left);
+                left -= *mm;
+            }
+            mm.push(left);
+        } else if mm.is_empty() {
+            mm.push(0.0);
+        }
+        let top = base.top.is_some().then(|| base.mixtures(numbers).next()).flatten();
+        let models = if half.is_some() { &model.thin } else { &model.thick };
+        let in_channel = |(model, volumes): (&LayeredReflection, &Vec<VolumeCoefficients>)| {
+            let mixed: Vec<_> = top.iter().map(|mixture| mixed_volume(mixture, volumes)).collect();
+            model.reflection(&mm, &mixed)[0]
         };
-        self.volumes.iter().map(in_channel).collect()
+        models.iter().zip(&self.volumes).map(in_channel).collect()
+    }
+}
+
+fn mixed_volume(mixture: &Mixture, volumes: &[VolumeCoefficients]) -> VolumeCoefficients {
+    VolumeCoefficients::mixed(mixture.parts().iter().map(|(resin, share)| (volumes[resin.0], *share)))
+}
+
+impl std::fmt::Debug for Answers {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Answers").field("clusters", &self.clusters).finish_non_exhaustive()
     }
 }
 
@@ -375,4 +447,135 @@ fn least_step(slopes: &[Vec<f64>], off: &[f64]) -> Vec<f64> {
     }
     let solved: Vec<f64> = rows.iter().enumerate().map(|(n, row)| row[row.len() - 1] / row[n]).collect();
     slopes.iter().map(|slope| slope.iter().zip(&solved).map(|(slope, x)| slope * x).sum()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        optics::{FrequencyGrid, Light, MaterialSet, Transport},
+        watch::Unwatched,
+    };
+
+    const WHITE: ResinId = ResinId(0);
+
+    /// White over support over black, or grey over support over white, that asks for what it has.
+    fn answers(set: &MaterialSet, layers: &[(Mixture, f64)], mixes: bool) -> Answers {
+        let volumes = |channel: usize| set.resins.iter().map(|resin| resin.volumes().unwrap()[channel]).collect();
+        let mut answers = Answers {
+            clusters: Vec::new(),
+            models: Vec::new(),
+            volumes: (0..set.channels.len()).map(volumes).collect(),
+            limits: Vec::new(),
+            core: set.resin("black").unwrap().0,
+            min_layer_mm: 0.03,
+            inks: if mixes { set.ids().filter(|id| !set[*id].print_as_background).collect() } else { Vec::new() },
+        };
+        let top = answers.top(layers);
+        let model = answers.model(layers, top.is_some());
+        let mut base =
+            Base { layers: layers.to_vec(), model, top, asked: vec![0.4; set.channels.len()], promised: Vec::new() };
+        base.promised = answers.albedo(&base, &base.numbers(), None);
+        answers.clusters.push(base);
+        answers
+    }
+
+    /// By the whole model: what comes back of a stack, and through it.
+    fn total(set: &MaterialSet, stack: &Stack<Mixture>, channel: usize) -> f64 {
+        let stack = stack.map(|mixture| set.mixed_volumes(mixture).unwrap()[channel]);
+        let light = Transport { stack: &stack, light: Light::Diffuse, options: TransportOptions::default() };
+        let light = light.spectra(&FrequencyGrid::of(vec![0.0]));
+        light.reflection[0] + light.transmission[0]
+    }
+
+    /// A plate of an answer: its layers as far as they fit, then the core, and the same again upside down.
+    fn plate(answer: &Stack<Mixture>, half: f64) -> Stack<Mixture> {
+        let mut left = half;
+        let core = (answer.core.as_ref().unwrap(), half);
+        let cut: Vec<_> = answer
+            .pairs()
+            .chain([core])
+            .map(|(mixture, mm)| {
+                let mm = mm.min(left);
+                left -= mm;
+                (mixture.clone(), mm)
+            })
+            .collect();
+        Stack::new(cut.clone().into_iter().chain(cut.into_iter().rev()))
+    }
+
+    #[test]
+    fn answers_keep_their_promise() {
+        for (set, mixes) in [("synthetic", false), ("synthetic", true), ("inks-rgb-7", true)] {
+            let set = MaterialSet::builtin(set).unwrap();
+            let [white, support, black] = ["white", "support", "black"].map(|name| set.resin(name).unwrap().0);
+            let top = if mixes { Mixture::new([(white, 0.9), (black, 0.1)]).unwrap() } else { white.into() };
+            let layers = [(top, 0.3), (support.into(), 0.8), (if mixes { white } else { black }.into(), 0.5)];
+            let answers = answers(&set, &layers, mixes);
+            let channels = set.channels.len();
+            let mut questions = Vec::new();
+            for half_mm in [None, Some(0.3), Some(0.6), Some(1.2)] {
+                for ln in [-0.4, -0.1, 0.0, 0.1] {
+                    let ln_factor = (0..channels).map(|channel| ln * (1.0 - 0.3 * channel as f64)).collect();
+                    questions.push(Question { cluster: 0, half_mm, ln_factor });
+                }
+            }
+            let found = answers.answer(&questions, &Unwatched).unwrap();
+            let mut met = 0;
+            for (question, answer) in questions.iter().zip(&found) {
+                for channel in 0..channels {
+                    let whole = match question.half_mm {
+                        None => total(&set, &answer.stacking, channel),
+                        Some(half) => total(&set, &plate(&answer.stacking, half), channel),
+                    };
+                    assert!(
+                        (whole - answer.albedo[channel]).abs() < 4e-3,
+                        "{question:?} {channel}: {whole} {answer:?}"
+                    );
+                    let from = match question.half_mm {
+                        None => answers.clusters[0].promised[channel],
+                        Some(_) => 0.4,
+                    };
+                    let goal = from * question.ln_factor[channel].exp();
+                    let short = (goal / answer.albedo[channel]).ln();
+                    assert!((short - answer.short[channel]).abs() < 1e-9);
+                    met += usize::from(short.abs() < CLOSE);
+                }
+            }
+            // Thin plates of resins by themselves cannot be all there is.
+            let least = if mixes { questions.len() * channels * 9 / 10 } else { questions.len() * channels / 2 };
+            assert!(met >= least, "{met} of {} met in {}", questions.len() * channels, set.name);
+        }
+    }
+
+    #[test]
+    fn what_is_asked_for_as_it_is_stays_bit_for_bit() {
+        let set = MaterialSet::builtin("synthetic").unwrap();
+        let layers = [(Mixture::from(WHITE), 0.3), (set.resin("support").unwrap().0.into(), 0.8)];
+        for mixes in [false, true] {
+            let answers = answers(&set, &layers, mixes);
+            let question = Question { cluster: 0, half_mm: None, ln_factor: vec![0.0] };
+            let found = answers.answer(&[question], &Unwatched).unwrap();
+            assert_eq!(found[0].stacking, answers.stacking(0));
+        }
+    }
+
+    /// One after the other from their neighbours: a ladder of factors makes a ladder of layers.
+    #[test]
+    fn answers_of_a_ladder_rise_with_it() {
+        let set = MaterialSet::builtin("synthetic").unwrap();
+        let support = set.resin("support").unwrap().0;
+        let layers = [(Mixture::from(WHITE), 0.3), (support.into(), 0.8), (Mixture::from(WHITE), 0.5)];
+        let answers = answers(&set, &layers, true);
+        let question = |n: i32| Question { cluster: 0, half_mm: Some(0.6), ln_factor: vec![0.02 * f64::from(n)] };
+        let questions: Vec<_> = (-30..=5).map(question).collect();
+        let found = answers.answer(&questions, &Unwatched).unwrap();
+        assert!(found.windows(2).all(|pair| pair[0].albedo[0] < pair[1].albedo[0]));
+        for pair in found.windows(2) {
+            let apart = |n: usize| {
+                (pair[0].stacking.layers[n].thickness_mm / pair[1].stacking.layers[n].thickness_mm).ln().abs()
+            };
+            assert!((0..3).all(|n| apart(n) < 0.15), "{pair:?}");
+        }
+    }
 }

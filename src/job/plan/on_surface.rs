@@ -294,7 +294,11 @@ impl Laid {
             cluster: question.cluster,
             half_thickness_mm: question.half_mm,
             factor: question.ln_factor.iter().map(|ln| libm::exp(*ln)).collect(),
-            layers: context.materials.named(&answer.stacking).layers,
+            // A slot that a stacking skips is no layer of it.
+            layers: context
+                .materials
+                .named(&Stack::joined(answer.stacking.pairs().map(|(mixture, mm)| (mixture.clone(), mm))))
+                .layers,
             predicted_albedo: answer.albedo.clone(),
         };
         self.questions.iter().zip(&self.answers).map(entry).collect()

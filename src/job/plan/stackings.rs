@@ -19,7 +19,7 @@ use crate::{
         file::{DepthFrom, OutputFormat, StackingModel, TargetSpec},
     },
     optics::{Mixture, OpticsError, ResinId, Stack},
-    search::{Found, Matcher, RefineOptions, SearchTarget},
+    search::{Family, Found, Matcher, PartTarget, RefineOptions, SearchTarget},
 };
 
 /// What an object's target became.
@@ -63,15 +63,16 @@ pub(super) fn object_layers(
     warnings.extend(out_of_reach(&entries).map(|words| format!("object {}: {words}", context.object + 1)));
     let mut asked = wanted.map;
     asked.targets = wanted.targets;
-    let stackings: Vec<_> = matches.iter().map(Found::stacking).collect();
+    let mut stackings: Vec<_> = matches.iter().map(Found::stacking).collect();
     if context.follows_the_surface() {
-        let answers = Answers::new(context, &matches, &targets)?;
+        context.as_family(core, &targets, &mut stackings, &mut entries)?;
+        let answers = Answers::new(context, &stackings, &targets)?;
         let solid = context.solid.clone();
         let plan = ObjectPlan::new(context, solid, wanted.kind, wanted.surface, &mut asked, answers)?;
         if let Some(plan) = plan {
             let context = TargetContext { solid: plan.solid(), ..*context };
             let none = vec![[0.0; CHANNELS]; plan.points.points().len()];
-            let laid = plan.lay(context.job.appearance.thin_parts, &none, context.watch)?;
+            let laid = plan.lay(context.job.thin_parts(), &none, context.watch)?;
             let (layers, report) = context.laid(&plan, &laid, entries)?;
             return Ok(ObjectLayers { layers, report, asked, plan: Some(plan) });
         }
@@ -154,12 +155,40 @@ impl TargetContext<'_> {
 
     /// Whether the layers of the object depend on how thick it is, or on how its print looks.
     fn follows_the_surface(&self) -> bool {
-        let appearance = &self.job.appearance;
         let judged = self.job.stacking.model != StackingModel::KubelkaMunk;
         let from_surface = self.job.objects[self.object].depth_from == DepthFrom::Surface;
         // Layer maps are of the texture that the job has.
         let free = !self.job.wants(OutputFormat::Heights);
-        judged && from_surface && free && (appearance.thin_parts || appearance.rounds > 0)
+        judged && from_surface && free && (self.job.thin_parts() || self.job.rounds() > 0)
+    }
+
+    /// Puts stackings of one family in place of what was found, where the job allows mixtures.
+    fn as_family(
+        &self,
+        core: ResinId,
+        targets: &[SearchTarget],
+        stackings: &mut [Stack<Mixture>],
+        entries: &mut [StackingEntry],
+    ) -> Result<(), RunError> {
+        if !self.may_mix() {
+            return Ok(());
+        }
+        let targets: Vec<PartTarget> = targets.iter().cloned().map(PartTarget::from).collect();
+        let options = self.match_options(core);
+        let family = Family::new(self.materials, &options.search, &options.layers, &targets, self.watch);
+        let fault = |source| self.search_fault(source);
+        let Some(family) = family.map_err(fault)? else { return Ok(()) };
+        for ((stacking, entry), answer) in
+            stackings.iter_mut().zip(entries).zip(family.answers(&targets, self.watch).map_err(fault)?)
+        {
+            *stacking = answer.stacking;
+            *entry = StackingEntry {
+                target_albedo: entry.target_albedo.clone(),
+                cluster_rms: entry.cluster_rms,
+                ..self.entry(stacking, entry.share, &answer.reflection)
+            };
+        }
+        Ok(())
     }
 
     /// The layers that a plan lays; `entries` are those of its clusters.

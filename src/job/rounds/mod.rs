@@ -70,7 +70,7 @@ impl Prepared {
     fn corrected(job: Job, folder: Option<&Path>, watch: &dyn Watch) -> Result<Self, RunError> {
         let mut prepared = Self::draft(job, watch)?;
         let plans = std::mem::take(&mut prepared.plans);
-        if prepared.job.appearance.rounds == 0 || plans.is_empty() {
+        if prepared.job.rounds() == 0 || plans.is_empty() {
             return Ok(prepared);
         }
         if prepared.lattice.voxels() > LOOK_VOXELS {
@@ -100,7 +100,7 @@ impl Prepared {
         let mut factors_of: Vec<Factors> = plans.iter().map(none).collect();
         let mut short_of: Vec<Vec<[f64; CHANNELS]>> = vec![Vec::new(); plans.len()];
         let mut records = Vec::new();
-        let rounds = self.job.appearance.rounds;
+        let rounds = self.job.rounds();
         for round in 0..rounds {
             let looked = self.look_at_points(plans, round, watch)?;
             let mut record = looked.record();
@@ -138,7 +138,7 @@ impl Prepared {
 
     /// Prints in memory, and looks at the points of all objects that can be corrected.
     fn look_at_points(&self, plans: &[ObjectPlan], round: u32, watch: &dyn Watch) -> Result<Looked, RunError> {
-        let rounds = self.job.appearance.rounds;
+        let rounds = self.job.rounds();
         watch.stage(&format!("round {} of {rounds}: voxels", round + 1), 0);
         let scene = self.scene(&StopOnly(watch))?;
         let mut spots = Vec::new();

@@ -1,0 +1,97 @@
+//! `appearance.rounds`: what was asked is what prints, the same bytes every time, and found once.
+
+use crate::support::{Bench, sphere, stl};
+
+const JOB: &str = r#"
+[[object]]
+mesh = "ball.stl"
+[printer]
+pitch-mm = [0.1, 0.1, 0.1]
+[materials]
+set = "synthetic"
+[target]
+kind = "texture"
+albedo-value = 0.3
+mean-free-path-mm = 0.5
+[stacking]
+mixtures = true
+[appearance]
+rounds = 2
+[output]
+formats = ["png"]
+"#;
+
+fn bench() -> Bench {
+    let bench = Bench::new();
+    bench.write("ball.stl", &stl(&sphere(1.25, 24)));
+    bench.write("job.toml", JOB.as_bytes());
+    bench
+}
+
+#[test]
+fn rounds_bring_the_print_to_what_was_asked() {
+    let bench = bench();
+    let ran = bench.slice("out");
+    assert!(ran.stdout.contains("round 2: printed less asked"), "{}", ran.stdout);
+    let manifest = bench.manifest("out");
+    let rounds = manifest["rounds"].as_array().unwrap();
+    let bias: Vec<f64> = rounds.iter().map(|round| round["fit"][0]["bias"].as_f64().unwrap()).collect();
+    assert_eq!(bias.len(), 2);
+    // A ball of 2.5 mm is lighter than a flat slab; what was found in the first round the second sees made up for.
+    assert!(bias[0].abs() > 0.03 && bias[1].abs() < 0.4 * bias[0].abs(), "{bias:?}");
+    let look = ["look", "out", "--job", "job.toml", "--spots", "12", "--photons", "40000", "--json"];
+    let seen = bench.run(look).exits(0).json();
+    for spot in seen["spots"].as_array().unwrap() {
+        let [printed, asked] = ["printed", "asked"].map(|name| spot[name][0].as_f64().unwrap());
+        assert!((printed / asked - 1.0).abs() < 0.05, "{printed} in place of {asked}");
+    }
+}
+
+#[test]
+fn they_find_the_same_in_parts_and_on_any_number_of_threads() {
+    let bench = bench();
+    bench.slice("out");
+    let whole = bench.files("out");
+    let mut alone = bench.command(["slice", "job.toml", "-o", "alone", "--slices", "7..12"]);
+    assert!(alone.env("RAYON_NUM_THREADS", "1").output().unwrap().status.success());
+    let part = bench.files("alone");
+    for name in ["rounds.json", "stackings.json", "slices/slice_7.png", "slices/slice_11.png"] {
+        assert!(part[name] == whole[name], "{name}");
+    }
+}
+
+#[test]
+fn what_they_found_is_taken_from_the_folder() {
+    let bench = bench();
+    bench.slice("out");
+    bench.run(["verify", "out", "--job", "job.toml"]).exits(0);
+    // Other factors make other layers, so they were read.
+    let mut rounds: serde_json::Value = serde_json::from_slice(&bench.files("out")["rounds.json"]).unwrap();
+    for factor in rounds["objects"][0]["ln_factor_thousandths"][0].as_array_mut().unwrap() {
+        *factor = serde_json::json!(-900);
+    }
+    bench.write("out/rounds.json", rounds.to_string().as_bytes());
+    let ran = bench.run(["verify", "out", "--job", "job.toml"]).exits(1);
+    assert!(ran.stdout.contains("stackings"), "{}", ran.stdout);
+    // Of another job nothing is taken.
+    bench.write("job.toml", JOB.replace("rounds = 2", "rounds = 1").as_bytes());
+    bench.run(["slice", "job.toml", "-o", "out", "--overwrite"]).exits(0);
+    assert_eq!(bench.manifest("out")["rounds"].as_array().unwrap().len(), 1);
+    bench.run(["verify", "out", "--job", "job.toml"]).exits(0);
+}
+
+#[test]
+fn rounds_want_a_model_that_holds() {
+    let bench = bench();
+    bench.write("job.toml", JOB.replace("mixtures = true", "model = \"km\"").as_bytes());
+    bench.run(["slice", "job.toml", "-o", "out"]).refuses(2, &["appearance.rounds", "Kubelka-Munk", "transport"]);
+}
+
+#[test]
+fn without_rounds_nothing_is_looked_at() {
+    let bench = bench();
+    bench.write("job.toml", JOB.replace("rounds = 2", "rounds = 0\nthin-parts = false").as_bytes());
+    bench.slice("out");
+    assert!(!bench.files("out").contains_key("rounds.json"));
+    assert!(bench.manifest("out")["rounds"].is_null());
+}
