@@ -109,16 +109,21 @@ impl VolumeCoefficients {
     pub fn mixed(parts: impl IntoIterator<Item = (Self, f64)>) -> Self {
         let (mut sum, mut count, mut cosine) =
             (Self { sigma_s: 0.0, sigma_a: 0.0, g: 0.0, refractive_index: 0.0 }, 0, 0.0);
-        let mut last = sum;
+        let (mut last, mut one_index) = (sum, true);
         for (part, share) in parts {
             sum.sigma_s += share * part.sigma_s;
             sum.sigma_a += share * part.sigma_a;
             sum.refractive_index += share * part.refractive_index;
             cosine += share * part.sigma_s * part.g;
+            one_index &= count == 0 || part.refractive_index == last.refractive_index;
             (last, count) = (part, count + 1);
         }
         if count == 1 {
             return last;
+        }
+        // Rounded, one index would be another, and a boundary.
+        if one_index {
+            sum.refractive_index = last.refractive_index;
         }
         Self { g: if sum.sigma_s > 0.0 { cosine / sum.sigma_s } else { 0.0 }, ..sum }
     }
@@ -281,6 +286,9 @@ mod tests {
         assert_eq!((mixed.sigma_s, mixed.sigma_a, mixed.refractive_index), (15.25, 2.25, 1.5));
         assert!((mixed.g - (0.75 * 20.0 * 0.8 + 0.25 * 0.2) / 15.25).abs() < 1e-15);
         assert_eq!(VolumeCoefficients::mixed([(dark, 1.0)]), dark);
+        let thirds =
+            VolumeCoefficients::mixed([(light, 0.95), (dark, 0.0125), (dark, 0.0125), (light, 0.0125), (dark, 0.0125)]);
+        assert_eq!(thirds.refractive_index, 1.5);
     }
 
     #[test]

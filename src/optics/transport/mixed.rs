@@ -101,6 +101,9 @@ pub struct LayeredSlope {
 /// Step of the derivative of the equations' coefficients along a tangent, as a share of it.
 const STEP: f64 = 1e-5;
 
+/// What comes through a layer below this is not worth a quotient, whose divisor's square would be 0.
+const DARK: f64 = 1e-100;
+
 impl LayeredReflection {
     /// `layers` from the observer down, at least one, `None` for mixtures, over `base`, at spatial frequencies `k` in
     /// rad/mm; `mixed` are the refractive indices that mixtures may have.
@@ -377,10 +380,13 @@ impl Field {
                 let (sum, difference) = ((rates[p] + rates[q]) * mm, (rates[p] - rates[q]) * mm);
                 let falling = mm * mean_decay(sum, decay[p] * decay[q]);
                 // e^{−λ_p z} e^{−λ_q (h − z)}, from the end where it is larger.
-                let crossing = if difference.re >= 0.0 {
-                    mm * decay[q] * mean_decay(difference, decay[p] / decay[q])
-                } else {
-                    mm * decay[p] * mean_decay(-difference, decay[q] / decay[p])
+                let (larger, less, by) = match difference.re >= 0.0 {
+                    true => (decay[q], decay[p], difference),
+                    false => (decay[p], decay[q], -difference),
+                };
+                let crossing = match larger.norm() > DARK {
+                    true => mm * larger * mean_decay(by, less / larger),
+                    false => c64::new(0.0, 0.0),
                 };
                 alike[(p, q)] = (r[p] * a[q] + s[p] * b[q]) * falling;
                 against[(p, q)] = (r[p] * b[q] + s[p] * a[q]) * crossing;

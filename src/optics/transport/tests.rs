@@ -451,7 +451,8 @@ fn slopes_of_mixtures_are_differences() {
         let options = TransportOptions { polar: 4, orders: 4 };
         let base = if base { Base::Mirror } else { Base::HalfSpace(black) };
         let model = LayeredReflection::new(&[None, Some(support), None, Some(white)], &[index], base, &k, options);
-        let mm = [0.4, 0.7, 0.2, 0.5];
+        // Thick enough for nothing to come through at some frequencies.
+        let mm = if index == 1.0 { [0.4, 0.7, 0.2, 0.5] } else { [0.4, 0.7, 4.0, 0.5] };
         let tangents = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-5.5, 3.8, 0.1]];
         let mixtures = [grey, VolumeCoefficients { sigma_a: 1.0, g: 0.8, ..grey }];
         let mixed = mixtures.map(|volume| Mixed { volume, tangents: tangents.clone() });
