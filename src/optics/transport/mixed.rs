@@ -101,6 +101,9 @@ pub struct LayeredSlope {
 /// Step of the derivative of the equations' coefficients along a tangent, as a share of it.
 const STEP: f64 = 1e-5;
 
+/// What comes through a layer below this is not worth a quotient, whose divisor's square would be 0.
+const DARK: f64 = 1e-100;
+
 impl LayeredReflection {
     /// `layers` from the observer down, at least one, `None` for mixtures, over `base`, at spatial frequencies `k` in
     /// rad/mm; `mixed` are the refractive indices that mixtures may have.
@@ -327,9 +330,9 @@ impl<'a> Layered<'a> {
         let mut slopes = Slopes { per_mm: Vec::with_capacity(mm.len()), along: Vec::with_capacity(changes.len()) };
         for (layer, Step { decay, rho, rho_below, below }) in steps.iter().enumerate() {
             let modes = self.layers[layer];
-            slopes
-                .per_mm
-                .push(-(&modes.rates.row(&row) * (rho * &column) + (&row * rho) * &modes.rates.column(&column)));
+            slopes.per_mm.push(
+                -(&modes.rates.row(&row) * (rho * &column) + (&row * rho) * &modes.rates.column(&column)),
+            );
             let (row_below, column_below) = (decay.row(&row), decay.column(&column));
             if let Some(mixture) = self.mixed.iter().position(|&mixed| mixed == layer) {
                 let rates = &modes.rates;
@@ -377,10 +380,13 @@ impl Field {
                 let (sum, difference) = ((rates[p] + rates[q]) * mm, (rates[p] - rates[q]) * mm);
                 let falling = mm * mean_decay(sum, decay[p] * decay[q]);
                 // e^{−λ_p z} e^{−λ_q (h − z)}, from the end where it is larger.
-                let crossing = if difference.re >= 0.0 {
-                    mm * decay[q] * mean_decay(difference, decay[p] / decay[q])
-                } else {
-                    mm * decay[p] * mean_decay(-difference, decay[q] / decay[p])
+                let (larger, less, by) = match difference.re >= 0.0 {
+                    true => (decay[q], decay[p], difference),
+                    false => (decay[p], decay[q], -difference),
+                };
+                let crossing = match larger.norm() > DARK {
+                    true => mm * larger * mean_decay(by, less / larger),
+                    false => c64::new(0.0, 0.0),
                 };
                 alike[(p, q)] = (r[p] * a[q] + s[p] * b[q]) * falling;
                 against[(p, q)] = (r[p] * b[q] + s[p] * a[q]) * crossing;
@@ -394,7 +400,11 @@ impl Field {
 
 /// (1 − e^{−x})/x, where e^{−x} is given.
 fn mean_decay(x: c64, decay: c64) -> c64 {
-    if x.norm() < 1e-2 { 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0))) } else { (1.0 - decay) / x }
+    if x.norm() < 1e-2 {
+        1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0)))
+    } else {
+        (1.0 - decay) / x
+    }
 }
 
 /// Σ of the products of all elements.

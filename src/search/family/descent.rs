@@ -45,7 +45,7 @@ pub(super) fn descend(
         let slopes = &here.residuals.per_mm;
         let downhill = gradient(slopes, &here.residuals.values);
         let Some(inverse) = damped_inverse(slopes, damping) else { break };
-        let Some(step) = limits.step(&here.x, &inverse, &downhill) else {
+        let Some(step) = limits.exact_step(&here.x, &inverse, &downhill) else {
             damping *= 10.0;
             continue;
         };
@@ -58,7 +58,7 @@ pub(super) fn descend(
         left -= 1;
         if left > 0 && before - there.residuals.objective() < AS_PROMISED * promised {
             let downhill = gradient(slopes, &there.residuals.values);
-            if let Some(back) = limits.step(&there.x, &inverse, &downhill) {
+            if let Some(back) = limits.exact_step(&there.x, &inverse, &downhill) {
                 let mended = at(moved(&there.x, &back), &residuals);
                 left -= 1;
                 if mended.residuals.objective() < there.residuals.objective() {
@@ -103,8 +103,7 @@ mod tests {
         let anywhere = Polytope::of(vec![Constraint { a: vec![0.0, 1.0], b: 0.0 }]);
         let ended = descend(&[-0.6, 0.8], &anywhere, 40, disc).unwrap();
         assert!((ended.x[0] - 1.0).abs() < 1e-3 && ended.x[1].abs() < 1e-3, "{:?}", ended.x);
-        let right =
-            Polytope::of(vec![Constraint { a: vec![-1.0, 0.0], b: -0.6 }, Constraint { a: vec![0.0, 1.0], b: 0.1 }]);
+        let right = Polytope::of(vec![Constraint { a: vec![-1.0, 0.0], b: -0.6 }, Constraint { a: vec![0.0, 1.0], b: 0.1 }]);
         let ended = descend(&[-0.6, 0.8], &right, 40, disc).unwrap();
         assert!((ended.x[0] - 0.6).abs() < 1e-3 && (ended.x[1] - 0.8).abs() < 1e-3, "{:?}", ended.x);
     }

@@ -11,7 +11,7 @@ const LEAST_MIXED_MM: f64 = 0.2;
 /// The slab that white is told by, mm.
 const SLAB_MM: f64 = 1.0;
 /// A resin in which light goes this much further than in white between two events, taken isotropically, is clear.
-const CLEAR: f64 = 2.0;
+const CLEAR: f64 = 4.0;
 
 /// Shapes, the one to be preferred first; none if no resin may be at the surface.
 pub(super) fn offered(
@@ -32,10 +32,10 @@ pub(super) fn offered(
     };
     let index = |resin: usize| resins[resin][0].refractive_index;
     let mixable = inks.filter(|&resin| resin != white && index(resin) == index(white));
-    // Events per mm, taken isotropically.
+    // Events per mm, taken isotropically, where there are most.
     let events = |resin: usize| -> f64 {
         let all = resins[resin].iter().map(|volume| volume.sigma_s * (1.0 - volume.g) + volume.sigma_a);
-        all.sum::<f64>() / resins[resin].len() as f64
+        all.fold(0.0, f64::max)
     };
     let is_clear = |resin: &usize| CLEAR * events(*resin) <= events(white);
     let clear = |of: &dyn Fn(usize) -> bool| {

@@ -22,6 +22,8 @@ pub(in crate::search) struct Polytope {
 const TOLERANCE_MM: f64 = 1e-9;
 /// A constraint with less slack holds its point.
 const ACTIVE: f64 = 1e-7;
+/// Exchanges of constraints that hold in [`Polytope::exact_step`].
+const MAX_EXCHANGES: usize = 60;
 /// Sweeps of [`Polytope::step`]; a handful of constraints settles in tens.
 const MAX_SWEEPS: usize = 2000;
 
@@ -60,6 +62,73 @@ impl Polytope {
     /// Of any linear constraints.
     pub(in crate::search) fn of(constraints: Vec<Constraint>) -> Self {
         Self { constraints }
+    }
+
+    /// The same as [`Self::step`] by an active-set method on the multipliers (Lawson and Hanson 1974, chapter 23): exact
+    /// where numbers hardly matter or are hard to tell apart, and Hildreth's procedure crawls.
+    pub(in crate::search) fn exact_step(&self, x: &[f64], inverse: &[Vec<f64>], gradient: &[f64]) -> Option<Vec<f64>> {
+        let apply = |v: &[f64]| -> Vec<f64> { inverse.iter().map(|row| dot(row, v)).collect() };
+        let free: Vec<f64> = apply(gradient).into_iter().map(|x| -x).collect();
+        // Each constraint in the unit in which its own push is 1.
+        let scaled = self.constraints.iter().filter_map(|c| {
+            let push = apply(&c.a);
+            let unit = dot(&c.a, &push).sqrt();
+            let by = |v: &[f64]| -> Vec<f64> { v.iter().map(|v| v / unit).collect() };
+            (unit > 0.0).then(|| (by(&c.a), by(&push), (c.b - dot(&c.a, x)) / unit))
+        });
+        let scaled: Vec<_> = scaled.collect();
+        let mut multipliers = vec![0.0_f64; scaled.len()];
+        let mut holding: Vec<usize> = Vec::new();
+        let reached = |multipliers: &[f64]| -> Vec<f64> {
+            let mut delta = free.clone();
+            for ((_, push, _), multiplier) in scaled.iter().zip(multipliers).filter(|(_, m)| **m > 0.0) {
+                delta.iter_mut().zip(push).for_each(|(d, p)| *d += multiplier * p);
+            }
+            delta
+        };
+        for _ in 0..MAX_EXCHANGES {
+            let delta = reached(&multipliers);
+            let lack = |i: usize| scaled[i].2 - dot(&scaled[i].0, &delta);
+            let size = 1.0 + scaled.iter().map(|c| c.2.abs()).fold(0.0, f64::max);
+            let next = (0..scaled.len()).filter(|i| !holding.contains(i)).max_by(|&a, &b| lack(a).total_cmp(&lack(b)));
+            let Some(next) = next.filter(|&next| lack(next) > 1e-12 * size) else {
+                // What rounding left outside is brought in.
+                let there: Vec<f64> = x.iter().zip(&delta).map(|(x, d)| x + d).collect();
+                return match self.contains(&there) {
+                    true => Some(delta),
+                    false => Some(self.nearest(&there)?.iter().zip(x).map(|(to, from)| to - from).collect()),
+                };
+            };
+            holding.push(next);
+            // Multipliers that hold all of them exactly; those that would pull are let go.
+            loop {
+                let lacks: Vec<f64> = holding.iter().map(|&i| scaled[i].2 - dot(&scaled[i].0, &free)).collect();
+                let matrix = holding.iter().map(|&i| holding.iter().map(|&j| dot(&scaled[i].0, &scaled[j].1)).collect());
+                let Some(wanted) = solved(matrix.collect(), lacks) else {
+                    holding.retain(|&i| i != next);
+                    break;
+                };
+                let back = holding.iter().zip(&wanted).filter(|(_, wanted)| **wanted <= 0.0);
+                let share = back.map(|(&i, wanted)| multipliers[i] / (multipliers[i] - wanted)).fold(1.0, f64::min);
+                for (&i, wanted) in holding.iter().zip(&wanted) {
+                    multipliers[i] += share * (wanted - multipliers[i]);
+                }
+                if share >= 1.0 {
+                    break;
+                }
+                holding.retain(|&i| multipliers[i] > 1e-14);
+                for (i, multiplier) in multipliers.iter_mut().enumerate() {
+                    if !holding.contains(&i) {
+                        *multiplier = 0.0;
+                    }
+                }
+            }
+            if !holding.contains(&next) && multipliers[next] == 0.0 && lack(next) > 1e-9 * size {
+                // It depends on others that hold already: nothing keeps all.
+                return self.step(x, inverse, gradient);
+            }
+        }
+        self.step(x, inverse, gradient)
     }
 
     /// The nearest point within, in the plain distance.
@@ -120,6 +189,27 @@ impl Polytope {
     }
 }
 
+/// Gauss's elimination with pivots on the diagonal of a matrix that is positive definite; `None` where it is not.
+fn solved(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Option<Vec<f64>> {
+    let n = right.len();
+    for column in 0..n {
+        if !(matrix[column][column] > 1e-12) {
+            return None;
+        }
+        for row in column + 1..n {
+            let factor = matrix[row][column] / matrix[column][column];
+            let (above, below) = matrix.split_at_mut(row);
+            below[0].iter_mut().zip(&above[column]).for_each(|(value, pivot)| *value -= factor * pivot);
+            right[row] -= factor * right[column];
+        }
+    }
+    for row in (0..n).rev() {
+        let known: f64 = (row + 1..n).map(|i| matrix[row][i] * right[i]).sum();
+        right[row] = (right[row] - known) / matrix[row][row];
+    }
+    Some(right)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -154,5 +244,26 @@ mod tests {
     fn support_on_top_has_no_room() {
         assert_eq!(Polytope::new(&[1, 0], &options(), 0.03), None);
         assert_eq!(Polytope::new(&[2], &options(), 1.5), None);
+    }
+
+    /// Both ways to the constrained minimum agree where the slower one settles.
+    #[test]
+    fn exact_steps_are_steps() {
+        let polytope = Polytope::new(&[0, 1, 2], &options(), 0.03).unwrap();
+        let mut seed = 1_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
+        };
+        for _ in 0..200 {
+            let factor: Vec<Vec<f64>> = (0..3).map(|_| (0..3).map(|_| random()).collect()).collect();
+            let product = |i: usize, j: usize| dot(&factor[i], &factor[j]) + if i == j { 0.01 } else { 0.0 };
+            let inverse: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| product(i, j)).collect()).collect();
+            let gradient: Vec<f64> = (0..3).map(|_| 20.0 * random()).collect();
+            let x = [0.5, 1.0, 0.5];
+            let (slow, exact) = (polytope.step(&x, &inverse, &gradient), polytope.exact_step(&x, &inverse, &gradient));
+            let (slow, exact) = (slow.unwrap(), exact.unwrap());
+            assert!(slow.iter().zip(&exact).all(|(a, b)| (a - b).abs() < 1e-6), "{slow:?} against {exact:?}");
+        }
     }
 }
