@@ -128,12 +128,7 @@ impl Family {
                 best = Some((worth, shape, cheap));
             }
         }
-        Ok(best.map(|(_, shape, cheap)| Self {
-            expensive: models.expensive(&shape),
-            cheap,
-            shape,
-            options: options.clone(),
-        }))
+        Ok(best.map(|(_, shape, cheap)| Self { expensive: models.expensive(&shape), cheap, shape, options: options.clone() }))
     }
 
     /// The best stacking of each target, in parallel; the answers do not depend on the number of threads. A target is a
@@ -287,3 +282,4 @@ fn worth(shape: &Shape, cheap: &Model, options: &SearchOptions, targets: &[&Part
     let all: Vec<f64> = targets.par_iter().with_max_len(1).map(one).collect();
     all.iter().sum::<f64>() / all.len() as f64
 }
+

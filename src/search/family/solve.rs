@@ -120,13 +120,7 @@ impl Shape {
 }
 
 /// The best that the cheap model alone finds from `start`, with what it minimised.
-pub(super) fn roughly(
-    shape: &Shape,
-    cheap: &Model,
-    asked: &Asked,
-    start: &[f64],
-    shift: Option<&Spectra>,
-) -> Option<(Vec<f64>, f64)> {
+pub(super) fn roughly(shape: &Shape, cheap: &Model, asked: &Asked, start: &[f64], shift: Option<&Spectra>) -> Option<(Vec<f64>, f64)> {
     let Ended { x, residuals } = fitted(shape, cheap, asked, start, &asked.shifted(shift))?;
     Some((x, residuals.objective()))
 }
