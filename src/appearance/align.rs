@@ -4,13 +4,17 @@
 //! resins, as white–support–black–white…; then thicknesses can be interpolated between neighbours, slot by slot. The
 //! paper takes the period as given. Here it is the permutation of the used resins that makes the sequence shortest,
 //! since every slot costs time in every voxel; the last period is cut after its last used slot.
+//!
+//! Stackings with mixtures are mostly a family: as many layers each, in the same order, some of thickness 0. Those are
+//! aligned layer by layer ([`align_mixtures`]), and what is interpolated in a slot of mixtures are the amounts of its
+//! resins, thickness × share.
 
-use crate::optics::{ResinId, Stack};
+use crate::optics::{Mixture, ResinId, Stack};
 
 /// Stackings over one sequence of resins.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AlignedStackings {
-    /// Resin of each slot, top first; periodic.
+    /// Resin of each slot, top first; periodic where all are pure. Of a slot of mixtures the first of its resins.
     pub sequence: Vec<ResinId>,
     /// Slots in a period: the number of resins used.
     pub period: usize,
@@ -18,6 +22,26 @@ pub struct AlignedStackings {
     pub thickness: Vec<f64>,
     /// Number of stackings.
     pub len: usize,
+    /// The slots that are mixtures, from the top.
+    pub mixed: Vec<MixedSlot>,
+}
+
+/// A slot in which some stacking has a mixture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MixedSlot {
+    /// Which slot.
+    pub slot: usize,
+    /// All resins that any stacking has there, ascending.
+    pub resins: Vec<ResinId>,
+    /// Their shares of the slot's volume, row-major `[stacking][resin]`; 0 where the stacking skips the slot.
+    pub shares: Vec<f64>,
+}
+
+impl MixedSlot {
+    /// Shares of the resins in one stacking.
+    pub fn row(&self, stacking: usize) -> &[f64] {
+        &self.shares[stacking * self.resins.len()..(stacking + 1) * self.resins.len()]
+    }
 }
 
 /// Up to here all orders are tried (7! = 5040, a few ms for hundreds of stackings); beyond, swaps improve a first
@@ -57,7 +81,81 @@ pub fn align(stackings: &[Stack]) -> AlignedStackings {
             thickness[row * length + slot] = layer.thickness_mm;
         }
     }
-    AlignedStackings { sequence, period, thickness, len: stackings.len() }
+    AlignedStackings { sequence, period, thickness, len: stackings.len(), mixed: Vec::new() }
+}
+
+/// Aligns stackings of mixtures: pure ones as [`align`] does, a family layer by layer. Others are aligned like resins,
+/// where all mixtures of the same resins count as one.
+pub fn align_mixtures(stackings: &[Stack<Mixture>]) -> AlignedStackings {
+    if let Some(pure) = stackings.iter().map(Stack::<Mixture>::pure).collect::<Option<Vec<_>>>() {
+        return align(&pure);
+    }
+    if is_family(stackings) {
+        let slots = stackings.first().map_or(0, |stacking| stacking.layers.len());
+        let thickness = stackings.iter().flat_map(|stacking| stacking.pairs().map(|(_, mm)| mm)).collect();
+        let places = stackings.iter().map(|_| (0..slots).collect()).collect::<Vec<_>>();
+        return with_mixtures(stackings, &places, vec![Vec::new(); slots], slots, thickness);
+    }
+    let resins = |mixture: &Mixture| mixture.parts().iter().map(|part| part.0).collect::<Vec<_>>();
+    let mut kinds: Vec<_> = stackings.iter().flat_map(Stack::pairs).map(|(mixture, _)| resins(mixture)).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    let kind = |mixture: &Mixture| ResinId(kinds.partition_point(|known| *known < resins(mixture)));
+    let of_kinds: Vec<Stack> = stackings.iter().map(|stacking| stacking.map(kind)).collect();
+    let AlignedStackings { sequence, period, thickness, .. } = align(&of_kinds);
+    let place = |stacking: &Stack| {
+        let mut next = 0;
+        let found = stacking.layers.iter().map(|layer| {
+            let slot = next + sequence[next..].iter().position(|kind| *kind == layer.resin).unwrap_or_default();
+            next = slot + 1;
+            slot
+        });
+        found.collect::<Vec<_>>()
+    };
+    let places: Vec<_> = of_kinds.iter().map(place).collect();
+    let resins = sequence.iter().map(|kind| kinds[kind.0].clone()).collect();
+    with_mixtures(stackings, &places, resins, period, thickness)
+}
+
+/// Whether slot i of one stacking is slot i of every other: as many layers each, and where they differ in their resins
+/// only those that are mixed there in some stacking.
+fn is_family(stackings: &[Stack<Mixture>]) -> bool {
+    let slots = stackings.first().map_or(0, |stacking| stacking.layers.len());
+    let alike = |slot: usize| {
+        let here = || stackings.iter().map(|stacking| &stacking.layers[slot].resin);
+        let same = here().all(|mixture| mixture.pure().is_some() && Some(mixture) == here().next());
+        let mixed = |resin: ResinId| here().any(|mixture| mixture.pure().is_none() && mixture.share(resin) > 0.0);
+        same || here().all(|mixture| mixture.parts().iter().all(|part| mixed(part.0)))
+    };
+    stackings.iter().all(|stacking| stacking.layers.len() == slots) && (0..slots).all(alike)
+}
+
+/// The layers of `stackings`, each at its place among the slots, some of whose `resins` are known.
+fn with_mixtures(
+    stackings: &[Stack<Mixture>],
+    places: &[Vec<usize>],
+    mut resins: Vec<Vec<ResinId>>,
+    period: usize,
+    thickness: Vec<f64>,
+) -> AlignedStackings {
+    let laid = || stackings.iter().zip(places).map(|(stacking, places)| places.iter().zip(&stacking.layers));
+    for (&slot, layer) in laid().flatten() {
+        resins[slot].extend(layer.resin.parts().iter().map(|part| part.0));
+    }
+    for resins in &mut resins {
+        resins.sort_unstable();
+        resins.dedup();
+    }
+    let sequence = resins.iter().filter_map(|resins| resins.first().copied()).collect();
+    let mixed = resins.into_iter().enumerate().filter(|(_, resins)| resins.len() > 1).map(|(slot, resins)| {
+        let shares = laid().flat_map(|mut layers| {
+            let here = layers.find(|(place, _)| **place == slot).map(|(_, layer)| &layer.resin);
+            resins.iter().map(move |&resin| here.map_or(0.0, |mixture| mixture.share(resin))).collect::<Vec<_>>()
+        });
+        MixedSlot { slot, shares: shares.collect(), resins }
+    });
+    let mixed = mixed.collect();
+    AlignedStackings { sequence, period, thickness, len: stackings.len(), mixed }
 }
 
 impl AlignedStackings {
@@ -80,7 +178,15 @@ impl AlignedStackings {
         bottoms
     }
 
-    /// The layers of a stacking without the virtual ones.
+    /// The resins of a slot, ascending.
+    pub fn resins(&self, slot: usize) -> &[ResinId] {
+        match self.mixed.iter().find(|mixed| mixed.slot == slot) {
+            Some(mixed) => &mixed.resins,
+            None => std::slice::from_ref(&self.sequence[slot]),
+        }
+    }
+
+    /// The layers of a stacking of resins without the virtual ones.
     pub fn collapse(&self, stacking: usize) -> Stack {
         Stack::joined(self.sequence.iter().copied().zip(self.row(stacking).iter().copied()))
     }
@@ -250,6 +356,48 @@ mod tests {
         assert_eq!(aligned.sequence, [white, support, black, white]);
         assert_eq!(aligned.row(1), [1.0, 0.0, 0.5, 3.0]);
         assert_eq!(aligned.row(2), [0.0, 1.0, 1.0, 0.0]);
+    }
+
+    /// White with shares of black, over support of any thickness, over white.
+    #[test]
+    fn a_family_is_aligned_layer_by_layer() {
+        let [white, support, black] = [0, 1, 2].map(ResinId);
+        let one = |dark: f64, grey_mm: f64, clear_mm: f64| {
+            let grey = Mixture::new([(white, 1.0 - dark), (black, dark)]).unwrap();
+            Stack::new([(grey, grey_mm), (support.into(), clear_mm), (white.into(), 0.5)])
+        };
+        let aligned = align_mixtures(&[one(0.1, 0.3, 0.0), one(0.0, 0.5, 1.0), one(0.4, 0.2, 0.2)]);
+        assert_eq!(aligned.sequence, [white, support, white]);
+        assert_eq!(aligned.row(0), [0.3, 0.0, 0.5]);
+        let shares = vec![0.9, 0.1, 1.0, 0.0, 0.6, 0.4];
+        assert_eq!(aligned.mixed, [MixedSlot { slot: 0, resins: vec![white, black], shares }]);
+        assert_eq!(aligned.resins(0), [white, black]);
+        assert_eq!(aligned.resins(1), [support]);
+    }
+
+    /// In one the support lies above the white, in the other below: no slot may mix them.
+    #[test]
+    fn what_is_no_family_is_aligned_by_its_resins() {
+        let [white, support, black] = [0, 1, 2].map(ResinId);
+        let grey = Mixture::new([(white, 0.75), (black, 0.25)]).unwrap();
+        let pure = |resin: ResinId| Mixture::from(resin);
+        let stackings = [
+            Stack::new([(grey.clone(), 0.3), (pure(support), 1.0), (pure(white), 0.5)]),
+            Stack::new([(grey, 0.3), (pure(white), 0.5), (pure(support), 1.0)]),
+        ];
+        let aligned = align_mixtures(&stackings);
+        assert!(
+            (0..aligned.sequence.len())
+                .all(|slot| !aligned.resins(slot).contains(&support) || aligned.resins(slot) == [support])
+        );
+        for stacking in 0..2 {
+            assert!((aligned.row(stacking).iter().sum::<f64>() - 1.8).abs() < 1e-12);
+        }
+        assert_eq!(aligned.mixed[0].row(1), [0.75, 0.25]);
+        let pure: Vec<_> =
+            stackings.iter().map(|s| Stack::new(s.pairs().skip(1).map(|(m, mm)| (m.pure().unwrap(), mm)))).collect();
+        let mixtures: Vec<Stack<Mixture>> = pure.iter().cloned().map(Into::into).collect();
+        assert_eq!(align_mixtures(&mixtures), align(&pure));
     }
 
     #[test]

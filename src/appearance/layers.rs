@@ -1,10 +1,14 @@
 //! The material at a surface point and a depth.
 //!
-//! A layer owns depth in [top, bottom); below the last one lies the core.
+//! A layer owns depth in [top, bottom); below the last one lies the core. A layer is of one resin, or of several that
+//! share its voxels out by their ranks in a [mask](crate::voxel::ThresholdMask).
 
 use glam::Vec2;
 
-use super::textured::TexturedLayers;
+use super::{
+    filling::{Blend, Filling},
+    textured::TexturedLayers,
+};
 use crate::{
     sdf::{BrickSurface, DepthRange},
     voxel::{BRICK_VOXELS, MaterialId},
@@ -39,6 +43,8 @@ pub struct BrickQuery<'a> {
     pub candidates: &'a [u32],
     /// The voxels that want an answer: bit x of byte y + 8z.
     pub mask: &'a [u8; BRICK_VOXELS / 8],
+    /// The voxels' ranks, which decide in mixtures.
+    pub ranks: &'a [u16; BRICK_VOXELS],
 }
 
 impl LayerField {
@@ -81,18 +87,38 @@ impl LayerField {
         matches!(self, Self::Textured(_))
     }
 
-    /// The one material of all depths in `range` under all of `triangles`, if there is one for certain.
-    pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<MaterialId> {
+    /// Whether some layers are mixtures.
+    pub fn is_mixed(&self) -> bool {
+        match self {
+            Self::Uniform(stack) => !stack.blends.is_empty(),
+            Self::Textured(layers) => layers.is_mixed(),
+        }
+    }
+
+    /// What [`Filling::Mixed`] of these layers stands for.
+    pub fn blend(&self, blend: u16) -> &Blend {
+        match self {
+            Self::Uniform(stack) => &stack.blends[usize::from(blend)],
+            Self::Textured(layers) => layers.blend(blend),
+        }
+    }
+
+    /// The one filling of all depths in `range` under all of `triangles`, if there is one for certain.
+    pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<Filling> {
         match self {
             Self::Uniform(stack) => stack.uniform_over(range),
             Self::Textured(layers) => layers.uniform_over(triangles, range),
         }
     }
 
-    /// The material of every slot that [`Self::bottoms`] bounds, from the surface inwards, then the core's.
+    /// The material of every slot that [`Self::bottoms`] bounds, from the surface inwards, then the core's; of a mixture
+    /// the resin there is most of.
     pub fn slot_ids(&self) -> Vec<MaterialId> {
         match self {
-            Self::Uniform(stack) => stack.layers.iter().map(|layer| layer.1).chain([stack.core]).collect(),
+            Self::Uniform(stack) => {
+                let mostly = |layer: &(f64, Filling)| stack.mostly(layer.1);
+                stack.layers.iter().map(mostly).chain([stack.core]).collect()
+            }
             Self::Textured(layers) => layers.slot_ids().to_vec(),
         }
     }
@@ -128,25 +154,47 @@ impl LayerField {
 /// Layers from the surface inwards, the same everywhere.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerStack {
-    /// Depth at which each layer ends, mm, ascending, with its material.
-    layers: Vec<(f64, MaterialId)>,
+    /// Depth at which each layer ends, mm, ascending, with its filling.
+    layers: Vec<(f64, Filling)>,
     core: MaterialId,
+    blends: Vec<Blend>,
 }
 
 impl LayerStack {
     /// Layers given by material and thickness (mm) over `core`.
     pub fn new(layers: impl IntoIterator<Item = (MaterialId, f64)>, core: MaterialId) -> Self {
-        let mut bottom = 0.0;
-        let layers = layers.into_iter().map(|(id, thickness)| {
-            bottom += thickness;
-            (bottom, id)
-        });
-        Self { layers: layers.collect(), core }
+        Self::with_mixtures(layers.into_iter().map(|(id, thickness)| (vec![(id, 1.0)], thickness)), core)
     }
 
-    /// The material at `depth` mm ≥ 0.
-    pub fn material(&self, depth: f64) -> MaterialId {
-        self.layers.iter().find(|(bottom, _)| depth < *bottom).map_or(self.core, |(_, id)| *id)
+    /// Layers given by materials with their shares of the volume and thickness (mm) over `core`.
+    pub fn with_mixtures(layers: impl IntoIterator<Item = (Vec<(MaterialId, f64)>, f64)>, core: MaterialId) -> Self {
+        let (mut bottom, mut blends) = (0.0, Vec::new());
+        let layers = layers.into_iter().map(|(parts, thickness)| {
+            bottom += thickness;
+            let filling = if let [(id, _)] = parts[..] {
+                Filling::Pure(id)
+            } else {
+                blends.push(Blend::new(parts));
+                Filling::Mixed((blends.len() - 1) as u16)
+            };
+            (bottom, filling)
+        });
+        Self { layers: layers.collect(), core, blends }
+    }
+
+    /// What there is at `depth` mm ≥ 0.
+    pub fn filling(&self, depth: f64) -> Filling {
+        let layer = self.layers.iter().find(|(bottom, _)| depth < *bottom);
+        layer.map_or(Filling::Pure(self.core), |(_, filling)| *filling)
+    }
+
+    /// The material at `depth` mm ≥ 0, in a mixture of a voxel of rank `rank` of its
+    /// [mask](crate::voxel::ThresholdMask).
+    pub fn material(&self, depth: f64, rank: u16) -> MaterialId {
+        match self.filling(depth) {
+            Filling::Pure(id) => id,
+            Filling::Mixed(blend) => self.blends[usize::from(blend)].at(rank),
+        }
     }
 
     /// Depth from which on there is only core, mm.
@@ -154,26 +202,39 @@ impl LayerStack {
         self.layers.last().map_or(0.0, |(bottom, _)| *bottom)
     }
 
-    fn uniform_over(&self, range: DepthRange) -> Option<MaterialId> {
+    fn mostly(&self, filling: Filling) -> MaterialId {
+        match filling {
+            Filling::Pure(id) => id,
+            Filling::Mixed(blend) => self.blends[usize::from(blend)].mostly(),
+        }
+    }
+
+    fn uniform_over(&self, range: DepthRange) -> Option<Filling> {
         let split = self.layers.iter().any(|(bottom, _)| range.min < *bottom && *bottom <= range.max);
-        (!split).then(|| self.material(range.min))
+        (!split).then(|| self.filling(range.min))
     }
 
     fn fill_brick(&self, query: BrickQuery<'_>, exact: impl Fn(usize) -> f64, out: &mut [u8; BRICK_VOXELS]) {
         let error = f64::from(query.surface.error);
         let mut ids = [self.core.0; BRICK_VOXELS];
+        let mut layer = [0; BRICK_VOXELS];
         let mut unsure = [false; BRICK_VOXELS];
-        for &(bottom, id) in self.layers.iter().rev() {
+        for &(bottom, filling) in self.layers.iter().rev() {
             let (sure, maybe) = ((bottom - error) as f32, (bottom + error) as f32);
+            match filling {
+                Filling::Pure(id) => layer.fill(id.0),
+                Filling::Mixed(blend) => self.blends[usize::from(blend)].lay(query.ranks, &mut layer),
+            }
             for voxel in 0..BRICK_VOXELS {
                 let depth = query.surface.distance[voxel];
-                ids[voxel] = if depth < sure { id.0 } else { ids[voxel] };
+                ids[voxel] = if depth < sure { layer[voxel] } else { ids[voxel] };
                 unsure[voxel] |= depth >= sure && depth <= maybe;
             }
         }
         for voxel in 0..BRICK_VOXELS {
             if query.mask[voxel / 8] >> (voxel % 8) & 1 != 0 {
-                out[voxel] = if unsure[voxel] { self.material(exact(voxel)).0 } else { ids[voxel] };
+                let decided = || self.material(exact(voxel), query.ranks[voxel]).0;
+                out[voxel] = if unsure[voxel] { decided() } else { ids[voxel] };
             }
         }
     }

@@ -53,13 +53,28 @@ pub fn enforce_limits(bottoms: &mut [f32], sequence: &[ResinId], limits: &[Resin
 impl SlotLimits {
     /// `limits` holds one limit per resin; a resin beyond it has none.
     pub fn new(sequence: &[ResinId], limits: &[ResinLimit]) -> Self {
+        Self::of_slots(sequence.iter().map(std::slice::from_ref), limits)
+    }
+
+    /// The same for slots of one resin or of a mixture, given by its resins: a mixture keeps the limits of them all.
+    pub fn of_slots<'a>(slots: impl IntoIterator<Item = &'a [ResinId]>, limits: &[ResinLimit]) -> Self {
+        let slots: Vec<&[ResinId]> = slots.into_iter().collect();
         let of = |resin: &ResinId| limits.get(resin.0).copied().unwrap_or(ResinLimit::NONE);
-        let column = |f: fn(ResinLimit) -> f64| sequence.iter().map(|resin| f(of(resin)) as f32).collect::<Vec<f32>>();
+        let all = |resins: &&[ResinId]| {
+            resins.iter().map(of).fold(ResinLimit::NONE, |all, one| ResinLimit {
+                min_depth_mm: all.min_depth_mm.max(one.min_depth_mm),
+                min_mm: all.min_mm.max(one.min_mm),
+                max_mm: all.max_mm.min(one.max_mm),
+            })
+        };
+        // Slots of the same resins are one run where they meet.
+        let same = |resins: &&[ResinId]| slots.iter().position(|other| other == resins).unwrap_or_default() as u32;
+        let column = |f: fn(ResinLimit) -> f64| slots.iter().map(|slot| f(all(slot)) as f32).collect::<Vec<f32>>();
         let (min_depth, min, max) = (column(|l| l.min_depth_mm), column(|l| l.min_mm), column(|l| l.max_mm));
         let growth = min.iter().copied().fold(0.0, f32::max);
         let max_limited = max.iter().any(|max| max.is_finite());
         Self {
-            resin: sequence.iter().map(|resin| resin.0 as u32).collect(),
+            resin: slots.iter().map(same).collect(),
             limited: growth > 0.0 || max_limited || min_depth.iter().any(|depth| *depth > 0.0),
             min_depth,
             min,

@@ -27,6 +27,8 @@ pub struct SurfaceTexel {
     pub uv: Vec2,
     /// Distance from it, mm.
     pub depth: f32,
+    /// The voxel's rank among those that share in a mixture.
+    pub rank: u16,
 }
 
 /// Footprints of [`LANES`] points.
@@ -88,10 +90,10 @@ pub fn resolve(layers: &TexturedLayers, points: &[SurfaceTexel], out: &mut [u8; 
         }
         condense(&mut footprints);
         for (lane, point) in points.iter().enumerate() {
-            let id = &mut out[point.voxel as usize];
-            *id = match layers.slots.material_below_limits(&footprints.at(lane), point.depth) {
-                Some(material) => material.0,
-                None => layers.material(point.triangle, point.uv, point.depth).0,
+            let (id, footprint) = (&mut out[point.voxel as usize], footprints.at(lane));
+            *id = match layers.slots.slot_below_limits(&footprint, point.depth) {
+                Some(slot) => layers.slots.material_in(slot, &footprint, point.rank).0,
+                None => layers.material(point.triangle, point.uv, point.depth, point.rank).0,
             };
         }
     }

@@ -5,11 +5,13 @@
 
 mod align;
 mod areas;
+mod blends;
 pub mod bssrdf;
 mod charts;
 mod clusters;
 mod diffusion;
 mod equation_7;
+mod filling;
 mod heights;
 mod layers;
 mod limits;
@@ -20,12 +22,13 @@ mod slots;
 mod texture;
 mod textured;
 
-pub use align::{AlignedStackings, align};
+pub use align::{AlignedStackings, MixedSlot, align, align_mixtures};
 pub use charts::{Atlas, ChartMap, Place};
 pub use clusters::{ClusterError, ClusterFit, ClusterId, ClusterOptions, Clusters, cluster};
 pub use diffusion::{DiffusionError, NormalizedDiffusion};
 pub use equation_7::{LocalProfiles, TexelRings};
 pub(crate) use equation_7::{mirrored, spread};
+pub use filling::{Blend, Filling};
 pub use heights::HeightFields;
 pub use layers::{BrickQuery, LayerField, LayerStack, SurfaceShare};
 pub use limits::{SlotLimits, enforce_limits};

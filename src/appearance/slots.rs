@@ -1,13 +1,22 @@
 //! Stackings aligned to one sequence of slots, ready for interpolation.
 
-use super::{align::AlignedStackings, limits::SlotLimits, textured::Footprint};
-use crate::{sdf::DepthRange, search::ResinLimit, voxel::MaterialId};
+use super::{
+    align::{AlignedStackings, MixedSlot},
+    blends::BlendTable,
+    limits::SlotLimits,
+    textured::Footprint,
+};
+use crate::{optics::ResinId, sdf::DepthRange, search::ResinLimit, voxel::MaterialId};
 
 /// Rows of slot bottoms, one row per stacking.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SlotTable {
-    /// Material of every slot, then the core's.
+    /// Material of every slot, of mixtures the one there is most of; then the core's.
     ids: Vec<MaterialId>,
+    /// What of the slots are mixtures.
+    mixed: Vec<BlendTable>,
+    /// For every slot, and the core, which of `mixed` it is; [`Self::PURE`] for the others.
+    mixed_of: Vec<u8>,
     limits: SlotLimits,
     /// Depth to which the limits can change what interpolation gives, mm.
     reach: f32,
@@ -15,6 +24,15 @@ pub struct SlotTable {
     /// Depth at which each slot ends, mm; rows of `stride`, the surplus infinite.
     bottoms: Vec<f32>,
     thickness: f64,
+}
+
+/// What a slot is: a material, or one of the table's mixtures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SlotFilling {
+    /// One resin.
+    Pure(MaterialId),
+    /// Its place in [`SlotTable::mixed`].
+    Mixed(usize),
 }
 
 /// Least and greatest bottom of every slot, mm.
@@ -51,8 +69,11 @@ impl SlotTable {
                 *cell = bottom as f32;
             }
         }
-        let limits = SlotLimits::new(&stackings.sequence, limits);
+        let resins = (0..stackings.sequence.len()).map(|slot| stackings.resins(slot));
+        let limits = SlotLimits::of_slots(resins, limits);
         Some(Self {
+            mixed: Vec::new(),
+            mixed_of: vec![Self::PURE; ids.len() + 1],
             ids: ids.iter().copied().chain([core]).collect(),
             reach: limits.reach(),
             limits,
@@ -61,6 +82,59 @@ impl SlotTable {
             // In the precision of the table, so that what ends here has ended there.
             thickness: f64::from(bottoms.iter().fold(0.0_f32, |most, &bottom| most.max(bottom as f32))),
         })
+    }
+
+    /// The same for stackings some of whose slots are mixtures, with the material that each resin is printed as.
+    pub fn with_mixtures(
+        id: impl Fn(ResinId) -> MaterialId,
+        stackings: &AlignedStackings,
+        limits: &[ResinLimit],
+        core: MaterialId,
+    ) -> Option<Self> {
+        let ids: Vec<_> = stackings.sequence.iter().map(|&resin| id(resin)).collect();
+        let mut table = Self::new(&ids, stackings, limits, core)?;
+        // Marks for voxels of mixtures whose resin is still to be found.
+        let used: Vec<_> =
+            (0..stackings.sequence.len()).flat_map(|slot| stackings.resins(slot)).map(|r| id(*r)).collect();
+        let mut marks = (1..=u8::MAX).rev().map(MaterialId).filter(|mark| *mark != core && !used.contains(mark));
+        for mixed in &stackings.mixed {
+            let MixedSlot { slot, .. } = *mixed;
+            let thickness: Vec<_> = (0..stackings.len).map(|stacking| stackings.row(stacking)[slot]).collect();
+            let blends = BlendTable::new(mixed, &thickness, &id, marks.next()?);
+            table.ids[slot] = blends.mostly();
+            table.mixed_of[slot] = table.mixed.len() as u8;
+            table.mixed.push(blends);
+        }
+        Some(table)
+    }
+
+    /// Marks a slot of one resin.
+    const PURE: u8 = u8::MAX;
+
+    /// What of the slots are mixtures.
+    pub fn mixed(&self) -> &[BlendTable] {
+        &self.mixed
+    }
+
+    /// A slot's place among the mixtures, if it is one.
+    #[inline(always)]
+    fn place(&self, slot: usize) -> Option<usize> {
+        let place = self.mixed_of[slot];
+        (place != Self::PURE).then_some(usize::from(place))
+    }
+
+    /// What stands for the slot where its resin need not be known: its material, or the mark of its mixture.
+    fn mark(&self, slot: usize) -> SlotFilling {
+        self.place(slot).map_or(SlotFilling::Pure(self.ids[slot]), SlotFilling::Mixed)
+    }
+
+    /// The material of a voxel in `slot`, of that rank, where the texels of `footprint` meet.
+    #[inline(always)]
+    pub fn material_in(&self, slot: usize, footprint: &Footprint, rank: u16) -> MaterialId {
+        match self.place(slot) {
+            None => self.ids[slot],
+            Some(place) => self.mixed[place].material(footprint, rank),
+        }
     }
 
     /// Length of a row.
@@ -91,23 +165,22 @@ impl SlotTable {
         self.ids[self.slots()]
     }
 
-    /// The material at `depth` mm where the texels of `footprint` meet; `scratch` holds a row.
+    /// The slot at `depth` mm where the texels of `footprint` meet, or the one past the last; `scratch` holds a row.
     #[inline(always)]
-    pub fn material(&self, scratch: &mut [f32; Self::MAX_STRIDE], footprint: &Footprint, depth: f32) -> MaterialId {
-        let slot = if footprint.single().is_none() && depth > self.reach {
+    pub fn slot(&self, scratch: &mut [f32; Self::MAX_STRIDE], footprint: &Footprint, depth: f32) -> usize {
+        if footprint.single().is_none() && depth > self.reach {
             self.passed_between(footprint, depth)
         } else {
             passed(self.row(scratch, footprint, depth), depth)
-        };
-        self.ids[slot]
+        }
     }
 
-    /// The material at a `depth` where limits change nothing, and where a footprint of one stacking has it on one
+    /// The slot at a `depth` where limits change nothing, and where a footprint of one stacking has it on one
     /// texel; `None` at others.
     #[inline(always)]
-    pub fn material_below_limits(&self, footprint: &Footprint, depth: f32) -> Option<MaterialId> {
+    pub fn slot_below_limits(&self, footprint: &Footprint, depth: f32) -> Option<usize> {
         // Not by a closure: it would be built for the plainest instruction set.
-        if depth > self.reach { Some(self.ids[self.passed_between(footprint, depth)]) } else { None }
+        if depth > self.reach { Some(self.passed_between(footprint, depth)) } else { None }
     }
 
     /// [`passed`] of the mean of four rows, without writing it down.
@@ -146,16 +219,16 @@ impl SlotTable {
         blended
     }
 
-    /// The material of every slot, then the core's.
+    /// The material of every slot, of mixtures the one there is most of; then the core's.
     pub fn ids(&self) -> &[MaterialId] {
         &self.ids
     }
 
-    /// The material of all depths in `range`, if it is certain.
-    pub fn certain(&self, SlotRanges { low, high }: &SlotRanges, range: DepthRange) -> Option<MaterialId> {
+    /// What all depths in `range` are, if that is certain.
+    pub fn certain(&self, SlotRanges { low, high }: &SlotRanges, range: DepthRange) -> Option<SlotFilling> {
         let slots = self.slots();
         let [min, max] = Self::rounded_out(range);
-        self.limits.certain(&low[..slots], &high[..slots], min, max).map(|slot| self.ids[slot])
+        self.limits.certain(&low[..slots], &high[..slots], min, max).map(|slot| self.mark(slot))
     }
 
     /// A range of depths in single precision that holds `range`. No depth is negative, and the first slot begins at 0.
@@ -163,18 +236,18 @@ impl SlotTable {
         [(range.min as f32).next_down().max(0.0), (range.max as f32).next_up()]
     }
 
-    /// Calls `visit` for stretches of depth, from one (mm) to below another, that certainly are one material.
+    /// Calls `visit` for stretches of depth, from one (mm) to below another, that certainly are one slot's.
     pub fn for_certain_depths(
         &self,
         SlotRanges { low, high }: &SlotRanges,
-        mut visit: impl FnMut(f32, f32, MaterialId),
+        mut visit: impl FnMut(f32, f32, SlotFilling),
     ) {
         let slots = self.slots();
         for slot in 0..=slots {
             if let Some((from, to)) = self.limits.certain_depths(&low[..slots], &high[..slots], slot)
                 && from < to
             {
-                visit(from, to, self.ids[slot]);
+                visit(from, to, self.mark(slot));
             }
         }
     }

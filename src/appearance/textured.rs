@@ -6,7 +6,8 @@
 //! again afterwards.
 //!
 //! For every triangle the range of each bottom under it is kept. A box of voxels whose depths fall between the ranges
-//! of all its candidates has one material, whatever the texels in detail.
+//! of all its candidates has one material, whatever the texels in detail. The shares of a mixture are interpolated
+//! likewise, and of them, too, the ranges are kept: most ranks are one resin anywhere under a triangle.
 
 use glam::Vec2;
 use multiversion::multiversion;
@@ -14,10 +15,12 @@ use rayon::prelude::*;
 
 use super::{
     ClusterId,
+    blends::Shares,
     charts::{Atlas, Place, for_covered_texels, wrap},
+    filling::{Blend, Filling},
     layers::BrickQuery,
     lookups::{SurfaceTexel, resolve},
-    slots::{SlotRanges, SlotTable},
+    slots::{SlotFilling, SlotRanges, SlotTable},
 };
 use crate::{
     mesh::TriangleMesh,
@@ -58,6 +61,15 @@ pub struct TexturedLayers {
     /// The certain stretches under triangle t: `stretches[starts[t]..starts[t + 1]]`.
     stretches: Vec<Stretch>,
     starts: Vec<u32>,
+    /// What is known of the shares in the mixtures under every triangle, one for each slot of them.
+    shares: Vec<Shares>,
+    /// The levels that go with them, see [`super::blends::BlendTable::levels`]; all slots of a triangle together.
+    levels: Vec<[u16; 2]>,
+    /// Where each slot's levels begin among those of a triangle, and where they end.
+    level_starts: Vec<usize>,
+    /// Distinct shares of all slots, and where those of each slot begin.
+    blends: Vec<Blend>,
+    blend_starts: Vec<u16>,
 }
 
 /// Depths, from one (mm) to below another, that are one material for certain.
@@ -65,6 +77,7 @@ pub struct TexturedLayers {
 struct Stretch {
     from: f32,
     to: f32,
+    /// Or the mark of a mixture.
     id: MaterialId,
 }
 
@@ -92,17 +105,33 @@ impl TexturedLayers {
             ranges: Vec::new(),
             stretches: Vec::new(),
             starts: vec![0],
+            shares: Vec::new(),
+            levels: Vec::new(),
+            level_starts: vec![0],
+            blends: Vec::new(),
+            blend_starts: Vec::new(),
         };
+        for mixed in layers.slots.mixed() {
+            layers.level_starts.push(layers.level_starts.last().copied().unwrap_or_default() + mixed.ids().len() - 1);
+            layers.blend_starts.push(layers.blends.len() as u16);
+            layers.blends.extend_from_slice(mixed.blends());
+        }
         for (page, labels) in atlas.pages().iter().zip(labels) {
             layers.pages.push(Page { width: page.width, height: page.height, start: layers.texels.len() });
             let texels = page.source.iter().zip(&page.chart);
             layers.texels.extend(texels.map(|(&source, &chart)| Texel { label: labels.0[source as usize].0, chart }));
         }
-        layers.ranges = layers.triangle_ranges(mesh);
+        (layers.ranges, layers.shares, layers.levels) = layers.under_triangles(mesh);
         for triangle in 0..mesh.triangles.len() as u32 {
             let ranges = layers.ranges_over(&[triangle]);
-            let stretches = &mut layers.stretches;
-            layers.slots.for_certain_depths(&ranges, |from, to, id| stretches.push(Stretch { from, to, id }));
+            let (slots, stretches) = (&layers.slots, &mut layers.stretches);
+            slots.for_certain_depths(&ranges, |from, to, filling| {
+                let id = match filling {
+                    SlotFilling::Pure(id) => id,
+                    SlotFilling::Mixed(place) => slots.mixed()[place].mark(),
+                };
+                stretches.push(Stretch { from, to, id });
+            });
             layers.starts.push(layers.stretches.len() as u32);
         }
         layers
@@ -118,35 +147,15 @@ impl TexturedLayers {
         self.slots.core()
     }
 
-    fn triangle_ranges(&self, mesh: &TriangleMesh) -> Vec<f32> {
+    /// What is known under every triangle: ranges of bottoms, shares of mixtures, and their levels.
+    fn under_triangles(&self, mesh: &TriangleMesh) -> (Vec<f32>, Vec<Shares>, Vec<[u16; 2]>) {
         let stride = self.slots.stride();
+        let mixed = self.slots.mixed();
         let mut ranges = vec![0.0; mesh.triangles.len() * 2 * stride];
-        ranges.par_chunks_mut(2 * stride).zip(&mesh.uvs).zip(&self.places).for_each_init(
+        let known = ranges.par_chunks_mut(2 * stride).zip(&mesh.uvs).zip(&self.places).map_init(
             Vec::new,
-            |labels, ((range, uvs), &Place { page, chart })| {
-                labels.clear();
-                let page = self.pages[usize::from(page)];
-                let scale = Vec2::new(page.width as f32, page.height as f32);
-                let texel = |x: i32, y: i32| {
-                    let (x, y) = (wrap(x, page.width) as usize, wrap(y, page.height) as usize);
-                    self.texels[page.start + x + page.width as usize * y]
-                };
-                let corners = uvs.map(|uv| uv * scale - Vec2::splat(0.5));
-                for_covered_texels(corners, FOOTPRINT, scale, |x, y| {
-                    let here = texel(x, y);
-                    if here.chart == chart {
-                        labels.push(here.label);
-                    }
-                });
-                // Where none of the four texels around a point is of the chart, all count (see `Footprint`).
-                for_covered_texels(corners.map(|c| c - Vec2::splat(0.5)), HALF_CELL, scale, |x, y| {
-                    let four = [texel(x, y), texel(x + 1, y), texel(x, y + 1), texel(x + 1, y + 1)];
-                    if four.iter().all(|t| t.chart != chart) {
-                        labels.extend(four.map(|t| t.label));
-                    }
-                });
-                labels.sort_unstable();
-                labels.dedup();
+            |labels, ((range, uvs), &place)| {
+                self.labels_under(place, uvs, labels);
                 let (low, high) = range.split_at_mut(stride);
                 low.fill(f32::INFINITY);
                 high.fill(f32::NEG_INFINITY);
@@ -156,25 +165,98 @@ impl TexturedLayers {
                         high[slot] = high[slot].max(bottom);
                     }
                 }
+                let mut levels = Vec::new();
                 if labels.is_empty() {
                     // Texture coordinates that are not numbers: nothing can be said.
                     low.fill(f32::NEG_INFINITY);
                     high.fill(f32::INFINITY);
+                    levels.resize(self.level_starts[mixed.len()], [0, u16::MAX]);
+                    return (vec![Shares::Vary; mixed.len()], levels);
                 }
+                mixed.iter().for_each(|slot| slot.levels(labels, &mut levels));
+                (mixed.iter().map(|slot| slot.shares(labels)).collect(), levels)
             },
         );
-        ranges
+        let known: Vec<(Vec<Shares>, Vec<[u16; 2]>)> = if mixed.is_empty() {
+            known.for_each(drop);
+            Vec::new()
+        } else {
+            known.collect()
+        };
+        let (shares, levels): (Vec<_>, Vec<_>) = known.into_iter().unzip();
+        (ranges, shares.concat(), levels.concat())
+    }
+
+    /// Replaces `labels` by those of all texels that count under a triangle, each once.
+    fn labels_under(&self, Place { page, chart }: Place, uvs: &[Vec2; 3], labels: &mut Vec<u16>) {
+        labels.clear();
+        let page = self.pages[usize::from(page)];
+        let scale = Vec2::new(page.width as f32, page.height as f32);
+        let texel = |x: i32, y: i32| {
+            let (x, y) = (wrap(x, page.width) as usize, wrap(y, page.height) as usize);
+            self.texels[page.start + x + page.width as usize * y]
+        };
+        let corners = uvs.map(|uv| uv * scale - Vec2::splat(0.5));
+        for_covered_texels(corners, FOOTPRINT, scale, |x, y| {
+            let here = texel(x, y);
+            if here.chart == chart {
+                labels.push(here.label);
+            }
+        });
+        // Where none of the four texels around a point is of the chart, all count (see `Footprint`).
+        for_covered_texels(corners.map(|c| c - Vec2::splat(0.5)), HALF_CELL, scale, |x, y| {
+            let four = [texel(x, y), texel(x + 1, y), texel(x, y + 1), texel(x + 1, y + 1)];
+            if four.iter().all(|t| t.chart != chart) {
+                labels.extend(four.map(|t| t.label));
+            }
+        });
+        labels.sort_unstable();
+        labels.dedup();
     }
 
     /// See [`super::LayerField::uniform_over`].
-    pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<MaterialId> {
+    pub fn uniform_over(&self, triangles: &[u32], range: DepthRange) -> Option<Filling> {
         // What is certain under all is certain under each; that is quick to ask, and mostly ends it.
         let [min, max] = SlotTable::rounded_out(range);
         let certain = |&triangle: &u32| self.stretches_under(triangle).iter().any(|s| s.from <= min && max < s.to);
         if !triangles.iter().all(certain) {
             return None;
         }
-        self.slots.certain(&self.ranges_over(triangles), range)
+        match self.slots.certain(&self.ranges_over(triangles), range)? {
+            SlotFilling::Pure(id) => Some(Filling::Pure(id)),
+            SlotFilling::Mixed(place) => {
+                let count = self.slots.mixed().len();
+                let shares = triangles.iter().map(|&triangle| self.shares[triangle as usize * count + place]);
+                match shares.fold(Shares::Absent, Shares::and) {
+                    Shares::Fixed(blend) => Some(Filling::Mixed(self.blend_starts[place] + blend)),
+                    Shares::Absent | Shares::Vary => None,
+                }
+            }
+        }
+    }
+
+    /// See [`super::LayerField::blend`].
+    pub fn blend(&self, blend: u16) -> &Blend {
+        &self.blends[usize::from(blend)]
+    }
+
+    /// See [`super::LayerField::is_mixed`].
+    pub fn is_mixed(&self) -> bool {
+        !self.slots.mixed().is_empty()
+    }
+
+    /// The resin that voxels of a rank have in a mixture everywhere under a triangle; [`UNCERTAIN`] if there is none.
+    #[inline(always)]
+    fn resin_under(&self, triangle: u32, place: usize, rank: u16) -> MaterialId {
+        let all = self.level_starts[self.slots.mixed().len()];
+        let [start, end] = [0, 1].map(|end| triangle as usize * all + self.level_starts[place + end]);
+        let levels = &self.levels[start..end];
+        let ids = self.slots.mixed()[place].ids();
+        let passed = levels.iter().map(|level| usize::from(rank >= level[1])).sum::<usize>();
+        match levels.get(passed) {
+            Some(level) if rank >= level[0] => MaterialId(UNCERTAIN),
+            _ => ids[passed],
+        }
     }
 
     #[inline(always)]
@@ -199,9 +281,12 @@ impl TexturedLayers {
         SlotRanges { low, high }
     }
 
-    /// The material at texture coordinates `uv` of triangle `triangle`, `depth` mm below the surface.
-    pub fn material(&self, triangle: u32, uv: Vec2, depth: f32) -> MaterialId {
-        self.slots.material(&mut [0.0; SlotTable::MAX_STRIDE], &self.footprint(triangle, uv.x, uv.y), depth)
+    /// The material at texture coordinates `uv` of triangle `triangle`, `depth` mm below the surface, where a mixture
+    /// is asked by a voxel of rank `rank` of its [mask](crate::voxel::ThresholdMask).
+    pub fn material(&self, triangle: u32, uv: Vec2, depth: f32, rank: u16) -> MaterialId {
+        let footprint = self.footprint(triangle, uv.x, uv.y);
+        let slot = self.slots.slot(&mut [0.0; SlotTable::MAX_STRIDE], &footprint, depth);
+        self.slots.material_in(slot, &footprint, rank)
     }
 
     /// See [`super::LayerField::slot_ids`].
@@ -233,8 +318,10 @@ impl TexturedLayers {
                 paint_part(self, query, part, &mut ids);
             }
         } else {
-            self.slots.for_certain_depths(&self.ranges_over(query.candidates), |from, to, id| {
-                paint(&surface.distance, from + surface.error, to - surface.error, id.0, &mut ids);
+            self.slots.for_certain_depths(&self.ranges_over(query.candidates), |from, to, filling| {
+                if let SlotFilling::Pure(id) = filling {
+                    paint(&surface.distance, from + surface.error, to - surface.error, id.0, &mut ids);
+                }
             });
         }
         let mut points = [SurfaceTexel::default(); BRICK_VOXELS];
@@ -249,7 +336,8 @@ impl TexturedLayers {
                     let candidate = surface.candidate[voxel];
                     let triangle = query.candidates[candidate as usize];
                     let (uv, depth) = (uv(candidate, voxel), surface.distance[voxel]);
-                    points[count] = SurfaceTexel { voxel: voxel as u32, triangle, uv, depth };
+                    let rank = query.ranks[voxel];
+                    points[count] = SurfaceTexel { voxel: voxel as u32, triangle, uv, depth, rank };
                     count += 1;
                 }
             }
@@ -379,6 +467,15 @@ fn paint_part(layers: &TexturedLayers, query: BrickQuery<'_>, part: Part, out: &
     for (n, row) in part.rows().enumerate() {
         for (out, id) in out[row].iter_mut().zip(&ids[n * PART_COLUMNS..]) {
             *out = *id as u8;
+        }
+    }
+    for (place, mixed) in layers.slots.mixed().iter().enumerate() {
+        let mark = mixed.mark().0;
+        for voxel in part.rows().flatten() {
+            if out[voxel] == mark {
+                let triangle = query.candidates[surface.candidate[voxel] as usize];
+                out[voxel] = layers.resin_under(triangle, place, query.ranks[voxel]).0;
+            }
         }
     }
 }

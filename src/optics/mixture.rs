@@ -1,12 +1,14 @@
 //! Resins dithered into one another, voxel by voxel, seen from so far that they are one.
 //!
 //! In what light does they add by volume: events per mm of each resin count by its share, and the phase function is
-//! that of the events' mean cosine. That holds where the grains are small beside the way between two events; what is
-//! left is measured in docs/accuracy.md.
+//! that of the events' mean cosine. That holds where the grains are small beside the way between two events; for voxels
+//! see [`Grains`].
 
 use std::borrow::Cow;
 
-use super::{ChannelId, KubelkaMunk, MaterialFile, MaterialSet, OpticsError, ResinId, Stack, VolumeCoefficients};
+use super::{
+    ChannelId, Grains, KubelkaMunk, MaterialFile, MaterialSet, OpticsError, ResinId, Stack, VolumeCoefficients,
+};
 use crate::words::excerpt;
 
 /// Resins and their shares of the volume; one alone is pure.
@@ -126,12 +128,12 @@ impl MaterialSet {
         }
     }
 
-    /// The coefficients of a mixture of the set's resins, by channel.
+    /// The coefficients of a mixture of the set's resins, by channel, in the set's [`Grains`].
     ///
     /// # Errors
     /// [`OpticsError::NoCoefficients`].
     pub fn mixed_volumes(&self, mixture: &Mixture) -> Result<Vec<VolumeCoefficients>, OpticsError> {
-        mixed_volumes(mixture, self.channels.len(), |resin| self[resin].needed_volumes())
+        mixed_volumes(mixture, self.channels.len(), self.grains, |resin| self[resin].needed_volumes())
     }
 
     /// A mixture in words, which [`Self::mixture`] reads: `white`, or `90% white + 10% black`, the most first.
@@ -167,9 +169,9 @@ impl MaterialSet {
 }
 
 impl MaterialFile {
-    /// The coefficients of a mixture of the file's resins, by channel.
+    /// The coefficients of a mixture of the file's resins, by channel, in fine grains.
     pub(super) fn mixed_volumes(&self, mixture: &Mixture) -> Result<Vec<VolumeCoefficients>, OpticsError> {
-        mixed_volumes(mixture, self.channels().len(), |resin| Ok(self.needed_volumes(resin)?.to_vec()))
+        mixed_volumes(mixture, self.channels().len(), Grains::FINE, |resin| Ok(self.needed_volumes(resin)?.to_vec()))
     }
 
     /// A stack of named mixtures as one of the file's.
@@ -184,33 +186,54 @@ impl MaterialFile {
 fn mixed_volumes(
     mixture: &Mixture,
     channels: usize,
+    grains: Grains,
     volumes: impl Fn(ResinId) -> Result<Vec<VolumeCoefficients>, OpticsError>,
 ) -> Result<Vec<VolumeCoefficients>, OpticsError> {
     let parts = mixture.parts.iter().map(|&(resin, share)| Ok((volumes(resin)?, share)));
     let parts = parts.collect::<Result<Vec<_>, OpticsError>>()?;
-    let in_channel =
-        |channel: usize| VolumeCoefficients::mixed(parts.iter().map(|(volumes, share)| (volumes[channel], *share)));
+    let in_channel = |channel: usize| {
+        let parts: Vec<_> = parts.iter().map(|(volumes, share)| (volumes[channel], *share)).collect();
+        grains.mixed(&parts)
+    };
     Ok((0..channels).map(in_channel).collect())
 }
 
+/// The resins that a mixture's name names, with their shares; of a resin's name it alone. `None` for what is no
+/// list of shares; whether they sum to 100% is not checked.
+///
+/// ```
+/// use lumislice::optics::mixture_parts;
+///
+/// assert_eq!(mixture_parts("75% white + 25% black"), Some(vec![("white", 0.75), ("black", 0.25)]));
+/// assert_eq!(mixture_parts("white"), Some(vec![("white", 1.0)]));
+/// assert_eq!(mixture_parts("75% white + black"), None);
+/// ```
+pub fn mixture_parts(name: &str) -> Option<Vec<(&str, f64)>> {
+    // No resin's name holds a percent sign.
+    if !name.contains('%') {
+        return Some(vec![(name, 1.0)]);
+    }
+    let part = |text| {
+        let (share, resin) = str::split_once(text, '%')?;
+        let share: f64 = share.trim().parse().ok()?;
+        Some((resin.trim(), share / 100.0))
+    };
+    // A name may hold a plus sign, so that one between blanks parts them.
+    name.split(" + ").map(part).collect()
+}
+
+/// What a mixture's shares should be.
+pub(crate) const SHARES: &str = "shares that sum to 100%, such as 90% white + 10% black";
+
 /// Reads the name of a mixture of the resins that `known` knows.
 fn read(name: &str, known: impl Fn(&str) -> Result<ResinId, OpticsError>) -> Result<Mixture, OpticsError> {
-    // No resin's name holds a percent sign.
     if !name.contains('%') {
         return known(name).map(Mixture::from);
     }
-    let fault = || {
-        let expected = "shares that sum to 100%, such as 90% white + 10% black".to_owned();
-        OpticsError::parameter("a mixture", format!("\"{}\"", excerpt(name)), expected)
-    };
-    let part = |text: &str| {
-        let (share, resin) = text.split_once('%').ok_or_else(fault)?;
-        let share: f64 = share.trim().parse().map_err(|_| fault())?;
-        Ok((known(resin.trim())?, share / 100.0))
-    };
-    // A name may hold a plus sign, so that one between blanks parts them.
-    let parts = name.split(" + ").map(part).collect::<Result<Vec<_>, OpticsError>>()?;
-    Mixture::new(parts).ok_or_else(fault)
+    let fault = || OpticsError::parameter("a mixture", format!("\"{}\"", excerpt(name)), SHARES.to_owned());
+    let parts = mixture_parts(name).ok_or_else(fault)?;
+    let parts = parts.into_iter().map(|(resin, share)| Ok((known(resin)?, share)));
+    Mixture::new(parts.collect::<Result<Vec<_>, OpticsError>>()?).ok_or_else(fault)
 }
 
 /// A share in percent, to a millionth of the whole.

@@ -18,6 +18,7 @@ mod edge;
 mod error;
 mod frequency;
 mod fresnel;
+mod grains;
 mod hankel;
 mod ids;
 mod inverse;
@@ -40,6 +41,7 @@ pub use coefficient_fit::{CoefficientFit, FitRefusal};
 pub use edge::EdgeResponse;
 pub use error::OpticsError;
 pub use frequency::FrequencyGrid;
+pub use grains::Grains;
 pub use hankel::ProfileSpectrum;
 pub use ids::{ChannelId, ResinId};
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
@@ -47,7 +49,8 @@ pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MaterialFile, MaterialSet, Resin, ResinChannel, SimulatedProfile,
     SlabPlan, SpectrumError, regenerate_builtin,
 };
-pub use mixture::Mixture;
+pub(crate) use mixture::SHARES;
+pub use mixture::{Mixture, mixture_parts};
 pub use monte_carlo::{Estimate, Light};
 pub use predict::{Model, predict};
 pub use prediction::{ChannelPrediction, PredictedRing, Prediction};

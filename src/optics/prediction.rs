@@ -145,7 +145,7 @@ mod tests {
     use super::*;
     use crate::optics::ResinId;
     use crate::{
-        optics::{Light, MaterialSet, Model, OpticsError, ProfileFile, Stack, predict},
+        optics::{Light, MaterialSet, Model, OpticsError, ProfileFile, ResinId, Stack, predict},
         watch::{Interrupt, Unwatched},
     };
 

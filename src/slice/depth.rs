@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::{
     descent::{DEPTH_MARGIN, EMPTY, Mask, is_set},
+    dither::Dither,
     fill::{LeafScratch, ObjectField, Site},
 };
 use crate::{
@@ -161,7 +162,8 @@ impl ObjectField {
         if let Measure::Grid { bound } = &self.measure {
             scratch.unopened = Some((nearest + bounds.radius() + bound).min(thickness));
         }
-        self.shallowest(bounds, nearest, scratch) <= thickness + DEPTH_MARGIN
+        let dithered = self.dither.as_ref().map_or(0.0, Dither::reach);
+        self.shallowest(bounds, nearest, scratch) <= thickness + dithered + DEPTH_MARGIN
     }
 
     /// A lower bound of the measure in a box `nearest` mm from the surface at its centre, mm.
@@ -188,7 +190,7 @@ impl ObjectField {
         scratch: &mut MeasureScratch,
     ) -> Option<DepthRange> {
         match &self.measure {
-            Measure::Exact => Some(exact),
+            Measure::Exact => Some(self.dither.as_ref().map_or(exact, |dither| dither.moved(exact, candidates))),
             Measure::Grid { bound } => Some(DepthRange { min: (exact.min - bound).max(0.0), max: exact.max + bound }),
             Measure::Lp { field, .. } => {
                 // Where the exact depth has several answers, this one, wider, is not worth its price.

@@ -9,6 +9,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::{
+    appearance::Filling,
     sdf::{BlockBox, CullScratch, DepthRange, SliceRuns, Surface, cull},
     voxel::{BRICK, BRICK_VOXELS, BlockShape, Lattice, MaterialId},
 };
@@ -40,11 +41,16 @@ impl Bricks {
         Self { first, count: [1; 3] }
     }
 
-    /// The indices of its bricks in a block of that shape.
-    pub fn indices(self, shape: BlockShape) -> impl Iterator<Item = usize> {
+    /// Where its bricks are in the block.
+    pub fn places(self) -> impl Iterator<Item = [usize; 3]> {
         let Self { first, count } = self;
         let axis = move |axis: usize| first[axis]..first[axis] + count[axis];
-        axis(2).flat_map(move |z| axis(1).flat_map(move |y| axis(0).map(move |x| shape.brick_index([x, y, z]))))
+        axis(2).flat_map(move |z| axis(1).flat_map(move |y| axis(0).map(move |x| [x, y, z])))
+    }
+
+    /// The indices of its bricks in a block of that shape.
+    pub fn indices(self, shape: BlockShape) -> impl Iterator<Item = usize> {
+        self.places().map(move |at| shape.brick_index(at))
     }
 
     /// Two halves, cut across the longest of the edges, whose half lengths are `half` mm, that is more than a brick.
@@ -65,7 +71,7 @@ pub(super) trait Leaves {
     /// certain to lie below the layers.
     fn enter(&mut self, bounds: &BlockBox, nearest: f64) -> bool;
 
-    /// The one material of some bricks, if that is certain: their exact depths are in `range`, and `candidates` hold
+    /// The one filling of some bricks, if that is certain: their exact depths are in `range`, and `candidates` hold
     /// every triangle that can be nearest.
     fn certain(
         &mut self,
@@ -74,10 +80,10 @@ pub(super) trait Leaves {
         range: DepthRange,
         candidates: &[u32],
         masks: &[Mask],
-    ) -> Option<MaterialId>;
+    ) -> Option<Filling>;
 
-    /// Gives what is inside of some bricks one material.
-    fn fill_uniform(&mut self, bricks: Bricks, id: MaterialId, masks: &[Mask]);
+    /// Gives what is inside of some bricks one filling.
+    fn fill_uniform(&mut self, bricks: Bricks, filling: Filling, masks: &[Mask]);
 
     /// Gives what is inside of the brick at `at`, around `centre`, its materials one by one.
     fn fill_brick(&mut self, at: [usize; 3], centre: DVec3, candidates: &[u32], masks: &[Mask]);
@@ -115,7 +121,7 @@ impl Descent<'_> {
         let bounds = self.bounds(all);
         let nearest = self.surface.closest(bounds.centre).distance;
         if !leaves.enter(&bounds, nearest) {
-            return leaves.fill_uniform(all, self.core, &scratch.masks);
+            return leaves.fill_uniform(all, Filling::Pure(self.core), &scratch.masks);
         }
         let DescentScratch { candidates: list, cull, masks } = scratch;
         self.surface.within(bounds.centre, nearest + 2.0 * bounds.radius() + self.slack, list);
@@ -139,8 +145,8 @@ impl Descent<'_> {
         let start = list.len();
         let range = cull(self.surface.triangles(), &bounds, candidates, self.slack, list, scratch);
         let kept = start..list.len();
-        if let Some(id) = leaves.certain(bricks, &bounds, range, &list[kept.clone()], masks) {
-            leaves.fill_uniform(bricks, id, masks);
+        if let Some(filling) = leaves.certain(bricks, &bounds, range, &list[kept.clone()], masks) {
+            leaves.fill_uniform(bricks, filling, masks);
         } else if bricks.count == [1; 3] {
             leaves.fill_brick(bricks.first, bounds.centre, &list[kept], masks);
         } else {

@@ -7,15 +7,16 @@ use glam::{DVec3, Vec2};
 use super::{
     depth::{DistanceKind, Measure, MeasureScratch, SlabField},
     descent::{Bricks, DEPTH_MARGIN, Descent, DescentScratch, EMPTY, FULL, Leaves, Mask, is_set},
+    dither::Dither,
 };
 use crate::{
-    appearance::{BrickQuery, LayerField, SurfaceShare},
+    appearance::{BrickQuery, Filling, LayerField, SurfaceShare},
     mesh::Solid,
     sdf::{
         BlockBox, BrickOffsets, BrickSurface, DepthRange, Face, InsideRows, SliceRuns, Surface, closest_point,
         nearest_in_parts,
     },
-    voxel::{BRICK, BRICK_VOXELS, Block, BlockShape, Lattice, MaterialId},
+    voxel::{BRICK, BRICK_VOXELS, Block, BlockShape, Lattice, MaterialId, ThresholdMask, Tile},
 };
 
 /// An object on the lattice: where it is, how deep, and what its layers are.
@@ -29,6 +30,9 @@ pub struct ObjectField {
     pub(super) lattice: Lattice,
     pub(super) shape: BlockShape,
     pub(super) measure: Measure,
+    /// What mixtures are laid by; `None` without any.
+    mask: Option<Arc<ThresholdMask>>,
+    pub(super) dither: Option<Dither>,
 }
 
 /// Buffers of one worker.
@@ -47,6 +51,8 @@ pub(super) struct LeafScratch {
     part: Vec<u32>,
     /// Of the brick's candidates, as far as asked for.
     faces: Vec<Option<Face>>,
+    /// Extents of a voxel along their normals, mm.
+    widths: Vec<f32>,
 }
 
 /// Where a block is: its first voxel, and what is known of its slab.
@@ -55,6 +61,16 @@ pub(super) struct Site<'a> {
     pub(super) first: [u32; 3],
     pub(super) slab: &'a SlabField,
 }
+
+impl Site<'_> {
+    /// Where a brick of the block is in the lattice, counted in bricks.
+    fn brick(&self, at: [usize; 3]) -> [u32; 3] {
+        std::array::from_fn(|axis| self.first[axis] / BRICK as u32 + at[axis] as u32)
+    }
+}
+
+/// Ranks where nothing is mixed.
+const ALIKE: [u16; BRICK_VOXELS] = [0; BRICK_VOXELS];
 
 /// An object's voxels in one block.
 struct VoxelLeaves<'a> {
@@ -65,13 +81,16 @@ struct VoxelLeaves<'a> {
 }
 
 impl ObjectField {
-    /// Prepares an object, its layers laid by the exact distance; `None` for a mesh without triangles.
+    /// Prepares an object, its layers laid by the exact distance, its boundaries at whole voxels; `None` for a mesh
+    /// without triangles.
     pub fn new(solid: &Solid, lattice: Lattice, layers: LayerField) -> Option<Self> {
         let shape = BlockShape::for_lattice(&lattice);
         Some(Self {
             surface: Arc::new(Surface::new(&solid.mesh)?),
             inside: InsideRows::new(solid, lattice, shape.voxels()[2]),
             uvs: if layers.needs_uv() { solid.mesh.uvs.clone().into() } else { Arc::default() },
+            mask: layers.is_mixed().then(|| ThresholdMask::shared(lattice.pitch)),
+            dither: None,
             layers: Arc::new(layers),
             lattice,
             shape,
@@ -92,12 +111,24 @@ impl ObjectField {
             shape,
             offsets: BrickOffsets::new(&lattice),
             measure: self.measure.resampled(&lattice),
+            mask: self.mask.clone(),
+            dither: self.dither.as_ref().map(|dither| dither.resampled(&self.surface, lattice.pitch)),
         }
     }
 
     /// Lays the layers by another distance.
     pub fn with_distance(mut self, kind: DistanceKind) -> Self {
         self.measure = Measure::new(kind, &self.surface, &self.lattice);
+        self
+    }
+
+    /// Dithers the boundaries between layers, so that on average they lie at their depths and not at whole voxels. Only
+    /// by the exact distance: others have steps or a width of their own.
+    pub fn with_dithered_boundaries(mut self) -> Self {
+        if matches!(self.measure, Measure::Exact) {
+            let mask = ThresholdMask::shared(self.lattice.pitch);
+            self.dither = Some(Dither::new(mask, &self.surface, self.lattice.pitch));
+        }
         self
     }
 
@@ -156,6 +187,11 @@ impl ObjectField {
         whole.lay(&slab.runs, &mut leaves, descent);
     }
 
+    /// Ranks of a brick's voxels, by the brick's place in the lattice.
+    fn ranks(&self, brick: [u32; 3]) -> &[u16; BRICK_VOXELS] {
+        self.mask.as_ref().map_or(&ALIKE, |mask| mask.brick(brick))
+    }
+
     /// Finds the nearest triangle of the masked voxels. Parts that are certain to be one material get their ids and
     /// leave the mask; if that is all of them and one id, it is returned.
     fn nearest(
@@ -164,8 +200,9 @@ impl ObjectField {
         centre: DVec3,
         mask: &mut Mask,
         ids: &mut [u8; BRICK_VOXELS],
+        ranks: &[u16; BRICK_VOXELS],
         scratch: &mut LeafScratch,
-    ) -> Option<MaterialId> {
+    ) -> Option<Filling> {
         let inside = *mask;
         let (mut only, mut alike) = (None, true);
         nearest_in_parts(
@@ -179,13 +216,21 @@ impl ObjectField {
                 scratch.part.clear();
                 scratch.part.extend(kept.iter().map(|&position| candidates[position as usize]));
                 let exact = matches!(self.measure, Measure::Exact);
-                let id = exact.then(|| self.layers.uniform_over(&scratch.part, range)).flatten();
-                alike &= id.is_some() && (only.is_none() || only == id);
-                only = id;
-                let Some(id) = id else { return false };
+                let range = self.dither.as_ref().map_or(range, |dither| dither.moved(range, &scratch.part));
+                let filling = exact.then(|| self.layers.uniform_over(&scratch.part, range)).flatten();
+                alike &= filling.is_some() && (only.is_none() || only == filling);
+                only = filling;
+                let Some(filling) = filling else { return false };
                 for byte in part.bytes() {
                     mask[byte] = 0;
-                    ids[byte * 8..byte * 8 + 8].fill(id.0);
+                    let row = byte * 8..byte * 8 + 8;
+                    match filling {
+                        Filling::Pure(id) => ids[row].fill(id.0),
+                        Filling::Mixed(blend) => {
+                            let blend = self.layers.blend(blend);
+                            ids[row.clone()].iter_mut().zip(&ranks[row]).for_each(|(id, rank)| *id = blend.at(*rank).0);
+                        }
+                    }
                 }
                 true
             },
@@ -206,23 +251,33 @@ impl Leaves for VoxelLeaves<'_> {
         range: DepthRange,
         candidates: &[u32],
         _: &[Mask],
-    ) -> Option<MaterialId> {
+    ) -> Option<Filling> {
         let range = DepthRange { min: range.min - DEPTH_MARGIN, max: range.max + DEPTH_MARGIN };
         let range = self.field.measured(range, bounds, candidates, &mut self.scratch.measure)?;
         self.field.layers.uniform_over(candidates, range)
     }
 
-    fn fill_uniform(&mut self, bricks: Bricks, id: MaterialId, masks: &[Mask]) {
-        for brick in bricks.indices(self.field.shape) {
+    fn fill_uniform(&mut self, bricks: Bricks, filling: Filling, masks: &[Mask]) {
+        let mut ids = [0; BRICK_VOXELS];
+        for at in bricks.places() {
+            let brick = self.field.shape.brick_index(at);
             let mask = &masks[brick];
             if *mask == EMPTY {
                 continue;
             }
-            let free = self.block.tile(brick) == crate::voxel::Tile::Uniform(MaterialId::BACKGROUND);
-            if free && *mask == FULL {
-                self.block.set_uniform(brick, id);
-            } else {
-                merge(self.block.dense_mut(brick), mask, |_| id.0);
+            let free = self.block.tile(brick) == Tile::Uniform(MaterialId::BACKGROUND) && *mask == FULL;
+            match filling {
+                Filling::Pure(id) if free => self.block.set_uniform(brick, id),
+                Filling::Pure(id) => merge(self.block.dense_mut(brick), mask, |_| id.0),
+                Filling::Mixed(blend) => {
+                    let ranks = self.field.ranks(self.site.brick(at));
+                    self.field.layers.blend(blend).lay(ranks, &mut ids);
+                    if free {
+                        *self.block.dense_mut(brick) = ids;
+                    } else {
+                        merge(self.block.dense_mut(brick), mask, |voxel| ids[voxel]);
+                    }
+                }
             }
         }
     }
@@ -233,10 +288,15 @@ impl Leaves for VoxelLeaves<'_> {
         let brick = field.shape.brick_index(at);
         let mut mask = masks[brick];
         let mut ids = [0; BRICK_VOXELS];
+        let ranks = field.ranks(self.site.brick(at));
         if !matches!(field.measure, Measure::Grid { .. }) {
-            let settled = field.nearest(candidates, centre, &mut mask, &mut ids, self.scratch);
-            if let Some(id) = settled {
-                return self.fill_uniform(Bricks::one(at), id, masks);
+            let settled = field.nearest(candidates, centre, &mut mask, &mut ids, ranks, self.scratch);
+            if let Some(filling) = settled {
+                return self.fill_uniform(Bricks::one(at), filling, masks);
+            }
+            if let Some(dither) = &field.dither {
+                let LeafScratch { surface, widths, .. } = &mut *self.scratch;
+                dither.apply(self.site.brick(at), candidates, surface, widths);
             }
         }
         let (site, scratch) = (self.site, &mut *self.scratch);
@@ -256,7 +316,7 @@ impl Leaves for VoxelLeaves<'_> {
             field.lattice.centre(std::array::from_fn(index))
         };
         let exact = |voxel: usize| {
-            if !matches!(field.measure, Measure::Exact) {
+            if field.dither.is_some() || !matches!(field.measure, Measure::Exact) {
                 return f64::from(scratch.surface.distance[voxel]);
             }
             let p = position(voxel);
@@ -279,7 +339,7 @@ impl Leaves for VoxelLeaves<'_> {
                 None => field.uv(triangle, position(voxel)),
             }
         };
-        let query = BrickQuery { surface: &scratch.surface, candidates, mask: &mask };
+        let query = BrickQuery { surface: &scratch.surface, candidates, mask: &mask, ranks };
         field.layers.fill_brick(query, exact, uv, &mut ids);
         merge(self.block.dense_mut(brick), &masks[brick], |voxel| ids[voxel]);
         scratch.faces = faces;

@@ -5,6 +5,7 @@
 //! | file | what it does |
 //! | --- | --- |
 //! | `depth`  | the distances that layers can be laid by |
+//! | `dither` | boundaries between layers that fall between voxels |
 //! | `descent` | one object into one block: by halves, to uniform boxes and single bricks |
 //! | `fill`   | the leaves of that descent that are voxels |
 //! | `engine` | slab after slab, blocks in parallel |
@@ -12,6 +13,7 @@
 
 mod depth;
 mod descent;
+mod dither;
 mod engine;
 mod fill;
 pub mod meshes;

@@ -24,6 +24,7 @@ mod slice_bssrdf;
 mod slice_bytes;
 mod slice_colour;
 mod slice_folder;
+mod slice_mixtures;
 mod slice_refined;
 mod slice_resume;
 mod slice_says;

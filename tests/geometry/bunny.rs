@@ -113,7 +113,7 @@ fn prove(slices: impl Fn(&Lattice) -> std::ops::Range<u32>, share: f64, whole: b
                 let layer = expected / LAYER_MM;
                 (layer - layer.round()).abs() * LAYER_MM < 1e-4
             };
-            assert!(near_boundary || id == layers.material(expected).0, "{index:?}, depth {expected}: {id}");
+            assert!(near_boundary || id == layers.material(expected, 0).0, "{index:?}, depth {expected}: {id}");
             let exact = (surface.closest(p).distance - expected).abs();
             (exact, (piped_distance(&surface, &lattice, &offsets, index) - expected).abs(), near_boundary)
         })

@@ -37,7 +37,7 @@ fn differences(
     let layers = stack(thicknesses);
     let mut boundaries = vec![0.0];
     thicknesses.iter().for_each(|t| boundaries.push(boundaries[boundaries.len() - 1] + t));
-    let expected = |depth: f64| if depth < 0.0 { MaterialId::BACKGROUND } else { layers.material(depth) };
+    let expected = |depth: f64| if depth < 0.0 { MaterialId::BACKGROUND } else { layers.material(depth, 0) };
     let found = voxels(&slicer_of(&solid_of(triangles), lattice, layers.clone()));
     let (mut wrong, mut left_out) = (0, 0);
     for (index, id) in indices(&lattice).zip(found) {

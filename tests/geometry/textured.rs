@@ -3,13 +3,16 @@
 use super::support::*;
 use glam::{DVec3, Vec2};
 use lumislice::{
-    appearance::{Atlas, ClusterId, LabelMap, LayerField, SlotTable, TexturedLayers, align, enforce_limits},
+    appearance::{
+        Atlas, ClusterId, Filling, LabelMap, LayerField, SlotTable, TexturedLayers, align, align_mixtures,
+        enforce_limits,
+    },
     mesh::{Solid, TriangleMesh, close},
-    optics::{ResinId, Stack},
+    optics::{Mixture, ResinId, Stack},
     sdf::{DepthRange, Surface},
     search::ResinLimit,
     slice::{ObjectField, Slicer},
-    voxel::{Lattice, MaterialId},
+    voxel::{Lattice, MaterialId, ThresholdMask},
 };
 use proptest::prelude::*;
 
@@ -51,6 +54,20 @@ fn stackings(random: &mut Random, count: usize, limits: &[ResinLimit]) -> Vec<St
     (0..count).map(|_| one(random)).collect()
 }
 
+/// Stackings of one family: white with shares of black and support's stand-in, then support, then white; some slots are
+/// skipped.
+fn family(random: &mut Random, count: usize, limits: &[ResinLimit]) -> Vec<Stack<Mixture>> {
+    let deep = limits[1].min_depth_mm;
+    let one = |random: &mut Random| {
+        let dark = [0.0, 0.1, 0.3 * random.unit()][random.below(3)];
+        let grey = Mixture::new([(ResinId(0), 1.0 - dark), (ResinId(2), dark)]).unwrap();
+        let mut mm = |least: f64| if random.below(3) == 0 { least } else { random.between(least, least + 0.8) };
+        let layers = [(grey, mm(deep)), (ResinId(1).into(), mm(0.0)), (ResinId(0).into(), mm(0.0))];
+        Stack::new(layers)
+    };
+    (0..count).map(|_| one(random)).collect()
+}
+
 fn random_limits(random: &mut Random) -> Vec<ResinLimit> {
     let mut limits = vec![ResinLimit::NONE; RESINS];
     match random.below(4) {
@@ -65,6 +82,13 @@ fn random_limits(random: &mut Random) -> Vec<ResinLimit> {
             limits[random.below(RESINS)].max_mm = random.between(0.3, 1.0);
         }
     }
+    limits
+}
+
+/// Support at some depth or anywhere.
+fn min_depths(random: &mut Random) -> Vec<ResinLimit> {
+    let mut limits = vec![ResinLimit::NONE; RESINS];
+    limits[1].min_depth_mm = [0.0, 0.2][random.below(2)];
     limits
 }
 
@@ -111,7 +135,8 @@ struct Textured {
 
 /// Anything that can go together.
 fn anything(random: &mut Random) -> Textured {
-    let limits = random_limits(random);
+    let mixed = random.below(2) == 0;
+    let limits = if mixed { min_depths(random) } else { random_limits(random) };
     let pages = 1 + random.below(3);
     let quads = 1 + random.below(6);
     let (mesh, page_of) = patchwork(random, quads, pages);
@@ -119,9 +144,14 @@ fn anything(random: &mut Random) -> Textured {
         (0..pages).map(|_| (1 + random.below(24) as u32, 1 + random.below(24) as u32)).collect();
     let atlas = Atlas::new(&mesh, &sizes, &page_of);
     let count = 1 + random.below(5);
-    let stackings = stackings(random, count, &limits);
-    let aligned = align(&stackings);
-    let slots = SlotTable::new(&ids(&aligned.sequence), &aligned, &limits, core()).unwrap();
+    let stackings: Vec<Stack<Mixture>> = if mixed {
+        family(random, count, &limits)
+    } else {
+        stackings(random, count, &limits).into_iter().map(Into::into).collect()
+    };
+    let aligned = align_mixtures(&stackings);
+    let id = |resin: ResinId| MaterialId::from_resin(resin.0);
+    let slots = SlotTable::with_mixtures(id, &aligned, &limits, core()).unwrap();
     let patch = 1 + random.below(6) as u32;
     let labels: Vec<LabelMap> = sizes
         .iter()
@@ -176,12 +206,17 @@ proptest! {
             let some: Vec<u32> = (0..1 + random.below(3)).map(|_| random.below(triangles) as u32).collect();
             let min = random.between(-0.1, 3.0);
             let range = DepthRange { min, max: min.max(0.0) + random.unit().powi(3) };
-            let Some(id) = textured.layers.uniform_over(&some, range) else { continue };
+            let Some(filling) = textured.layers.uniform_over(&some, range) else { continue };
             for _ in 0..30 {
                 let triangle = some[random.below(some.len())];
                 let uv = textured.uv_on(&mut random, triangle);
                 let depth = random.between(range.min.max(0.0), range.max) as f32;
-                let found = textured.layers.material(triangle, uv, depth);
+                let rank = random.below(ThresholdMask::LEVELS) as u16;
+                let found = textured.layers.material(triangle, uv, depth, rank);
+                let id = match filling {
+                    Filling::Pure(id) => id,
+                    Filling::Mixed(blend) => textured.layers.blend(blend).at(rank),
+                };
                 prop_assert_eq!(found, id, "{:?} at {} on {}, depth {}, limits \
                     {:?}", range, uv, triangle, depth, &textured.limits);
             }
@@ -204,7 +239,12 @@ proptest! {
                     continue;
                 }
                 let slot = row.iter().filter(|bottom| depth >= **bottom).count();
-                prop_assert_eq!(textured.layers.material(triangle, uv, depth), textured.layers.slot_ids()[slot]);
+                let found = textured.layers.material(triangle, uv, depth, random.below(ThresholdMask::LEVELS) as u16);
+                if textured.layers.is_mixed() && slot == 0 {
+                    prop_assert!([0, 2].map(MaterialId::from_resin).contains(&found), "{:?} in a grey", found);
+                } else {
+                    prop_assert_eq!(found, textured.layers.slot_ids()[slot]);
+                }
             }
         }
     }
@@ -272,12 +312,12 @@ fn charts_that_touch_in_the_atlas_do_not_mix() {
         for triangle in 0..4 {
             let u = if triangle < 2 { 0.5 - near } else { 0.5 + near };
             let expected = MaterialId::from_resin(if triangle < 2 { 0 } else { 2 });
-            assert_eq!(layers.material(triangle, Vec2::new(u, v), depth), expected, "({u}, {v}) of {triangle}");
+            assert_eq!(layers.material(triangle, Vec2::new(u, v), depth, 0), expected, "({u}, {v}) of {triangle}");
         }
     }
     let whole = DepthRange { min: 0.0, max: 0.999 };
-    assert_eq!(layers.uniform_over(&[0, 1], whole), Some(MaterialId::from_resin(0)));
-    assert_eq!(layers.uniform_over(&[2, 3], whole), Some(MaterialId::from_resin(2)));
+    assert_eq!(layers.uniform_over(&[0, 1], whole), Some(Filling::Pure(MaterialId::from_resin(0))));
+    assert_eq!(layers.uniform_over(&[2, 3], whole), Some(Filling::Pure(MaterialId::from_resin(2))));
     assert_eq!(layers.uniform_over(&[1, 2], whole), None);
 }
 
@@ -324,7 +364,7 @@ fn a_repeated_texture_is_seen_whole() {
             for j in 0..=200 - i {
                 let (v, w) = (i as f32 / 200.0, j as f32 / 200.0);
                 let [a, b, c] = mesh.uvs[0];
-                seen |= layers.material(0, a + (b - a) * v + (c - a) * w, 0.9) == MaterialId::from_resin(2);
+                seen |= layers.material(0, a + (b - a) * v + (c - a) * w, 0.9, 0) == MaterialId::from_resin(2);
             }
         }
         let claimed = layers.uniform_over(&[0], DepthRange { min: 0.85, max: 0.9 });
@@ -333,7 +373,7 @@ fn a_repeated_texture_is_seen_whole() {
 }
 
 /// A box of 12 triangles with a chart for every face, in a texture of noise.
-fn noisy_box(high: DVec3, size: u32) -> (Solid, TexturedLayers) {
+fn noisy_box(high: DVec3, size: u32, mixed: bool) -> (Solid, TexturedLayers) {
     let mut mesh = mesh_of(&box_triangles(DVec3::ZERO, high));
     mesh.uvs = (0..6)
         .flat_map(|face| {
@@ -345,9 +385,14 @@ fn noisy_box(high: DVec3, size: u32) -> (Solid, TexturedLayers) {
     let solid = close(mesh).unwrap();
     let mut random = Random::new(21);
     let limits = [ResinLimit::NONE, ResinLimit { min_depth_mm: 0.2, ..ResinLimit::NONE }, ResinLimit::NONE];
-    let stackings = stackings(&mut random, 20, &limits);
-    let aligned = align(&stackings);
-    let slots = SlotTable::new(&ids(&aligned.sequence), &aligned, &limits, core()).unwrap();
+    let stackings: Vec<Stack<Mixture>> = if mixed {
+        family(&mut random, 20, &limits)
+    } else {
+        stackings(&mut random, 20, &limits).into_iter().map(Into::into).collect()
+    };
+    let aligned = align_mixtures(&stackings);
+    let id = |resin: ResinId| MaterialId::from_resin(resin.0);
+    let slots = SlotTable::with_mixtures(id, &aligned, &limits, core()).unwrap();
     let atlas = Atlas::new(&solid.mesh, &[(size, size)], &[]);
     let label = |texel: u32| ClusterId(((texel / 5 + texel / size / 5 * 31) * 7919 % 20) as u16);
     let labels = (0..size * size).map(label).collect();
@@ -359,8 +404,20 @@ fn noisy_box(high: DVec3, size: u32) -> (Solid, TexturedLayers) {
 /// agree.
 #[test]
 fn voxels_are_what_the_nearest_texels_say() {
+    compare_with_nearest_texels(false);
+}
+
+/// The same where a slot's shares vary from texel to texel: the voxel's rank decides, by its global index.
+#[test]
+fn voxels_of_mixtures_are_what_the_nearest_texels_say() {
+    compare_with_nearest_texels(true);
+}
+
+fn compare_with_nearest_texels(mixed: bool) {
     let high = DVec3::new(3.0, 2.6, 2.2);
-    let (solid, layers) = noisy_box(high, 96);
+    let (solid, layers) = noisy_box(high, 96, mixed);
+    assert_eq!(layers.is_mixed(), mixed);
+    let mask = ThresholdMask::shared(j750());
     let lattice = Lattice::covering(high, j750()).unwrap();
     let slicer = Slicer::new(
         lattice,
@@ -387,7 +444,14 @@ fn voxels_are_what_the_nearest_texels_say() {
             near += 1;
             continue;
         }
-        let expected = layers.material(nearest.triangle, uv, nearest.distance as f32);
+        let rank = mask.rank(index);
+        let by = |rank: u16| layers.material(nearest.triangle, uv, nearest.distance as f32, rank);
+        // Rounded texture coordinates move shares by some ranks.
+        if mixed && by(rank.saturating_sub(4)) != by(rank + 4) {
+            near += 1;
+            continue;
+        }
+        let expected = by(rank);
         assert_eq!(id, expected.0, "{index:?}, depth {}, {row:?}", nearest.distance);
         compared += 1;
     }

@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod faces_alike;
 mod job;
 #[cfg(feature = "measure")]
 mod measure;

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{CompareError, CompareRequest, Comparison, Patch, Printed, Stage, printed::volume};
 use crate::{
     look::{Pattern, Photons, Sides, TexelGrid, VoxelScene},
-    optics::{ChannelId, Light, MaterialFile, MaterialSet, Model, Stack, predict},
+    optics::{ChannelId, Light, MaterialFile, MaterialSet, Model, Stack, mixture_parts, predict},
     watch::{StopOnly, Unwatched, Watch},
 };
 
@@ -88,7 +88,11 @@ impl Promise<'_> {
         let clusters = self.patch.map.profiles.len();
         let stacks = self.job.stacks()?;
         for stack in &stacks {
-            stack.try_map(|resin| volume(self.file, resin).map(drop))?;
+            for (name, _) in stack.pairs() {
+                let parts = mixture_parts(name).unwrap_or_default();
+                parts.iter().try_for_each(|(resin, _)| volume(self.file, resin).map(drop))?;
+            }
+            stack.core.iter().try_for_each(|core| volume(self.file, core).map(drop))?;
         }
         if stacks.len() != clusters {
             let found = format!("{} stackings for {clusters} clusters", stacks.len());
@@ -102,7 +106,7 @@ impl Promise<'_> {
     fn by(&self, model: &Model, stacks: &[Stack<String>]) -> Result<Spectra, CompareError> {
         let mut spectra = vec![Vec::new(); self.set.channels.len()];
         for stack in stacks {
-            let light = predict(self.set, &self.set.stack(stack)?, model, &Unwatched)?.light;
+            let light = predict(self.set, &self.set.mixed_stack(stack)?, model, &Unwatched)?.light;
             spectra.iter_mut().zip(light).for_each(|(spectra, light)| spectra.push(light.reflection_hankel));
         }
         Ok(spectra)

@@ -34,6 +34,7 @@ pub use target::{AlbedoSource, TargetSpec};
 
 pub use crate::{mesh::Unit, toml_reader::Place};
 
+use crate::optics::{SHARES, mixture_parts};
 use crate::toml_reader::{Found, Places, Source};
 use crate::voxel::Printer;
 use crate::words::{excerpt, hint, path_line};
@@ -66,6 +67,15 @@ pub struct Job {
     pub overlap: Overlap,
     /// Where each key stands, for errors found later.
     places: Places,
+}
+
+/// Whether a layer's name is that of a mixture.
+fn is_mixture(name: &str) -> bool {
+    mixture_parts(name).is_none_or(|parts| parts.len() > 1)
+}
+
+fn quoted(name: &str) -> String {
+    format!("\"{}\"", excerpt(name))
 }
 
 /// The tables of a job.
@@ -135,7 +145,51 @@ impl Job {
         let overlap = options::read_overlap(&root)?;
         let (name, path) = (paths::job_name(path), path.to_owned());
         let places = source.into_places();
-        Ok(Self { name, path, objects, printer, materials, clusters, stacking, field, output, overlap, places })
+        let job = Self { name, path, objects, printer, materials, clusters, stacking, field, output, overlap, places };
+        job.check_mixtures()?;
+        Ok(job)
+    }
+
+    /// Whether stackings that are searched for may have layers that are mixtures.
+    pub fn allows_mixtures(&self) -> bool {
+        self.stacking.mixtures.unwrap_or(false)
+    }
+
+    /// Whether boundaries between the layers of an object are dithered: as the job says, else where its layers may be
+    /// mixtures.
+    pub fn dithers(&self, object: usize) -> bool {
+        self.field.dither.unwrap_or_else(|| {
+            let target = self.objects.get(object).map(|object| &object.target);
+            let mixed = match target {
+                Some(TargetSpec::Stacking { stack }) => stack.pairs().any(|(name, _)| is_mixture(name)),
+                _ => self.allows_mixtures(),
+            };
+            mixed && self.field.distance == Distance::Exact
+        })
+    }
+
+    /// Refuses mixtures in formats that cannot hold them, unless the job says how they are to be written there.
+    fn check_mixtures(&self) -> Result<(), JobError> {
+        let given = self.objects.iter().any(|object| match &object.target {
+            TargetSpec::Stacking { stack } => stack.pairs().any(|(name, _)| is_mixture(name)),
+            _ => false,
+        });
+        if !given && self.stacking.mixtures != Some(true) {
+            return Ok(());
+        }
+        for format in &self.output.formats {
+            let expected = match format {
+                OutputFormat::Png | OutputFormat::Preview => continue,
+                OutputFormat::Masks if self.stacking.mixtures == Some(true) => continue,
+                OutputFormat::Masks => "stacking.mixtures = true, for masks of dithered voxels",
+                OutputFormat::Stl | OutputFormat::ThreeMf | OutputFormat::Heights => {
+                    "\"png\" and \"preview\": a layer that is a mixture has grains, no mesh or map"
+                }
+            };
+            let found = format!("\"{}\" of layers that are mixtures", format.name());
+            return Err(self.refuse("output.formats", found, expected));
+        }
+        Ok(())
     }
 
     /// Checks that every resin the job names is one of `names`: in stacks, limits, core and background.
@@ -147,7 +201,17 @@ impl Job {
             if let TargetSpec::Stacking { stack } = &object.target {
                 let own = format!("object[{index}].target.stack");
                 let key = if self.places.contains_key(&own) { own } else { "target.stack".to_owned() };
-                stack.pairs().try_for_each(|(resin, _)| self.check_name("resin", &key, resin, names))?;
+                for (name, _) in stack.pairs() {
+                    let parts = mixture_parts(name).ok_or_else(|| self.refuse(&key, quoted(name), SHARES))?;
+                    parts.iter().try_for_each(|(resin, _)| self.check_name("resin", &key, resin, names))?;
+                    let even = (parts.iter().map(|part| part.1).sum::<f64>() - 1.0).abs() <= 1e-6;
+                    if !even || parts.iter().any(|part| part.1 < 0.0) {
+                        return Err(self.refuse(&key, quoted(name), SHARES));
+                    }
+                    if parts.len() > 1 && parts.iter().any(|part| part.0 == SUPPORT) {
+                        return Err(self.refuse(&key, quoted(name), "support by itself: its grains would wash off"));
+                    }
+                }
             }
         }
         for (index, limit) in self.stacking.limits.iter().enumerate() {

@@ -45,6 +45,8 @@ pub struct StackingOptions {
     pub core: Option<String>,
     /// Limits of single resins, one each at most; support's default stands last if the job gives it none.
     pub limits: Vec<NamedLimit>,
+    /// Whether layers may be mixtures; `None`: the job does not say, see [`super::Job::allows_mixtures`].
+    pub mixtures: Option<bool>,
 }
 
 /// How the light in a stacking is predicted.
@@ -130,6 +132,8 @@ pub enum Distance {
 pub struct FieldOptions {
     /// The distance; default exact.
     pub distance: Distance,
+    /// Whether boundaries between layers are dithered; `None`: the job does not say, see [`super::Job::dithers`].
+    pub dither: Option<bool>,
 }
 
 /// Default of [`Distance::Lp`]'s exponent.
@@ -266,6 +270,7 @@ pub(super) const STACKING_KEYS: &[&str] = &[
     "layer-step-mm",
     "core",
     "limit",
+    "mixtures",
 ];
 
 pub(super) fn read_stacking(table: &Table<'_>) -> Result<StackingOptions> {
@@ -281,6 +286,7 @@ pub(super) fn read_stacking(table: &Table<'_>) -> Result<StackingOptions> {
         model: read_model(table)?,
         core: table.name("core", "a resin")?.or_else(|| Some(DEFAULT_CORE.to_owned())),
         limits: read_limits(table)?,
+        mixtures: table.get("mixtures").map(|value| value.truth()).transpose()?,
     })
 }
 
@@ -342,7 +348,7 @@ fn read_limits(table: &Table<'_>) -> Result<Vec<NamedLimit>> {
     Ok(limits)
 }
 
-pub(super) const FIELD_KEYS: &[&str] = &["distance", "lp-exponent"];
+pub(super) const FIELD_KEYS: &[&str] = &["distance", "lp-exponent", "dither"];
 
 pub(super) fn read_field(table: &Table<'_>) -> Result<FieldOptions> {
     table.allow_only(FIELD_KEYS)?;
@@ -355,7 +361,11 @@ pub(super) fn read_field(table: &Table<'_>) -> Result<FieldOptions> {
         };
         *exponent = value.number(range::LP_EXPONENT)?;
     }
-    Ok(FieldOptions { distance })
+    let dither = table.get("dither").map(|value| value.truth()).transpose()?;
+    if let Some(value) = table.get("dither").filter(|_| dither == Some(true) && distance != Distance::Exact) {
+        return Err(value.refuse_as("true beside another distance", "distance = \"exact\" beside it"));
+    }
+    Ok(FieldOptions { distance, dither })
 }
 
 /// What becomes of objects that share space.

@@ -137,6 +137,8 @@ struct Stacking {
     layer_step_mm: Option<f64>,
     core: String,
     limit: Vec<Limit>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mixtures: Option<bool>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -155,6 +157,8 @@ struct Field {
     distance: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     lp_exponent: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dither: Option<bool>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -213,8 +217,9 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
                     max_mm: limit.max_mm.is_finite().then_some(limit.max_mm),
                 })
                 .collect(),
+            mixtures: stacking.mixtures,
         },
-        field: Field { distance, lp_exponent },
+        field: Field { distance, lp_exponent, dither: job.field.dither },
         output: Output {
             formats: job.output.formats.iter().map(|format| format.name()).collect(),
             mesh_pitch_mm: job.output.mesh_pitch_mm,

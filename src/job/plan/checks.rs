@@ -39,7 +39,9 @@ pub(super) fn thin_layers(job: &Job, objects: &[PreparedObject], lattice: &Latti
     for pitch in pitches {
         let here = || axes.clone().filter(|(_, along)| *along == pitch);
         let layered = |from: DepthFrom| from == DepthFrom::Surface || here().any(|(axis, _)| axis == 'z');
-        let looked_at = job.objects.iter().zip(objects).filter(|(object, _)| layered(object.depth_from));
+        // Dithered boundaries resolve layers of any thickness.
+        let staircase = (0..).zip(&job.objects).zip(objects).filter(|((index, _), _)| !job.dithers(*index));
+        let looked_at = staircase.filter(|((_, object), _)| layered(object.depth_from));
         let layers = looked_at.flat_map(|(_, object)| &object.stackings.stackings).flat_map(|found| &found.layers);
         let thin = layers.filter(|layer| layer.thickness_mm < pitch - ROUNDING_MM).count();
         if thin > 0 {

@@ -34,7 +34,14 @@ impl TargetContext<'_> {
 
     pub(super) fn limits(&self) -> Vec<ResinLimit> {
         let names: Vec<_> = self.materials.resins.iter().map(|resin| resin.name.as_str()).collect();
-        self.job.stacking.resin_limits(&names)
+        let mut limits = self.job.stacking.resin_limits(&names);
+        if self.job.dithers(self.object) {
+            // A dithered boundary reaches half a voxel up: no voxel of the resin is to come nearer than the limit.
+            let reach = self.job.printer.pitch_mm.length() / 2.0;
+            let deep = limits.iter_mut().filter(|limit| limit.min_depth_mm > 0.0);
+            deep.for_each(|limit| limit.min_depth_mm += reach);
+        }
+        limits
     }
 
     /// The id a resin has in voxels: its own, or that of the resin the job prints in place of the background.

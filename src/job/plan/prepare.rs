@@ -21,7 +21,7 @@ use crate::{
         },
     },
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
-    optics::{MaterialFile, MaterialSet, OpticsError, ResinId},
+    optics::{Grains, MaterialFile, MaterialSet, OpticsError, ResinId},
     output::digest,
     slice::{DistanceKind, ObjectField, Palette, Slicer},
     voxel::{Lattice, MaterialId},
@@ -104,7 +104,8 @@ impl Prepared {
         let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
 
         watch.stage("materials", 0);
-        let materials = finish_materials(draft, &job, watch)?;
+        let mut materials = finish_materials(draft, &job, watch)?;
+        materials.grains = Grains::of_voxels(job.printer.pitch_mm.to_array());
         // What was done to the data of a built-in set is the same in every job, and stands in the manifest.
         if let MaterialSource::File(_) = job.materials {
             warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));
@@ -143,7 +144,8 @@ impl Prepared {
             watch.go_on()?;
             let field = ObjectField::new(&solid, lattice, layers)
                 .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
-            fields.push(field.with_distance(distance));
+            let field = field.with_distance(distance);
+            fields.push(if job.dithers(index) { field.with_dithered_boundaries() } else { field });
             let (mesh, health) = (object.mesh.shown(), solid.health);
             objects.push(PreparedObject { mesh, transform, health, bounds, stackings, asked });
         }

@@ -9,7 +9,8 @@ use super::{
 };
 use crate::{
     appearance::{
-        AlignedStackings, Atlas, HeightFields, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers, align,
+        AlignedStackings, Atlas, HeightFields, LabelMap, LayerField, LayerStack, SlotTable, TexturedLayers,
+        align_mixtures,
     },
     job::{
         Job, RunError,
@@ -27,9 +28,10 @@ pub(super) fn object_layers(
 ) -> Result<(LayerField, StackingReport, AskedMap), RunError> {
     let core = context.core()?;
     if let TargetSpec::Stacking { stack } = target {
-        let layers = stack.pairs().filter_map(|(name, mm)| Some((context.materials.resin(name)?.0, mm)));
-        let stacking = Stack::joined(layers).over(core);
-        let entry = context.entry(&stacking.clone().into(), 1.0, &reflection(context, &stacking)?);
+        let stacking = context.materials.mixed_stack(stack)?;
+        let stacking = Stack::joined(stacking.layers.into_iter().map(|layer| (layer.resin, layer.thickness_mm)));
+        let stacking = stacking.over(Mixture::from(core));
+        let entry = context.entry(&stacking, 1.0, &reflection(context, &stacking)?);
         let (layers, report) = context.uniform("stacking", &stacking, core, entry);
         return Ok((layers, report, AskedMap::default()));
     }
@@ -51,7 +53,7 @@ pub(super) fn object_layers(
     let (layers, report) = match &wanted.surface {
         Surface::Uniform => {
             let entry = entries.remove(0);
-            context.uniform(wanted.kind, &context.pure(&matches[0])?, core, entry)
+            context.uniform(wanted.kind, &matches[0].stacking(), core, entry)
         }
         Surface::Labelled { atlas, labels } => context.textured(wanted.kind, atlas, labels, &matches, entries, core)?,
     };
@@ -84,7 +86,7 @@ fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
 }
 
 /// R̂ per channel of a stacking that was given.
-fn reflection(context: &TargetContext<'_>, stacking: &Stack) -> Result<Vec<Vec<f64>>, RunError> {
+fn reflection(context: &TargetContext<'_>, stacking: &Stack<Mixture>) -> Result<Vec<Vec<f64>>, RunError> {
     let found = context.job.stacking.judge().reflection(context.materials, stacking);
     found.map_err(|error| match error {
         OpticsError::NoCoefficients { resin } => context.lacks_coefficients(&resin),
@@ -123,19 +125,11 @@ impl TargetContext<'_> {
         found.and_then(|matcher| matcher.match_targets(targets, self.watch)).map_err(|source| self.search_fault(source))
     }
 
-    /// What was found, as layers of one resin each.
-    fn pure(&self, found: &Found) -> Result<Stack, RunError> {
-        let stacking = found.stacking();
-        stacking.pure().ok_or_else(|| {
-            let mixture = stacking.layers.iter().find(|layer| layer.resin.pure().is_none());
-            let found = mixture.map_or_else(String::new, |layer| self.materials.mixture_name(&layer.resin));
-            self.refuse("stacking", found, "layers of one resin each")
-        })
-    }
-
     fn entry(&self, stacking: &Stack<Mixture>, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {
+        // A slot that a stacking skips is no layer of it.
+        let laid = Stack::joined(stacking.pairs().map(|(mixture, mm)| (mixture.clone(), mm)));
         StackingEntry {
-            layers: self.materials.named(stacking).layers,
+            layers: self.materials.named(&laid).layers,
             share,
             target_albedo: None,
             predicted_albedo: reflection.iter().map(|channel| channel[0]).collect(),
@@ -171,12 +165,13 @@ impl TargetContext<'_> {
     fn uniform(
         &self,
         kind: &'static str,
-        stacking: &Stack,
+        stacking: &Stack<Mixture>,
         core: ResinId,
         entry: StackingEntry,
     ) -> (LayerField, StackingReport) {
-        let layers = stacking.pairs().map(|(&resin, mm)| (self.id(resin), mm));
-        let ids = layers.clone().map(|layer| layer.0).chain([self.id(core)]).collect();
+        let parts = |mixture: &Mixture| mixture.parts().iter().map(|&(resin, share)| (self.id(resin), share)).collect();
+        let layers: Vec<(Vec<_>, f64)> = stacking.pairs().map(|(mixture, mm)| (parts(mixture), mm)).collect();
+        let ids = layers.iter().flat_map(|layer| &layer.0).map(|part| part.0).chain([self.id(core)]).collect();
         let report = StackingReport {
             kind: kind.to_owned(),
             sequence: Vec::new(),
@@ -185,7 +180,7 @@ impl TargetContext<'_> {
             ids,
             maps: LayerMaps::default(),
         };
-        (LayerField::Uniform(LayerStack::new(layers, self.id(core))), report)
+        (LayerField::Uniform(LayerStack::with_mixtures(layers, self.id(core))), report)
     }
 
     fn textured(
@@ -198,27 +193,37 @@ impl TargetContext<'_> {
         core: ResinId,
     ) -> Result<(LayerField, StackingReport), RunError> {
         self.watch.stage("layers", 0);
-        let stackings = matches.iter().map(|found| self.pure(found)).collect::<Result<Vec<_>, RunError>>()?;
-        let aligned = align(&stackings);
-        let ids: Vec<_> = aligned.sequence.iter().map(|&resin| self.id(resin)).collect();
-        let slots = SlotTable::new(&ids, &aligned, &self.limits(), self.id(core)).ok_or_else(|| {
+        let stackings: Vec<_> = matches.iter().map(Found::stacking).collect();
+        let aligned = align_mixtures(&stackings);
+        let id = |resin| self.id(resin);
+        let slots = SlotTable::with_mixtures(id, &aligned, &self.limits(), self.id(core)).ok_or_else(|| {
             let found = format!("stackings that need {} slots", aligned.sequence.len());
             self.refuse("stacking.depth", found, "stackings that align within 64 slots: a smaller depth")
         })?;
         let layers = TexturedLayers::new(&self.solid.mesh, atlas, labels, slots);
         let report = StackingReport {
             kind: kind.to_owned(),
-            sequence: aligned.sequence.iter().map(|&resin| self.materials[resin].name.clone()).collect(),
+            sequence: slots_of(&aligned).map(|resins| self.names(resins)).collect(),
             stackings: entries,
             core: self.materials[core].name.clone(),
-            ids: ids.into_iter().chain([self.id(core)]).collect(),
+            ids: slots_of(&aligned).flatten().map(|&resin| self.id(resin)).chain([self.id(core)]).collect(),
             maps: self.maps(&aligned, atlas, labels),
         };
         Ok((LayerField::Textured(Box::new(layers)), report))
     }
 }
 
+/// The resins of every slot.
+fn slots_of(aligned: &AlignedStackings) -> impl Iterator<Item = &[ResinId]> {
+    (0..aligned.sequence.len()).map(|slot| aligned.resins(slot))
+}
+
 impl TargetContext<'_> {
+    /// Resins in words.
+    fn names(&self, resins: &[ResinId]) -> String {
+        resins.iter().map(|&resin| self.materials[resin].name.as_str()).collect::<Vec<_>>().join(" + ")
+    }
+
     /// The layers as height fields, if the job wants them.
     fn maps(&self, aligned: &AlignedStackings, atlas: &Atlas, labels: &[LabelMap]) -> LayerMaps {
         if !self.job.wants(OutputFormat::Heights) {

@@ -16,6 +16,7 @@ use super::{
     taper::{Tapers, is_thin},
 };
 use crate::{
+    appearance::Filling,
     sdf::{
         BlockBox, BrickOffsets, BrickSurface, DepthRange, InsideRows, LpField, LpOffsets, LpScratch, SliceRuns,
         nearest_in_brick,
@@ -190,7 +191,7 @@ impl Leaves for NodeLeaves<'_, '_> {
         range: DepthRange,
         candidates: &[u32],
         masks: &[Mask],
-    ) -> Option<MaterialId> {
+    ) -> Option<Filling> {
         let NodeObject { field, averaged, rounding, .. } = self.object;
         if bricks.indices(SHAPE).any(|brick| masks[brick] != FULL) {
             return None;
@@ -204,7 +205,12 @@ impl Leaves for NodeLeaves<'_, '_> {
         field.layers().uniform_over(candidates, range)
     }
 
-    fn fill_uniform(&mut self, bricks: Bricks, id: MaterialId, masks: &[Mask]) {
+    fn fill_uniform(&mut self, bricks: Bricks, filling: Filling, masks: &[Mask]) {
+        // Jobs with mixtures make no meshes: a mesh of grains would be all surface.
+        let id = match filling {
+            Filling::Pure(id) => id,
+            Filling::Mixed(blend) => self.object.field.layers().blend(blend).mostly(),
+        };
         let (label, owner) = (label(self.object.part_of, id), self.object.number);
         for index in bricks.indices(SHAPE) {
             let (mask, brick) = (&masks[index], &mut self.bricks[index]);

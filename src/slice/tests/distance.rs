@@ -136,7 +136,7 @@ fn voxels_hold_what_the_depth_at_their_centre_says() {
         for ((p, id), &depth) in sample.iter().zip(&depths) {
             let error = if let DistanceKind::Lp { .. } = kind { 2.0 * RELATIVE_ERROR * depth } else { 1e-6 };
             if from_boundary(depth) > error {
-                assert_eq!(layers.material(depth).0, *id, "{kind:?} at {p}, depth {depth}");
+                assert_eq!(layers.material(depth, 0).0, *id, "{kind:?} at {p}, depth {depth}");
             }
         }
     }
@@ -173,7 +173,7 @@ fn textures_are_read_where_the_nearest_surface_voxel_is() {
                 let point = field.surface().closest(c);
                 let uvs = solid.mesh.uvs[point.triangle as usize];
                 let uv = (0..3).fold(Vec2::ZERO, |uv, n| uv + uvs[n] * point.barycentric[n] as f32);
-                layers.material(point.triangle, uv, distance as f32).0
+                layers.material(point.triangle, uv, distance as f32, 0).0
             })
             .collect();
         assert!(ids.contains(id), "{id} at {p}, {distance} mm deep: expected one of {ids:?}");
