@@ -143,7 +143,6 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::optics::ResinId;
     use crate::{
         optics::{Light, MaterialSet, Model, OpticsError, ProfileFile, ResinId, Stack, predict},
         watch::{Interrupt, Unwatched},

@@ -68,6 +68,7 @@ impl TargetContext<'_> {
             },
             judge: stacking.judge(),
             layers: self.job.layer_options(self.object),
+            mixtures: self.job.allows_mixtures(),
         }
     }
 
