@@ -1,8 +1,11 @@
 //! The transport model of a shape's stackings, cheap or expensive.
 
-use super::shape::{Shape, Slot};
+use super::{
+    Resins,
+    shape::{Shape, Slot},
+};
 use crate::{
-    optics::{Base, FrequencyGrid, Grains, LayeredReflection, TransportOptions, VolumeCoefficients},
+    optics::{Base, Grains, LayeredReflection, TransportOptions, VolumeCoefficients},
     search::refine::{fit::Residuals, nodes::Nodes},
 };
 
@@ -37,16 +40,8 @@ struct Channel {
 }
 
 impl Model {
-    /// `resins` has index `[resin][channel]`.
-    pub fn new(
-        shape: &Shape,
-        resins: &[Vec<VolumeCoefficients>],
-        core: Option<usize>,
-        grid: &FrequencyGrid,
-        nodes: Nodes,
-        options: TransportOptions,
-        grains: Grains,
-    ) -> Self {
+    pub fn new(shape: &Shape, resins: &Resins, core: Option<usize>, nodes: Nodes, options: TransportOptions) -> Self {
+        let (grid, grains, resins) = (&resins.grid, resins.grains, &resins.volumes);
         let k: Vec<f64> = nodes.indices.iter().map(|&i| grid.as_slice()[i]).collect();
         let channel = |channel: usize| {
             let resins: Vec<_> = resins.iter().map(|resin| resin[channel]).collect();

@@ -14,8 +14,8 @@ use crate::{
 /// Thicknesses, mm, and shares below this are none.
 const NOTHING: f64 = 1e-6;
 
-/// Change of a share that slopes are taken over: small, and far above rounding.
-const DIFFERENCE: f64 = 1e-6;
+/// Step of derivatives in shares.
+const STEP: f64 = 1e-5;
 
 /// A place in the order of layers.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,25 +74,27 @@ impl Shape {
         x.iter_mut().filter(|value| value.abs() < NOTHING).for_each(|value| *value = 0.0);
     }
 
-    /// Coefficients of the slots of several resins in one channel, laid in `grains`, with the changes that each share
-    /// makes; `resins` are all resins' coefficients in the channel.
+    /// Coefficients of the slots of several resins in one channel, with the changes that each share makes; `resins`
+    /// are all resins' coefficients in the channel.
     pub fn mixed(&self, x: &[f64], resins: &[VolumeCoefficients], grains: Grains) -> Vec<Mixed> {
         let mixed = self.parts(x).filter(|parts| parts.len() > 1).map(|parts| {
-            let of = |parts: &[(usize, f64)]| {
-                let there = parts.iter().filter(|part| part.1 > 0.0);
-                grains.mixed(&there.map(|&(resin, share)| (resins[resin], share)).collect::<Vec<_>>())
+            // With more of one resin and less of the first.
+            let with = |more: usize, by: f64| {
+                let share = |at: usize, share: f64| match at {
+                    0 => share - by,
+                    at if at == more => share + by,
+                    _ => share,
+                };
+                let parts = parts.iter().enumerate().map(|(at, &(resin, part))| (resins[resin], share(at, part)));
+                let there = parts.filter(|&(_, share)| share != 0.0);
+                grains.mixed(&there.collect::<Vec<_>>())
             };
-            let volume = of(&parts);
             let tangents = (1..parts.len()).map(|at| {
-                // One more of the ink and one less of the first, or the other way where that is all used up.
-                let step = if parts[0].1 >= DIFFERENCE { DIFFERENCE } else { -DIFFERENCE };
-                let mut moved = parts.clone();
-                moved[0].1 -= step;
-                moved[at].1 += step;
-                let there = of(&moved);
-                [there.sigma_s - volume.sigma_s, there.sigma_a - volume.sigma_a, there.g - volume.g].map(|d| d / step)
+                let [more, less] = [STEP, -STEP].map(|by| with(at, by));
+                let slope = |more: f64, less: f64| (more - less) / (2.0 * STEP);
+                [slope(more.sigma_s, less.sigma_s), slope(more.sigma_a, less.sigma_a), slope(more.g, less.g)]
             });
-            Mixed { tangents: tangents.collect(), volume }
+            Mixed { tangents: tangents.collect(), volume: with(0, 0.0) }
         });
         mixed.collect()
     }
