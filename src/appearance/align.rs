@@ -94,7 +94,7 @@ pub fn align_mixtures(stackings: &[Stack<Mixture>]) -> AlignedStackings {
         let slots = stackings.first().map_or(0, |stacking| stacking.layers.len());
         let thickness = stackings.iter().flat_map(|stacking| stacking.pairs().map(|(_, mm)| mm)).collect();
         let places = stackings.iter().map(|_| (0..slots).collect()).collect::<Vec<_>>();
-        return with_mixtures(stackings, &places, slots, slots, thickness);
+        return with_mixtures(stackings, &places, vec![Vec::new(); slots], slots, thickness);
     }
     let resins = |mixture: &Mixture| mixture.parts().iter().map(|part| part.0).collect::<Vec<_>>();
     let mut kinds: Vec<_> = stackings.iter().flat_map(Stack::pairs).map(|(mixture, _)| resins(mixture)).collect();
@@ -113,7 +113,8 @@ pub fn align_mixtures(stackings: &[Stack<Mixture>]) -> AlignedStackings {
         found.collect::<Vec<_>>()
     };
     let places: Vec<_> = of_kinds.iter().map(place).collect();
-    with_mixtures(stackings, &places, sequence.len(), period, thickness)
+    let resins = sequence.iter().map(|kind| kinds[kind.0].clone()).collect();
+    with_mixtures(stackings, &places, resins, period, thickness)
 }
 
 /// Whether slot i of one stacking is slot i of every other: as many layers each, and where they differ in their resins
@@ -129,15 +130,14 @@ fn is_family(stackings: &[Stack<Mixture>]) -> bool {
     stackings.iter().all(|stacking| stacking.layers.len() == slots) && (0..slots).all(alike)
 }
 
-/// The layers of `stackings`, each at its place among `slots`.
+/// The layers of `stackings`, each at its place among the slots, some of whose `resins` are known.
 fn with_mixtures(
     stackings: &[Stack<Mixture>],
     places: &[Vec<usize>],
-    slots: usize,
+    mut resins: Vec<Vec<ResinId>>,
     period: usize,
     thickness: Vec<f64>,
 ) -> AlignedStackings {
-    let mut resins = vec![Vec::new(); slots];
     let laid = || stackings.iter().zip(places).map(|(stacking, places)| places.iter().zip(&stacking.layers));
     for (&slot, layer) in laid().flatten() {
         resins[slot].extend(layer.resin.parts().iter().map(|part| part.0));

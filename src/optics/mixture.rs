@@ -1,12 +1,14 @@
 //! Resins dithered into one another, voxel by voxel, seen from so far that they are one.
 //!
 //! In what light does they add by volume: events per mm of each resin count by its share, and the phase function is
-//! that of the events' mean cosine. That holds where the grains are small beside the way between two events; what is
-//! left is measured in docs/accuracy.md.
+//! that of the events' mean cosine. That holds where the grains are small beside the way between two events; for voxels
+//! see [`Grains`].
 
 use std::borrow::Cow;
 
-use super::{ChannelId, KubelkaMunk, MaterialFile, MaterialSet, OpticsError, ResinId, Stack, VolumeCoefficients};
+use super::{
+    ChannelId, Grains, KubelkaMunk, MaterialFile, MaterialSet, OpticsError, ResinId, Stack, VolumeCoefficients,
+};
 use crate::words::excerpt;
 
 /// Resins and their shares of the volume; one alone is pure.
@@ -94,16 +96,21 @@ impl VolumeCoefficients {
     pub fn mixed(parts: impl IntoIterator<Item = (Self, f64)>) -> Self {
         let (mut sum, mut count, mut cosine) =
             (Self { sigma_s: 0.0, sigma_a: 0.0, g: 0.0, refractive_index: 0.0 }, 0, 0.0);
-        let mut last = sum;
+        let (mut last, mut one_index) = (sum, true);
         for (part, share) in parts {
             sum.sigma_s += share * part.sigma_s;
             sum.sigma_a += share * part.sigma_a;
             sum.refractive_index += share * part.refractive_index;
             cosine += share * part.sigma_s * part.g;
+            one_index &= count == 0 || part.refractive_index == last.refractive_index;
             (last, count) = (part, count + 1);
         }
         if count == 1 {
             return last;
+        }
+        // Rounded, one index would be another, and a boundary.
+        if one_index {
+            sum.refractive_index = last.refractive_index;
         }
         Self { g: if sum.sigma_s > 0.0 { cosine / sum.sigma_s } else { 0.0 }, ..sum }
     }
@@ -121,12 +128,12 @@ impl MaterialSet {
         }
     }
 
-    /// The coefficients of a mixture of the set's resins, by channel.
+    /// The coefficients of a mixture of the set's resins, by channel, in the set's [`Grains`].
     ///
     /// # Errors
     /// [`OpticsError::NoCoefficients`].
     pub fn mixed_volumes(&self, mixture: &Mixture) -> Result<Vec<VolumeCoefficients>, OpticsError> {
-        mixed_volumes(mixture, self.channels.len(), |resin| self[resin].needed_volumes())
+        mixed_volumes(mixture, self.channels.len(), self.grains, |resin| self[resin].needed_volumes())
     }
 
     /// A mixture in words, which [`Self::mixture`] reads: `white`, or `90% white + 10% black`, the most first.
@@ -162,9 +169,9 @@ impl MaterialSet {
 }
 
 impl MaterialFile {
-    /// The coefficients of a mixture of the file's resins, by channel.
+    /// The coefficients of a mixture of the file's resins, by channel, in fine grains.
     pub(super) fn mixed_volumes(&self, mixture: &Mixture) -> Result<Vec<VolumeCoefficients>, OpticsError> {
-        mixed_volumes(mixture, self.channels().len(), |resin| Ok(self.needed_volumes(resin)?.to_vec()))
+        mixed_volumes(mixture, self.channels().len(), Grains::FINE, |resin| Ok(self.needed_volumes(resin)?.to_vec()))
     }
 
     /// A stack of named mixtures as one of the file's.
@@ -179,12 +186,15 @@ impl MaterialFile {
 fn mixed_volumes(
     mixture: &Mixture,
     channels: usize,
+    grains: Grains,
     volumes: impl Fn(ResinId) -> Result<Vec<VolumeCoefficients>, OpticsError>,
 ) -> Result<Vec<VolumeCoefficients>, OpticsError> {
     let parts = mixture.parts.iter().map(|&(resin, share)| Ok((volumes(resin)?, share)));
     let parts = parts.collect::<Result<Vec<_>, OpticsError>>()?;
-    let in_channel =
-        |channel: usize| VolumeCoefficients::mixed(parts.iter().map(|(volumes, share)| (volumes[channel], *share)));
+    let in_channel = |channel: usize| {
+        let parts: Vec<_> = parts.iter().map(|(volumes, share)| (volumes[channel], *share)).collect();
+        grains.mixed(&parts)
+    };
     Ok((0..channels).map(in_channel).collect())
 }
 
@@ -262,6 +272,8 @@ mod tests {
         assert_eq!((mixed.sigma_s, mixed.sigma_a, mixed.refractive_index), (15.25, 2.25, 1.5));
         assert!((mixed.g - (0.75 * 20.0 * 0.8 + 0.25 * 0.2) / 15.25).abs() < 1e-15);
         assert_eq!(VolumeCoefficients::mixed([(dark, 1.0)]), dark);
+        let thirds = VolumeCoefficients::mixed([(light, 0.95), (dark, 0.0125), (dark, 0.0125), (light, 0.0125), (dark, 0.0125)]);
+        assert_eq!(thirds.refractive_index, 1.5);
     }
 
     #[test]

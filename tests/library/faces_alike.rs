@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3Swizzles};
 use lumislice::{
     job::{Job, Prepared},
     look::{Scene, Site, Spot, Volume},

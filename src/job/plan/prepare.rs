@@ -24,7 +24,7 @@ use crate::{
         },
     },
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
-    optics::{MaterialFile, MaterialSet, OpticsError, ResinId},
+    optics::{Grains, MaterialFile, MaterialSet, OpticsError, ResinId},
     output::digest,
     slice::{DistanceKind, ObjectField, Palette, Slicer},
     voxel::{Lattice, MaterialId},
@@ -112,7 +112,8 @@ impl Prepared {
         let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
 
         watch.stage("materials", 0);
-        let materials = finish_materials(draft, &job, watch)?;
+        let mut materials = finish_materials(draft, &job, watch)?;
+        materials.grains = Grains::of_voxels(job.printer.pitch_mm.to_array());
         // What was done to the data of a built-in set is the same in every job, and stands in the manifest.
         if let MaterialSource::File(_) = job.materials {
             warnings.extend(materials.warnings.iter().map(|warning| format!("materials: {warning}")));

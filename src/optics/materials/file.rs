@@ -38,7 +38,7 @@ use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
 use super::spectra::ResinSpectrum;
 use super::toml_source::{Folder, Keys};
 use super::{MaterialSet, Resin, ResinChannel};
-use crate::optics::{FrequencyGrid, OpticsError, ResinId, Stack, VolumeCoefficients};
+use crate::optics::{FrequencyGrid, Grains, OpticsError, ResinId, Stack, VolumeCoefficients};
 use crate::toml_reader::{Found, Source, Strings};
 use crate::watch::{Thousandths, Unwatched, Watch};
 
@@ -236,6 +236,7 @@ impl MaterialFile {
             provenance: self.provenance,
             grid,
             warnings,
+            grains: Grains::FINE,
         })
     }
 

@@ -15,8 +15,8 @@ pub(crate) mod toml_source;
 use std::ops::Index;
 
 use super::{
-    ChannelId, CoefficientFit, FrequencyGrid, KubelkaMunk, Mixture, OpticsError, RadialProfile, ResinId, SlabSpectrum,
-    Stack, VolumeCoefficients,
+    ChannelId, CoefficientFit, FrequencyGrid, Grains, KubelkaMunk, Mixture, OpticsError, RadialProfile, ResinId,
+    SlabSpectrum, Stack, VolumeCoefficients,
 };
 pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
@@ -41,6 +41,8 @@ pub struct MaterialSet {
     pub grid: FrequencyGrid,
     /// One line each: what was assumed, ignored or extrapolated. To be shown to the user.
     pub warnings: Vec<String>,
+    /// The grains that mixtures of the resins are laid in; [`Grains::FINE`] where no printer is known.
+    pub grains: Grains,
 }
 
 /// One resin.

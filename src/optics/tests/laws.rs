@@ -7,8 +7,8 @@ use proptest::{
 
 use crate::{
     optics::{
-        ChannelPrediction, FrequencyGrid, KubelkaMunk, Light, MaterialSet, Model, RadialProfile, Resin, ResinChannel,
-        ResinId, SlabSpectrum, Stack, Transport, TransportOptions, VolumeCoefficients, predict,
+        ChannelPrediction, FrequencyGrid, Grains, KubelkaMunk, Light, MaterialSet, Model, RadialProfile, Resin,
+        ResinChannel, ResinId, SlabSpectrum, Stack, Transport, TransportOptions, VolumeCoefficients, predict,
     },
     watch::Unwatched,
 };
@@ -113,6 +113,7 @@ impl World {
             provenance: String::new(),
             grid,
             warnings: Vec::new(),
+            grains: Grains::FINE,
         };
         Self { set, model, within }
     }

@@ -10,10 +10,13 @@ use anyhow::Context as _;
 use clap::Parser;
 use lumislice::{
     look::{Photons, Sides, VoxelGrid, VoxelScene},
-    optics::{FrequencyGrid, Light, MaterialSet, Mixture, Model, Stack, predict},
+    optics::{FrequencyGrid, Grains, Light, MaterialSet, Mixture, Model, Stack, predict},
     voxel::{Printer, ThresholdMask},
     watch::Unwatched,
 };
+
+const MIXTURES: [&str; 4] =
+    ["98% white + 2% black", "95% white + 5% black", "90% white + 10% black", "70% white + 30% black"];
 
 #[derive(Parser)]
 struct Args {
@@ -21,7 +24,7 @@ struct Args {
     #[arg(long, default_value = "synthetic")]
     materials: String,
     /// Mixtures.
-    #[arg(default_values_t = ["98% white + 2% black", "95% white + 5% black", "90% white + 10% black", "70% white + 30% black"].map(String::from))]
+    #[arg(default_values_t = MIXTURES.map(String::from))]
     mixtures: Vec<String>,
     /// Printers.
     #[arg(long, default_values_t = ["j750-14um", "j750-27um", "connex500-30um"].map(String::from))]
@@ -66,18 +69,22 @@ fn laid(args: &Args, mixture: &Mixture, printer: &Printer, axis: usize) -> anyho
 
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
-    let set = MaterialSet::builtin(&args.materials)?;
+    let mut set = MaterialSet::builtin(&args.materials)?;
     let grid = FrequencyGrid::default();
     let (core, _) = set.resin("black").context("a set without black")?;
     println!(
-        "mixture                          printer          face  channel  promised      seen  off %  (± %)  R̂ rms (noise) e-4"
+        "{:32} {:16} face  channel  by volume  promised      seen  off %    (± %)  by volume %  R̂ rms (noise) e-4",
+        "mixture", "printer"
     );
     for name in &args.mixtures {
         let mixture = set.mixture(name)?;
         let stack = Stack::new([(mixture.clone(), args.thickness_mm)]).over(Mixture::from(core));
-        let promised = predict(&set, &stack, &Model::REFLECTION, &Unwatched)?.reflection();
+        set.grains = Grains::FINE;
+        let fine = predict(&set, &stack, &Model::REFLECTION, &Unwatched)?.reflection();
         for printer in &args.printer {
             let printer = Printer::by_name(printer)?;
+            set.grains = Grains::of_voxels(printer.pitch_mm.to_array());
+            let promised = predict(&set, &stack, &Model::REFLECTION, &Unwatched)?.reflection();
             for face in args.faces.chars() {
                 let axis = "xyz".find(face).context("a face is x, y or z")?;
                 let voxels = laid(&args, &mixture, &printer, axis)?;
@@ -96,13 +103,15 @@ fn main() -> anyhow::Result<()> {
                     let differ = rms(&mut seen.reflection.iter().zip(promised).map(|(a, b)| a - b));
                     let noise = rms(&mut seen.standard_error.iter().copied());
                     println!(
-                        "{name:32} {:16} {face:>4} {:>8} {:9.5} {:9.5} {:6.2} {:7.2} {differ:9.2} ({noise:.2})",
+                        "{name:32} {:16} {face:>4} {:>8} {:10.5} {:9.5} {:9.5} {:6.2} {:8.2} {:12.2} {differ:7.2} ({noise:.2})",
                         printer.name,
                         set.channels[channel],
+                        fine[channel][0],
                         promised[0],
                         seen.reflection[0],
                         100.0 * (seen.reflection[0] / promised[0] - 1.0),
                         100.0 * seen.standard_error[0] / promised[0],
+                        100.0 * (seen.reflection[0] / fine[channel][0] - 1.0),
                     );
                 }
             }
