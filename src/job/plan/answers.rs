@@ -16,7 +16,9 @@ use rayon::prelude::*;
 use super::context::TargetContext;
 use crate::{
     job::RunError,
-    optics::{Base as Bottom, LayeredReflection, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients},
+    optics::{
+        Base as Bottom, Grains, LayeredReflection, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients,
+    },
     search::{ResinLimit, SearchTarget},
     watch::{Stopped, Watch},
 };
@@ -48,6 +50,7 @@ pub(in crate::job) struct Answers {
     models: Vec<Model>,
     /// By channel, then resin.
     volumes: Vec<Vec<VolumeCoefficients>>,
+    grains: Grains,
     limits: Vec<ResinLimit>,
     core: ResinId,
     min_layer_mm: f64,
@@ -120,6 +123,7 @@ impl Answers {
             clusters: Vec::new(),
             models: Vec::new(),
             volumes,
+            grains: materials.grains,
             limits: context.limits(),
             core: context.core()?,
             min_layer_mm: context.job.layer_options(context.object).min_layer_mm,
@@ -173,7 +177,8 @@ impl Answers {
         }
         let in_channel = |volumes: &Vec<VolumeCoefficients>, thin: bool| {
             let core = volumes[self.core.0];
-            let of = |mixture: &Option<Mixture>| mixture.as_ref().map(|mixture| mixed_volume(mixture, volumes));
+            let of =
+                |mixture: &Option<Mixture>| mixture.as_ref().map(|mixture| mixed_volume(self.grains, mixture, volumes));
             let layers: Vec<_> = order.iter().map(of).chain(thin.then_some(Some(core))).collect();
             let indices: Vec<f64> = self.inks.first().map(|ink| volumes[ink.0].refractive_index).into_iter().collect();
             let bottom = if thin { Bottom::Mirror } else { Bottom::HalfSpace(core) };
@@ -377,15 +382,16 @@ impl Answers {
         let top = base.top.is_some().then(|| base.mixtures(numbers).next()).flatten();
         let models = if half.is_some() { &model.thin } else { &model.thick };
         let in_channel = |(model, volumes): (&LayeredReflection, &Vec<VolumeCoefficients>)| {
-            let mixed: Vec<_> = top.iter().map(|mixture| mixed_volume(mixture, volumes)).collect();
+            let mixed: Vec<_> = top.iter().map(|mixture| mixed_volume(self.grains, mixture, volumes)).collect();
             model.reflection(&mm, &mixed)[0]
         };
         models.iter().zip(&self.volumes).map(in_channel).collect()
     }
 }
 
-fn mixed_volume(mixture: &Mixture, volumes: &[VolumeCoefficients]) -> VolumeCoefficients {
-    VolumeCoefficients::mixed(mixture.parts().iter().map(|(resin, share)| (volumes[resin.0], *share)))
+fn mixed_volume(grains: Grains, mixture: &Mixture, volumes: &[VolumeCoefficients]) -> VolumeCoefficients {
+    let parts: Vec<_> = mixture.parts().iter().map(|(resin, share)| (volumes[resin.0], *share)).collect();
+    grains.mixed(&parts)
 }
 
 impl std::fmt::Debug for Answers {
@@ -466,6 +472,7 @@ mod tests {
             clusters: Vec::new(),
             models: Vec::new(),
             volumes: (0..set.channels.len()).map(volumes).collect(),
+            grains: set.grains,
             limits: Vec::new(),
             core: set.resin("black").unwrap().0,
             min_layer_mm: 0.03,
