@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 pub use error::LookError;
 pub use mitsuba::{OWNER as MITSUBA, write_mitsuba};
 pub use pictures::PictureOptions;
-use surface::SurfaceSpot;
+pub(in crate::job) use surface::SurfaceSpot;
 
 use super::{Prepared, verify::read_manifest};
 use crate::{

@@ -24,7 +24,7 @@ const TRIES: usize = 64;
 
 /// A spot of an object.
 #[derive(Debug, Clone)]
-pub(super) struct SurfaceSpot {
+pub(in crate::job) struct SurfaceSpot {
     pub object: usize,
     pub middle: Site,
     pub spot: Spot,
@@ -78,7 +78,7 @@ impl Prepared {
     }
 
     /// What is expected of a spot: the mean over its sites.
-    pub(super) fn expected(&self, spot: &SurfaceSpot) -> Expected {
+    pub(in crate::job) fn expected(&self, spot: &SurfaceSpot) -> Expected {
         let surface = self.slicer().objects()[spot.object].surface();
         let mut mean = Expected { asked: Some(Vec::new()), predicted: Vec::new() };
         let share = 1.0 / spot.spot.sites.len() as f64;
@@ -129,7 +129,13 @@ impl Prepared {
     }
 
     /// The spot around a surface point; `None` where the surface lies inside of the print, or has no normal.
-    fn spot(&self, scene: &Scene, object: usize, triangle: u32, point: DVec3) -> Option<SurfaceSpot> {
+    pub(in crate::job) fn spot(
+        &self,
+        scene: &Scene,
+        object: usize,
+        triangle: u32,
+        point: DVec3,
+    ) -> Option<SurfaceSpot> {
         let surface = self.slicer().objects()[object].surface();
         let normal = |triangle: u32| normal_and_area(&surface.triangles()[triangle as usize]).map(|(normal, _)| normal);
         let middle = Site { point, normal: normal(triangle)? };

@@ -177,7 +177,8 @@ impl Answers {
         }
         let in_channel = |volumes: &Vec<VolumeCoefficients>, thin: bool| {
             let core = volumes[self.core.0];
-            let of = |mixture: &Option<Mixture>| mixture.as_ref().map(|mixture| self.mixed_volume(mixture, volumes));
+            let of =
+                |mixture: &Option<Mixture>| mixture.as_ref().map(|mixture| mixed_volume(self.grains, mixture, volumes));
             let layers: Vec<_> = order.iter().map(of).chain(thin.then_some(Some(core))).collect();
             let indices: Vec<f64> = self.inks.first().map(|ink| volumes[ink.0].refractive_index).into_iter().collect();
             let bottom = if thin { Bottom::Mirror } else { Bottom::HalfSpace(core) };
@@ -381,16 +382,16 @@ impl Answers {
         let top = base.top.is_some().then(|| base.mixtures(numbers).next()).flatten();
         let models = if half.is_some() { &model.thin } else { &model.thick };
         let in_channel = |(model, volumes): (&LayeredReflection, &Vec<VolumeCoefficients>)| {
-            let mixed: Vec<_> = top.iter().map(|mixture| self.mixed_volume(mixture, volumes)).collect();
+            let mixed: Vec<_> = top.iter().map(|mixture| mixed_volume(self.grains, mixture, volumes)).collect();
             model.reflection(&mm, &mixed)[0]
         };
         models.iter().zip(&self.volumes).map(in_channel).collect()
     }
+}
 
-    fn mixed_volume(&self, mixture: &Mixture, volumes: &[VolumeCoefficients]) -> VolumeCoefficients {
-        let parts = mixture.parts().iter().map(|(resin, share)| (volumes[resin.0], *share));
-        self.grains.mixed(&parts.collect::<Vec<_>>())
-    }
+fn mixed_volume(grains: Grains, mixture: &Mixture, volumes: &[VolumeCoefficients]) -> VolumeCoefficients {
+    let parts: Vec<_> = mixture.parts().iter().map(|(resin, share)| (volumes[resin.0], *share)).collect();
+    grains.mixed(&parts)
 }
 
 impl std::fmt::Debug for Answers {
@@ -471,7 +472,7 @@ mod tests {
             clusters: Vec::new(),
             models: Vec::new(),
             volumes: (0..set.channels.len()).map(volumes).collect(),
-            grains: Grains::FINE,
+            grains: set.grains,
             limits: Vec::new(),
             core: set.resin("black").unwrap().0,
             min_layer_mm: 0.03,

@@ -23,6 +23,8 @@ mod residual;
 
 use std::path::Path;
 
+use rayon::prelude::*;
+
 pub use record::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
 use residual::{Looked, residuals};
 
@@ -32,7 +34,7 @@ use super::{
     run::LOOK_VOXELS,
 };
 use crate::{
-    look::{Site, Spot},
+    look::{Scene, Spot},
     watch::{StopOnly, Watch},
 };
 
@@ -101,8 +103,15 @@ impl Prepared {
         let mut short_of: Vec<Vec<[f64; CHANNELS]>> = vec![Vec::new(); plans.len()];
         let mut records = Vec::new();
         let rounds = self.job.rounds();
+        let mut spots = None;
         for round in 0..rounds {
-            let looked = self.look_at_points(plans, round, watch)?;
+            watch.stage(&format!("round {} of {rounds}: voxels", round + 1), 0);
+            let scene = self.scene(&StopOnly(watch))?;
+            // Where they lie and what is asked for does not change.
+            let spots = spots.get_or_insert_with(|| self.spots_of(plans, &scene));
+            watch.stage(&format!("round {} of {rounds}: light", round + 1), spots.len() as u64);
+            let looked = self.look_at_points(plans, &scene, spots, round, watch)?;
+            drop(scene);
             let mut record = looked.record();
             let mut lost = 0;
             for (n, plan) in plans.iter().enumerate() {
@@ -136,36 +145,51 @@ impl Prepared {
         Ok(Rounds::new(sha256, records, objects))
     }
 
-    /// Prints in memory, and looks at the points of all objects that can be corrected.
-    fn look_at_points(&self, plans: &[ObjectPlan], round: u32, watch: &dyn Watch) -> Result<Looked, RunError> {
-        let rounds = self.job.rounds();
-        watch.stage(&format!("round {} of {rounds}: voxels", round + 1), 0);
-        let scene = self.scene(&StopOnly(watch))?;
-        let mut spots = Vec::new();
-        let mut of_spot = Vec::new();
-        for (n, plan) in plans.iter().enumerate() {
-            for (at, point) in plan.points.points().iter().enumerate() {
-                let site = Site { point: point.point, normal: point.normal };
-                let asked = self.expected_at(plan.object, point.triangle, point.point).asked;
-                if let Some(asked) = asked.filter(|_| scene.is_open(&site)) {
-                    spots.push(Spot { sites: vec![site] });
-                    of_spot.push((n, at, asked));
-                }
-            }
-        }
+    /// A spot around every point that can be seen, and what is asked for there.
+    fn spots_of(&self, plans: &[ObjectPlan], scene: &Scene) -> Vec<PointSpot> {
+        let of_point = |(n, at): (usize, usize)| {
+            let plan = &plans[n];
+            let point = &plan.points.points()[at];
+            let spot = self.spot(scene, plan.object, point.triangle, point.point)?;
+            let asked = self.expected(&spot).asked?;
+            Some(PointSpot { plan: n, at, spot: spot.spot, asked })
+        };
+        let points = |(n, plan): (usize, &ObjectPlan)| (0..plan.points.points().len()).map(move |at| (n, at));
+        let points: Vec<_> = plans.iter().enumerate().flat_map(points).collect();
+        points.into_par_iter().filter_map(of_point).collect()
+    }
+
+    /// Looks at the points of all objects that can be corrected.
+    fn look_at_points(
+        &self,
+        plans: &[ObjectPlan],
+        scene: &Scene,
+        spots: &[PointSpot],
+        round: u32,
+        watch: &dyn Watch,
+    ) -> Result<Looked, RunError> {
         let [fewest, most] = WALKS_EACH;
         let walks = (WALKS / spots.len().max(1) as u64).clamp(fewest, most);
-        watch.stage(&format!("round {} of {rounds}: light", round + 1), spots.len() as u64);
         let seed = SEED.wrapping_mul(u64::from(round) + 1);
-        let printed = scene.printed_albedo(&spots, walks, seed, watch)?;
+        let sites: Vec<Spot> = spots.iter().map(|spot| spot.spot.clone()).collect();
+        let printed = scene.printed_albedo(&sites, walks, seed, watch)?;
         let mut looked = Looked::new(plans, walks, self.materials.channels.len());
-        for ((n, at, asked), printed) in of_spot.into_iter().zip(printed) {
+        for (spot, printed) in spots.iter().zip(printed) {
             if let Some(printed) = printed.into_iter().collect() {
-                looked.objects[n][at] = Some((asked, printed));
+                looked.objects[spot.plan][spot.at] = Some((spot.asked.clone(), printed));
             }
         }
         Ok(looked)
     }
+}
+
+/// A point of a plan as it is looked at.
+struct PointSpot {
+    plan: usize,
+    at: usize,
+    spot: Spot,
+    /// Albedo that is asked for, by channel.
+    asked: Vec<f64>,
 }
 
 impl Rounds {

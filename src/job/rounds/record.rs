@@ -35,7 +35,7 @@ pub struct RoundRecord {
     pub points: usize,
     /// Walks for each point and channel.
     pub walks: u64,
-    /// Printed against asked at single points, in each channel.
+    /// Printed against asked in each channel, at spots of 0.25 mm around the points.
     pub fit: Vec<Fit>,
     /// Greatest difference of ln albedo over any channel, of means over some mm².
     pub worst: f64,
