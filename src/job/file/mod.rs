@@ -39,6 +39,7 @@ pub use crate::{mesh::Unit, toml_reader::Place};
 use crate::optics::{SHARES, mixture_parts};
 use crate::toml_reader::{Found, Places, Source};
 use crate::voxel::Printer;
+use crate::search::Norm;
 use crate::words::{excerpt, hint, path_line};
 
 /// Largest job file that is read, bytes. A job that lists 10 000 profiles stays below it.
@@ -168,9 +169,15 @@ impl Job {
         Ok(job)
     }
 
-    /// Whether stackings that are searched for may have layers that are mixtures.
+    /// Whether stackings that are searched for may have layers that are mixtures: as the job says, else where transport
+    /// judges thicknesses of any size by another objective than the paper's, and only slices and pictures are written.
     pub fn allows_mixtures(&self) -> bool {
-        self.stacking.mixtures.unwrap_or(false)
+        let slices = |format: &OutputFormat| matches!(format, OutputFormat::Png | OutputFormat::Preview);
+        self.stacking.mixtures.unwrap_or_else(|| {
+            !self.whole_layers()
+                && self.stacking.objective.norm != Norm::L2
+                && self.output.formats.iter().all(slices)
+        })
     }
 
     /// Whether stackings are searched for in whole steps, which no mixtures have.
