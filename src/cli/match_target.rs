@@ -162,7 +162,7 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
         objective: args.objective(),
         limits,
         core,
-        max_nodes: None,
+        ..SearchOptions::default()
     };
     let options = MatchOptions { search, judge, layers: args.refine_options() };
     // A search does not listen, and there is nothing to clear away but a plot's place.

@@ -136,6 +136,14 @@ impl MaterialSet {
         }
     }
 
+    /// The refractive index of a mixture of the set's resins, by volume.
+    pub(crate) fn refractive_index(&self, mixture: &Mixture) -> f64 {
+        match mixture.pure() {
+            Some(resin) => self[resin].refractive_index,
+            None => mixture.parts.iter().map(|&(resin, share)| share * self[resin].refractive_index).sum(),
+        }
+    }
+
     /// The coefficients of a mixture of the set's resins, by channel, in the set's [`Grains`].
     ///
     /// # Errors

@@ -131,7 +131,8 @@ impl Matcher {
     /// Options out of range, contradictory limits; a resin without coefficients, if transport judges.
     pub fn new(set: &MaterialSet, options: &MatchOptions) -> Result<Self, SearchError> {
         let parameters: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
-        let table = BlockTable::new(&parameters, &options.search)?;
+        let search = SearchOptions { surface: set.surface(), ..options.search.clone() };
+        let table = BlockTable::new(&parameters, &search)?;
         let volumes = options.volumes(set)?;
         let refiner = volumes.map(|volumes| Refiner::new(&volumes, &set.grid, &options.search, options.layers));
         Ok(Self { table, refiner })
@@ -186,8 +187,10 @@ impl Judge {
             Self::KubelkaMunk => {
                 let stack: Stack<Mixture> = stack.map(|medium| medium.clone().into());
                 let in_channel = |channel| {
-                    let parameters = stack.map(|mixture| set.mixed_kubelka_munk(mixture, channel));
-                    forward::reflection(&parameters.map(|parameters| &**parameters), set.grid.len())
+                    let parameters =
+                        stack.map(|mixture| (set.mixed_kubelka_munk(mixture, channel), set.refractive_index(mixture)));
+                    let parameters = parameters.map(|(parameters, index)| (&**parameters, *index));
+                    forward::reflection_under(&parameters, set.grid.len())
                 };
                 Ok(set.channel_ids().map(in_channel).collect())
             }
