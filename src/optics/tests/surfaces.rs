@@ -7,7 +7,7 @@ use rand_xoshiro::{
 
 use super::laws::resin;
 use crate::{
-    optics::{FrequencyGrid, MaterialSet, Model, ResinId, Stack, VolumeCoefficients, predict},
+    optics::{FrequencyGrid, Grains, MaterialSet, Model, ResinId, Stack, VolumeCoefficients, predict},
     watch::Unwatched,
 };
 
@@ -28,6 +28,7 @@ fn inks() -> MaterialSet {
         provenance: String::new(),
         grid,
         warnings: Vec::new(),
+        grains: Grains::FINE,
     }
 }
 
