@@ -29,6 +29,7 @@ fn inks() -> MaterialSet {
         grid,
         grains: Grains::FINE,
         warnings: Vec::new(),
+        grains: Grains::FINE,
     }
 }
 
