@@ -40,7 +40,7 @@ use crate::{
 
 /// Walks of a round, for each channel, and how many a point has at least and at most.
 const WALKS: u64 = 2_500_000;
-const WALKS_EACH: [u64; 2] = [128, 1024];
+const WALKS_EACH: [u64; 2] = [128, 512];
 /// Seeds of rounds: apart from those of looks.
 const SEED: u64 = 0x5EED_0F20_0D50;
 /// Factors end here, as logarithms: what needs more is out of reach.
