@@ -24,7 +24,7 @@ fn match_all(matcher: &Matcher, targets: &[SearchTarget]) -> Vec<Found> {
 }
 
 fn match_one(matcher: &Matcher, target: &SearchTarget) -> Match {
-    match_all(matcher, std::slice::from_ref(target)).remove(0).search
+    match_all(matcher, std::slice::from_ref(target)).remove(0).search.unwrap()
 }
 
 fn targets(count: usize, channels: usize, seed: u64) -> Vec<SearchTarget> {

@@ -141,7 +141,7 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     let set = materials.load(&bars)?;
     bars.stage("gamut", 0);
     let judge = if by_transport { search::Judge::Transport } else { search::Judge::KubelkaMunk };
-    let options = MatchOptions { search, judge, layers };
+    let options = MatchOptions { search, judge, layers, mixtures: false };
     let gamut = Gamut::explore(&set, &options);
     bars.finish();
     let gamut = match gamut {

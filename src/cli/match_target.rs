@@ -87,6 +87,11 @@ pub struct MatchArgs {
     /// Make thicknesses multiples of so many mm, such as a printer's slice (transport only).
     #[arg(long, value_name = "MM", value_parser = parse_layer, help_heading = "Search")]
     layer_step_mm: Option<f64>,
+    /// Make every layer of one resin. Else, by transport and in layers of no steps, the surface is white that is
+    /// dithered with the other inks, over clear or support, over white: the same slots for every target, which differ
+    /// in thicknesses and shares; not for --objective l2.
+    #[arg(long, help_heading = "Search")]
+    no_mixtures: bool,
     /// Judge the answer by so many photons per channel as well, at least 2.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..), help_heading = "Search")]
     photons: Option<u64>,
@@ -164,7 +169,9 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
         core,
         max_nodes: None,
     };
-    let options = MatchOptions { search, judge, layers: args.refine_options() };
+    let layers = args.refine_options();
+    let mixtures = !args.no_mixtures && args.objective != NormArg::L2 && layers.step_mm.is_none();
+    let options = MatchOptions { search, judge, layers, mixtures };
     // A search does not listen, and there is nothing to clear away but a plot's place.
     if plot.is_none() {
         leave_at_once();
@@ -198,7 +205,7 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
         target: &target,
         monte_carlo: traced.as_ref().map(|traced| objective.of(&traced.reflection(), &target)),
         unrefined: found.unrefined(&set, &target, objective),
-        search: &found.search,
+        search: found.search.as_ref(),
         answer,
     };
     shown.warn_of_a_far_miss();
@@ -287,7 +294,8 @@ struct Shown<'a> {
     /// Its objective by photons.
     monte_carlo: Option<f64>,
     unrefined: Option<Judged>,
-    search: &'a Match,
+    /// The stackings of whole units that were searched, if they were.
+    search: Option<&'a Match>,
 }
 
 /// What of a target and its answer meets the eye: pairs of asked and predicted.
@@ -348,7 +356,9 @@ impl Shown<'_> {
     }
 
     fn named(&self, stacking: &Stack<Mixture>) -> Vec<(String, f64)> {
-        stacking.pairs().map(|(mixture, mm)| (self.set.mixture_name(mixture), mm)).collect()
+        // A slot of a family that is left out is no layer.
+        let there = stacking.pairs().filter(|(_, mm)| *mm > 0.0);
+        there.map(|(mixture, mm)| (self.set.mixture_name(mixture), mm)).collect()
     }
 
     fn document(&self) -> serde_json::Value {
@@ -360,9 +370,9 @@ impl Shown<'_> {
         let mut document = json!({
             "stack": stack(answer),
             "objective": { "km": answer.kubelka_munk, "transport": answer.transport, "monte_carlo": self.monte_carlo },
-            "bound": search.bound,
-            "proven": search.proven,
-            "nodes": search.nodes,
+            "bound": search.map(|search| search.bound),
+            "proven": search.map(|search| search.proven),
+            "nodes": search.map(|search| search.nodes),
         });
         let Look { albedo, edge_mm, delta_e_2000 } = self.look();
         document["look"] = json!({ "albedo": albedo, "edge_mm": edge_mm, "delta_e_2000": delta_e_2000 });
@@ -401,6 +411,9 @@ impl Shown<'_> {
         let mut rows = vec![row("these layers", answer, self.monte_carlo)];
         rows.extend(self.unrefined.iter().map(|unrefined| row("in whole units", unrefined, None)));
         text += &table(&["objective", "Kubelka-Munk", "transport", "Monte Carlo"], &rows);
+        let Some(search) = search else {
+            return text + "layers of mixtures: thicknesses and shares fitted by transport, not proven the best\n";
+        };
         let proof = if search.proven { "proven the best" } else { "not proven the best" };
         let whole = if self.unrefined.is_some() { "in whole units: " } else { "" };
         text + &format!("{whole}{proof} by Kubelka-Munk (bound {:.3e}, {} nodes)\n", search.bound, search.nodes)

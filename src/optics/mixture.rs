@@ -272,7 +272,8 @@ mod tests {
         assert_eq!((mixed.sigma_s, mixed.sigma_a, mixed.refractive_index), (15.25, 2.25, 1.5));
         assert!((mixed.g - (0.75 * 20.0 * 0.8 + 0.25 * 0.2) / 15.25).abs() < 1e-15);
         assert_eq!(VolumeCoefficients::mixed([(dark, 1.0)]), dark);
-        let thirds = VolumeCoefficients::mixed([(light, 0.95), (dark, 0.0125), (dark, 0.0125), (light, 0.0125), (dark, 0.0125)]);
+        let thirds =
+            VolumeCoefficients::mixed([(light, 0.95), (dark, 0.0125), (dark, 0.0125), (light, 0.0125), (dark, 0.0125)]);
         assert_eq!(thirds.refractive_index, 1.5);
     }
 

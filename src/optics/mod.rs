@@ -76,7 +76,7 @@ pub(crate) use {
     monte_carlo::{MonteCarlo, MonteCarloResult, RingEdges},
     profile::MIN_SAMPLES,
     repair::{TransmissionRepair, repair_transmission},
-    transport::{Base, LayeredReflection, LayeredSlope, Mixed, ModalReflection, Transport},
+    transport::{Base, LayeredReflection, Mixed, ModalReflection, Transport},
     volume::{MAX_COEFFICIENT_PER_MM, MAX_REFRACTIVE_INDEX},
 };
 

@@ -1,8 +1,9 @@
 //! One matcher for all who ask which stacking reflects like a target: a command, a job, a program.
 
 use super::{
-    Match, Objective, RefineOptions, Refined, SearchError, SearchOptions, SearchTarget, algorithm_1::algorithm_1,
-    branch_and_bound::match_targets, forward, refine::Refiner, table::BlockTable,
+    Family, FamilyAnswer, Match, Objective, PartTarget, RefineOptions, Refined, SearchError, SearchOptions,
+    SearchTarget, algorithm_1::algorithm_1, branch_and_bound::match_targets, forward, refine::Refiner,
+    table::BlockTable,
 };
 use crate::{
     optics::{MaterialSet, Mixture, Model, OpticsError, Resin, Stack, VolumeCoefficients, predict},
@@ -29,10 +30,24 @@ pub struct MatchOptions {
     pub judge: Judge,
     /// Layers that may be printed: of stackings refined by transport, and of those that span a gamut.
     pub layers: RefineOptions,
+    /// Whether layers may be mixtures: then stackings are those of a [`Family`], where transport judges and layers are
+    /// of no whole steps.
+    pub mixtures: bool,
 }
 
 /// Tables of a set of resins, built once for any number of targets.
 pub struct Matcher {
+    kind: Kind,
+}
+
+enum Kind {
+    Pure(Pure),
+    /// A family is chosen for all targets that are asked for.
+    Mixed(Box<(MaterialSet, MatchOptions)>),
+}
+
+/// What stackings of pure resins are searched with.
+struct Pure {
     table: BlockTable,
     refiner: Option<Refiner>,
 }
@@ -40,10 +55,12 @@ pub struct Matcher {
 /// What was found for a target.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
-    /// The best stacking of whole units by Kubelka–Munk.
-    pub search: Match,
+    /// The best stacking of whole units by Kubelka–Munk; `None` where a family answered.
+    pub search: Option<Match>,
     /// What became of it by transport, if that judges.
     pub refined: Option<Refined>,
+    /// The stacking of a family, where layers may be mixtures.
+    pub family: Option<FamilyAnswer>,
 }
 
 /// A stacking, and what each model says of it.
@@ -78,19 +95,29 @@ impl MatchOptions {
 }
 
 impl Found {
-    /// The layers, by the model that judged.
+    /// The layers, by the model that judged; of a family every slot, those of no thickness too.
     pub fn stacking(&self) -> Stack<Mixture> {
-        self.refined.as_ref().map_or(&self.search.stacking, |refined| &refined.stacking).clone().into()
+        match (&self.family, &self.refined, &self.search) {
+            (Some(answer), ..) => answer.stacking.clone(),
+            (None, Some(refined), _) => refined.stacking.clone().into(),
+            (None, None, Some(search)) => search.stacking.clone().into(),
+            (None, None, None) => Stack::default(),
+        }
     }
 
     /// R̂ of them per channel.
     pub fn reflection(&self) -> &[Vec<f64>] {
-        self.refined.as_ref().map_or(&self.search.reflection, |refined| &refined.reflection)
+        let family = self.family.as_ref().map(|answer| &answer.reflection);
+        let refined = self.refined.as_ref().map(|refined| &refined.reflection);
+        let search = self.search.as_ref().map(|search| &search.reflection);
+        family.or(refined).or(search).map_or(&[], Vec::as_slice)
     }
 
     /// Their objective.
     pub fn objective(&self) -> f64 {
-        self.refined.as_ref().map_or(self.search.objective, |refined| refined.objective)
+        let family = self.family.as_ref().map(|answer| answer.objective);
+        let refined = self.refined.as_ref().map(|refined| refined.objective);
+        family.or(refined).or(self.search.as_ref().map(|search| search.objective)).unwrap_or(f64::NAN)
     }
 
     /// The answer to `target`, by every model; `set` is the one that the matcher was made of.
@@ -100,7 +127,7 @@ impl Found {
 
     /// The stacking of whole units that was refined, by every model; `None` where none was.
     pub fn unrefined(&self, set: &MaterialSet, target: &SearchTarget, objective: &Objective) -> Option<Judged> {
-        let Match { stacking, reflection, .. } = &self.search;
+        let Match { stacking, reflection, .. } = self.search.as_ref()?;
         self.refined.is_some().then(|| Judged::new(set, stacking.clone().into(), reflection, target, objective))
     }
 }
@@ -130,36 +157,37 @@ impl Matcher {
     /// # Errors
     /// Options out of range, contradictory limits; a resin without coefficients, if transport judges.
     pub fn new(set: &MaterialSet, options: &MatchOptions) -> Result<Self, SearchError> {
-        let parameters: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
-        let table = BlockTable::new(&parameters, &options.search)?;
-        let volumes = options.volumes(set)?;
-        let refiner = volumes.map(|volumes| Refiner::new(&volumes, &set.grid, &options.search, options.layers));
-        Ok(Self { table, refiner })
+        let mixed = options.mixtures && options.judge == Judge::Transport && options.layers.step_mm.is_none();
+        let kind = if mixed {
+            options.search.validate(set.resins.len())?;
+            options.volumes(set)?;
+            Kind::Mixed(Box::new((set.clone(), options.clone())))
+        } else {
+            Kind::Pure(Pure::new(set, options)?)
+        };
+        Ok(Self { kind })
     }
 
     /// The best stacking of each target, in parallel; the answers do not depend on the number of threads. A target is a
-    /// step of the stage that `watch` hears.
+    /// step of the stage that `watch` hears. Mixed layers of all answers are those of one [`Family`]; where limits leave
+    /// none, layers are of pure resins.
     ///
     /// # Errors
     /// The first in the order of the targets: one unlike the resins, limits that leave no stacking, a node budget too
     /// small to find one, no layers of whole steps; [`SearchError::Stopped`].
     pub fn match_targets(&self, targets: &[SearchTarget], watch: &dyn Watch) -> Result<Vec<Found>, SearchError> {
-        let mut found = Vec::with_capacity(targets.len());
-        for batch in targets.chunks(BATCH) {
-            watch.go_on()?;
-            match &self.refiner {
-                None => {
-                    let matches = match_targets(&self.table, batch)?.into_iter();
-                    found.extend(matches.map(|search| Found { search, refined: None }));
-                }
-                Some(refiner) => {
-                    let matches = refiner.match_targets(&self.table, batch)?.into_iter();
-                    found.extend(matches.map(|(search, refined)| Found { search, refined: Some(refined) }));
-                }
+        let (set, options) = match &self.kind {
+            Kind::Pure(pure) => return pure.match_targets(targets, watch),
+            Kind::Mixed(mixed) => &**mixed,
+        };
+        let parts: Vec<PartTarget> = targets.iter().cloned().map(PartTarget::from).collect();
+        match Family::new(set, &options.search, &options.layers, &parts, watch)? {
+            Some(family) => {
+                let found = |answer| Found { search: None, refined: None, family: Some(answer) };
+                Ok(family.answers(&parts, watch)?.into_iter().map(found).collect())
             }
-            watch.advance(batch.len() as u64);
+            None => Pure::new(set, options)?.match_targets(targets, watch),
         }
-        Ok(found)
     }
 
     /// The best stacking of whole units by Algorithm 1 of Hašan et al. 2010 as printed: slow, for checks and
@@ -168,7 +196,47 @@ impl Matcher {
     /// # Errors
     /// A target unlike the resins; limits that leave no stacking.
     pub fn algorithm_1(&self, target: &SearchTarget) -> Result<Match, SearchError> {
-        algorithm_1(&self.table, target)
+        match &self.kind {
+            Kind::Pure(pure) => algorithm_1(&pure.table, target),
+            Kind::Mixed(mixed) => algorithm_1(&Pure::table(&mixed.0, &mixed.1)?, target),
+        }
+    }
+}
+
+impl Pure {
+    fn new(set: &MaterialSet, options: &MatchOptions) -> Result<Self, SearchError> {
+        let table = Self::table(set, options)?;
+        let volumes = options.volumes(set)?;
+        let refiner = volumes.map(|volumes| Refiner::new(&volumes, &set.grid, &options.search, options.layers));
+        Ok(Self { table, refiner })
+    }
+
+    fn table(set: &MaterialSet, options: &MatchOptions) -> Result<BlockTable, SearchError> {
+        let parameters: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
+        BlockTable::new(&parameters, &options.search)
+    }
+
+    fn match_targets(&self, targets: &[SearchTarget], watch: &dyn Watch) -> Result<Vec<Found>, SearchError> {
+        let mut found = Vec::with_capacity(targets.len());
+        for batch in targets.chunks(BATCH) {
+            watch.go_on()?;
+            match &self.refiner {
+                None => {
+                    let matches = match_targets(&self.table, batch)?.into_iter();
+                    found.extend(matches.map(|search| Found { search: Some(search), refined: None, family: None }));
+                }
+                Some(refiner) => {
+                    let matches = refiner.match_targets(&self.table, batch)?.into_iter();
+                    found.extend(matches.map(|(search, refined)| Found {
+                        search: Some(search),
+                        refined: Some(refined),
+                        family: None,
+                    }));
+                }
+            }
+            watch.advance(batch.len() as u64);
+        }
+        Ok(found)
     }
 }
 

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use lumislice::{
     optics::{Light, MaterialSet, Model, ResinId, Stack, predict},
-    search::{self, MatchOptions, Matcher, Objective, RefineOptions, ResinLimit, SearchOptions, SearchTarget},
+    search::{MatchOptions, Matcher, Objective, ResinLimit, SearchOptions, SearchTarget},
     watch::Unwatched,
 };
 
@@ -132,7 +132,7 @@ fn what_was_promised_is_what_photons_see() {
     let mut limits = vec![ResinLimit::NONE; set.resins.len()];
     limits[support.0].min_depth_mm = 0.2;
     let options = SearchOptions { limits, core: Some(core), ..SearchOptions::default() };
-    let options = MatchOptions { search: options, judge: search::Judge::Transport, layers: RefineOptions::default() };
+    let options = MatchOptions { search: options, ..MatchOptions::default() };
     let matcher = Matcher::new(&set, &options).unwrap();
     let mut judge = Judge { photons: number("LUMISLICE_PHOTONS", 20_000_000), set, seeds: SplitMix(8) };
     let layers = |judge: &Judge, stacking: &Stack| -> String {
@@ -158,7 +158,7 @@ fn what_was_promised_is_what_photons_see() {
         let target = SearchTarget { channels: vec![spectrum.clone()] };
         let start = Instant::now();
         let found = matcher.match_targets(&[target], &Unwatched).unwrap().remove(0);
-        let (discrete, refined) = (found.search.stacking, found.refined.unwrap());
+        let (discrete, refined) = (found.search.unwrap().stacking, found.refined.unwrap());
         let ms = start.elapsed().as_secs_f64() * 1e3;
         let found = judge.verdict(&refined.stacking, &spectrum, &options.search.objective);
         let discrete = judge.verdict(&discrete, &spectrum, &options.search.objective);

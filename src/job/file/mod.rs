@@ -173,6 +173,11 @@ impl Job {
         self.stacking.mixtures.unwrap_or(false)
     }
 
+    /// Whether stackings are searched for in whole steps, which no mixtures have.
+    fn whole_layers(&self) -> bool {
+        !matches!(self.stacking.model, StackingModel::Transport { layer_step_mm: None, .. })
+    }
+
     /// Whether boundaries between the layers of an object are dithered: as the job says, else where its layers may be
     /// mixtures.
     pub fn dithers(&self, object: usize) -> bool {
@@ -194,6 +199,10 @@ impl Job {
         });
         if !given && self.stacking.mixtures != Some(true) {
             return Ok(());
+        }
+        if self.stacking.mixtures == Some(true) && self.whole_layers() {
+            let expected = "model = \"transport\" without layer-step-mm: no other search knows mixtures";
+            return Err(self.refuse("stacking.mixtures", "true".to_owned(), expected));
         }
         for format in &self.output.formats {
             let expected = match format {

@@ -78,6 +78,7 @@ impl TargetContext<'_> {
             },
             judge: stacking.judge(),
             layers: self.job.layer_options(self.object),
+            mixtures: self.job.allows_mixtures(),
         }
     }
 

@@ -87,14 +87,18 @@ pub struct SearchEntry {
     /// Its root per coefficient: the error of a coefficient, or its share of the target's where the objective is
     /// relative.
     pub rms: f64,
-    /// No stacking of the searched space is better than this.
-    pub bound: f64,
+    /// No stacking of the searched space is better than this; `None`, as the next two, where layers may be mixtures and
+    /// a fit found the stacking.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bound: Option<f64>,
     /// Whether the objective is proven optimal.
-    pub proven: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proven: Option<bool>,
     /// Partial stackings looked at.
-    pub nodes: u64,
-    /// What the transport model says; `None` where stackings are judged by Kubelka–Munk. Objective, bound and proof are
-    /// then those of the stacking of whole units that was refined.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nodes: Option<u64>,
+    /// What the transport model says of the stacking of whole units and what it was refined to; `None` where nothing was
+    /// refined. Objective, bound and proof are then those of the stacking of whole units.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transport: Option<TransportEntry>,
 }

@@ -224,15 +224,17 @@ impl TargetContext<'_> {
     fn matched_entry(&self, found: &Found, target: &SearchTarget, share: f64, rms: Option<f64>) -> StackingEntry {
         let coefficients: usize = target.channels.iter().map(Vec::len).sum();
         let rms_of = |objective: f64| (objective / coefficients as f64).sqrt();
-        let Found { search, refined } = found;
+        let Found { search, refined, .. } = found;
+        // Of whole units, where such were searched.
+        let objective = search.as_ref().map_or(found.objective(), |search| search.objective);
         StackingEntry {
             target_albedo: Some(target.channels.iter().map(|channel| channel[0]).collect()),
             search: Some(SearchEntry {
-                objective: search.objective,
-                rms: rms_of(search.objective),
-                bound: search.bound,
-                proven: search.proven,
-                nodes: search.nodes,
+                objective,
+                rms: rms_of(objective),
+                bound: search.as_ref().map(|search| search.bound),
+                proven: search.as_ref().map(|search| search.proven),
+                nodes: search.as_ref().map(|search| search.nodes),
                 transport: refined.as_ref().map(|refined| TransportEntry {
                     objective: refined.objective,
                     rms: rms_of(refined.objective),

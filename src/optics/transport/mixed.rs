@@ -330,9 +330,9 @@ impl<'a> Layered<'a> {
         let mut slopes = Slopes { per_mm: Vec::with_capacity(mm.len()), along: Vec::with_capacity(changes.len()) };
         for (layer, Step { decay, rho, rho_below, below }) in steps.iter().enumerate() {
             let modes = self.layers[layer];
-            slopes.per_mm.push(
-                -(&modes.rates.row(&row) * (rho * &column) + (&row * rho) * &modes.rates.column(&column)),
-            );
+            slopes
+                .per_mm
+                .push(-(&modes.rates.row(&row) * (rho * &column) + (&row * rho) * &modes.rates.column(&column)));
             let (row_below, column_below) = (decay.row(&row), decay.column(&column));
             if let Some(mixture) = self.mixed.iter().position(|&mixed| mixed == layer) {
                 let rates = &modes.rates;
@@ -400,11 +400,7 @@ impl Field {
 
 /// (1 − e^{−x})/x, where e^{−x} is given.
 fn mean_decay(x: c64, decay: c64) -> c64 {
-    if x.norm() < 1e-2 {
-        1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0)))
-    } else {
-        (1.0 - decay) / x
-    }
+    if x.norm() < 1e-2 { 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0))) } else { (1.0 - decay) / x }
 }
 
 /// Σ of the products of all elements.

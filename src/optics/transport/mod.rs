@@ -27,10 +27,6 @@ mod slab;
 use faer::{Col, Row};
 use rayon::prelude::*;
 
-pub use self::{
-    mixed::{Base, LayeredReflection, LayeredSlope, Mixed},
-    modal::ModalReflection,
-};
 use self::{
     beam::Straight,
     directions::{AIR, Directions},
@@ -39,6 +35,10 @@ use self::{
     modal::{Frequency, Setting},
     once::Once,
     scattering::Scattering,
+};
+pub use self::{
+    mixed::{Base, LayeredReflection, Mixed},
+    modal::ModalReflection,
 };
 use super::{FrequencyGrid, Light, Stack, VolumeCoefficients};
 

@@ -206,8 +206,7 @@ impl Frequency {
         let modes: Vec<_> = setting.scattering.iter().map(|resin| Modes::new(&resin.generator(k), n)).collect();
         let air = Modes::air(n);
         let medium = |medium: Option<usize>| medium.map_or((&air, AIR), |resin| (&modes[resin], indices[resin]));
-        let interface =
-            |above: Option<usize>, below: Option<usize>| setting.interface(medium(above), medium(below));
+        let interface = |above: Option<usize>, below: Option<usize>| setting.interface(medium(above), medium(below));
         let resins = 0..modes.len();
         let top = |below: Option<usize>| setting.top(medium(None), medium(below));
         let bottom = |resin: usize| {

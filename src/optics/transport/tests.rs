@@ -450,8 +450,7 @@ fn slopes_of_mixtures_are_differences() {
         let k = [0.0, 0.3, 2.0, 15.0];
         let options = TransportOptions { polar: 4, orders: 4 };
         let base = if base { Base::Mirror } else { Base::HalfSpace(black) };
-        let model =
-            LayeredReflection::new(&[None, Some(support), None, Some(white)], &[index], base, &k, options);
+        let model = LayeredReflection::new(&[None, Some(support), None, Some(white)], &[index], base, &k, options);
         // Thick enough for nothing to come through at some frequencies.
         let mm = if index == 1.0 { [0.4, 0.7, 0.2, 0.5] } else { [0.4, 0.7, 4.0, 0.5] };
         let tangents = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-5.5, 3.8, 0.1]];
@@ -507,9 +506,8 @@ fn layers_in_order_are_a_stack() {
         }
     };
     let over = |base| LayeredReflection::new(&places, &[1.0], base, grid.as_slice(), options).reflection(&mm, &[grey]);
-    let spectra = |stack: &Stack<VolumeCoefficients>| {
-        Transport { stack, light: Light::Diffuse, options }.spectra(&grid)
-    };
+    let spectra =
+        |stack: &Stack<VolumeCoefficients>| Transport { stack, light: Light::Diffuse, options }.spectra(&grid);
     close(&over(Base::HalfSpace(black)), &spectra(&Stack::new(layers).over(black)).reflection);
     close(&over(Base::Nothing), &spectra(&Stack::new(layers)).reflection);
     let symmetric = layers.into_iter().chain(layers.into_iter().rev());

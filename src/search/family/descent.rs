@@ -103,7 +103,8 @@ mod tests {
         let anywhere = Polytope::of(vec![Constraint { a: vec![0.0, 1.0], b: 0.0 }]);
         let ended = descend(&[-0.6, 0.8], &anywhere, 40, disc).unwrap();
         assert!((ended.x[0] - 1.0).abs() < 1e-3 && ended.x[1].abs() < 1e-3, "{:?}", ended.x);
-        let right = Polytope::of(vec![Constraint { a: vec![-1.0, 0.0], b: -0.6 }, Constraint { a: vec![0.0, 1.0], b: 0.1 }]);
+        let right =
+            Polytope::of(vec![Constraint { a: vec![-1.0, 0.0], b: -0.6 }, Constraint { a: vec![0.0, 1.0], b: 0.1 }]);
         let ended = descend(&[-0.6, 0.8], &right, 40, disc).unwrap();
         assert!((ended.x[0] - 0.6).abs() < 1e-3 && (ended.x[1] - 0.8).abs() < 1e-3, "{:?}", ended.x);
     }

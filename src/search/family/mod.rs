@@ -23,6 +23,8 @@ mod model;
 mod shape;
 mod shapes;
 mod solve;
+#[cfg(test)]
+mod tests;
 mod tree;
 
 use rayon::prelude::*;
@@ -35,7 +37,9 @@ use self::{
 };
 use super::{RefineOptions, SearchError, SearchOptions, SearchTarget, refine::nodes::Nodes};
 use crate::{
-    optics::{FrequencyGrid, MaterialSet, Mixture, Stack, TransportOptions, VolumeCoefficients},
+    optics::{
+        ChannelId, FrequencyGrid, Grains, MaterialSet, Mixture, Resin, Stack, TransportOptions, VolumeCoefficients,
+    },
     watch::Watch,
 };
 
@@ -105,15 +109,11 @@ impl Family {
         targets: &[PartTarget],
         watch: &dyn Watch,
     ) -> Result<Option<Self>, SearchError> {
-        let volumes = |resin: &crate::optics::Resin| {
-            resin.volumes().ok_or_else(|| SearchError::NoCoefficients { resin: resin.name.clone() })
-        };
-        let resins: Vec<Vec<VolumeCoefficients>> = set.resins.iter().map(volumes).collect::<Result<_, _>>()?;
-        let background: Vec<bool> = set.resins.iter().map(|resin| resin.print_as_background).collect();
-        let models = Models { resins: &resins, core: options.core.map(|core| core.0), grid: &set.grid };
+        let resins = Resins::new(set)?;
+        let models = Models { resins: &resins, core: options.core.map(|core| core.0) };
         let tried: Vec<&PartTarget> = Places::new(targets).spread(TRIED).into_iter().map(|i| &targets[i]).collect();
         let mut best: Option<(f64, Shape, Model)> = None;
-        let shapes = shapes::offered(&resins, &background, options, layers);
+        let shapes = shapes::offered(&resins.volumes, &resins.background, options, layers);
         let single = shapes.len() == 1;
         for shape in shapes {
             watch.go_on()?;
@@ -127,7 +127,12 @@ impl Family {
                 best = Some((worth, shape, cheap));
             }
         }
-        Ok(best.map(|(_, shape, cheap)| Self { expensive: models.expensive(&shape), cheap, shape, options: options.clone() }))
+        Ok(best.map(|(_, shape, cheap)| Self {
+            expensive: models.expensive(&shape),
+            cheap,
+            shape,
+            options: options.clone(),
+        }))
     }
 
     /// The best stacking of each target, in parallel; the answers do not depend on the number of threads. A target is a
@@ -182,6 +187,10 @@ impl Family {
         // Fits end in the nearest valley: a neighbour may stand in a deeper one.
         let again = |target: usize| {
             let own = &solved[target];
+            if asked[target].is_far(own) {
+                let found = anew(target, Some(&own.shift)).filter(|found| found.total < DEEPER * own.total);
+                return found;
+            }
             let of = |i: usize| (solver.borrowed(&asked[target], own, &solved[i].x), i);
             let best = places.neighbours(target, NEIGHBOURS).into_iter().map(of).min_by(|a, b| a.0.total_cmp(&b.0));
             let (_, neighbour) = best.filter(|(total, _)| *total < DEEPER * own.total)?;
@@ -238,7 +247,7 @@ impl Family {
         }
         for (channel, values) in target.channels.iter().enumerate() {
             if let Some(index) = values.iter().position(|value| !value.is_finite()) {
-                let channel = crate::optics::ChannelId(channel);
+                let channel = ChannelId(channel);
                 return Err(SearchError::TargetValue { channel, index, found: values[index] });
             }
         }
@@ -251,21 +260,42 @@ impl Family {
     }
 }
 
+/// What a family needs to know of a set.
+struct Resins {
+    /// Index `[resin][channel]`.
+    volumes: Vec<Vec<VolumeCoefficients>>,
+    background: Vec<bool>,
+    grains: Grains,
+    grid: FrequencyGrid,
+}
+
+impl Resins {
+    fn new(set: &MaterialSet) -> Result<Self, SearchError> {
+        let volumes =
+            |resin: &Resin| resin.volumes().ok_or_else(|| SearchError::NoCoefficients { resin: resin.name.clone() });
+        Ok(Self {
+            volumes: set.resins.iter().map(volumes).collect::<Result<_, _>>()?,
+            background: set.resins.iter().map(|resin| resin.print_as_background).collect(),
+            grains: set.grains,
+            grid: set.grid.clone(),
+        })
+    }
+}
+
 /// What both models of any shape are made of.
 struct Models<'a> {
-    resins: &'a [Vec<VolumeCoefficients>],
+    resins: &'a Resins,
     core: Option<usize>,
-    grid: &'a FrequencyGrid,
 }
 
 impl Models<'_> {
     fn cheap(&self, shape: &Shape) -> Model {
-        Model::new(shape, self.resins, self.core, self.grid, Nodes::few(self.grid.len()), CHEAP)
+        Model::new(shape, self.resins, self.core, Nodes::few(self.resins.grid.len()), CHEAP)
     }
 
     fn expensive(&self, shape: &Shape) -> Model {
-        let nodes = Nodes::new(self.grid.len());
-        Model::new(shape, self.resins, self.core, self.grid, nodes, TransportOptions::REFLECTION)
+        let nodes = Nodes::new(self.resins.grid.len());
+        Model::new(shape, self.resins, self.core, nodes, TransportOptions::REFLECTION)
     }
 }
 
@@ -280,4 +310,3 @@ fn worth(shape: &Shape, cheap: &Model, options: &SearchOptions, targets: &[&Part
     let all: Vec<f64> = targets.par_iter().with_max_len(1).map(one).collect();
     all.iter().sum::<f64>() / all.len() as f64
 }
-

@@ -1,8 +1,11 @@
 //! The transport model of a shape's stackings, cheap or expensive.
 
-use super::shape::{Shape, Slot};
+use super::{
+    Resins,
+    shape::{Shape, Slot},
+};
 use crate::{
-    optics::{Base, FrequencyGrid, LayeredReflection, TransportOptions, VolumeCoefficients},
+    optics::{Base, Grains, LayeredReflection, TransportOptions, VolumeCoefficients},
     search::refine::{fit::Residuals, nodes::Nodes},
 };
 
@@ -25,6 +28,7 @@ pub(super) struct Goal {
 /// One of the models.
 pub(super) struct Model {
     nodes: Nodes,
+    grains: Grains,
     channels: Vec<Channel>,
 }
 
@@ -36,15 +40,8 @@ struct Channel {
 }
 
 impl Model {
-    /// `resins` has index `[resin][channel]`.
-    pub fn new(
-        shape: &Shape,
-        resins: &[Vec<VolumeCoefficients>],
-        core: Option<usize>,
-        grid: &FrequencyGrid,
-        nodes: Nodes,
-        options: TransportOptions,
-    ) -> Self {
+    pub fn new(shape: &Shape, resins: &Resins, core: Option<usize>, nodes: Nodes, options: TransportOptions) -> Self {
+        let (grid, grains, resins) = (&resins.grid, resins.grains, &resins.volumes);
         let k: Vec<f64> = nodes.indices.iter().map(|&i| grid.as_slice()[i]).collect();
         let channel = |channel: usize| {
             let resins: Vec<_> = resins.iter().map(|resin| resin[channel]).collect();
@@ -62,7 +59,7 @@ impl Model {
             let base = core.map_or(Base::Nothing, |core| Base::HalfSpace(resins[core]));
             Channel { endless: over(&layers, base), middle, resins }
         };
-        Self { channels: (0..resins.first().map_or(0, Vec::len)).map(channel).collect(), nodes }
+        Self { channels: (0..resins.first().map_or(0, Vec::len)).map(channel).collect(), nodes, grains }
     }
 
     /// Channels, and coefficients of each.
@@ -73,7 +70,8 @@ impl Model {
     /// R̂ per channel.
     pub fn reflection(&self, shape: &Shape, x: &[f64], below: Below) -> Vec<Vec<f64>> {
         let one = |channel: &Channel| {
-            let mixtures: Vec<_> = shape.mixed(x, &channel.resins).into_iter().map(|mixed| mixed.volume).collect();
+            let mixtures: Vec<_> =
+                shape.mixed(x, &channel.resins, self.grains).into_iter().map(|mixed| mixed.volume).collect();
             let (model, mm) = channel.model(shape, x, below);
             self.nodes.spread(&model.reflection(&mm, &mixtures))
         };
@@ -85,7 +83,7 @@ impl Model {
         let mut residuals = Residuals { values: Vec::new(), per_mm: vec![Vec::new(); shape.len()] };
         for ((channel, wanted), roots) in self.channels.iter().zip(&goal.wanted).zip(&goal.roots) {
             let (model, mm) = channel.model(shape, x, below);
-            let slope = model.slope(&mm, &shape.mixed(x, &channel.resins));
+            let slope = model.slope(&mm, &shape.mixed(x, &channel.resins, self.grains));
             let reflection = self.nodes.spread(&slope.reflection);
             let off = reflection.iter().zip(wanted).zip(roots);
             residuals.values.extend(off.map(|((found, wanted), root)| root * (found - wanted)));

@@ -4,7 +4,7 @@
 //! shares of all but the first.
 
 use crate::{
-    optics::{Mixed, Mixture, ResinId, Stack, VolumeCoefficients},
+    optics::{Grains, Mixed, Mixture, ResinId, Stack, VolumeCoefficients},
     search::{
         ResinLimit, SearchOptions,
         refine::polytope::{Constraint, Polytope},
@@ -13,6 +13,9 @@ use crate::{
 
 /// Thicknesses, mm, and shares below this are none.
 const NOTHING: f64 = 1e-6;
+
+/// Step of derivatives in shares.
+const STEP: f64 = 1e-5;
 
 /// A place in the order of layers.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,19 +76,25 @@ impl Shape {
 
     /// Coefficients of the slots of several resins in one channel, with the changes that each share makes; `resins`
     /// are all resins' coefficients in the channel.
-    pub fn mixed(&self, x: &[f64], resins: &[VolumeCoefficients]) -> Vec<Mixed> {
+    pub fn mixed(&self, x: &[f64], resins: &[VolumeCoefficients], grains: Grains) -> Vec<Mixed> {
         let mixed = self.parts(x).filter(|parts| parts.len() > 1).map(|parts| {
-            let all = parts.iter().map(|&(resin, share)| (resins[resin], share));
-            let volume = VolumeCoefficients::mixed(all.filter(|part| part.1 > 0.0));
-            let first = resins[parts[0].0];
-            let tangents = parts[1..].iter().map(|&(resin, _)| {
-                let other = resins[resin];
-                let sigma_s = other.sigma_s - first.sigma_s;
-                let cosine = other.sigma_s * other.g - first.sigma_s * first.g;
-                let g = if volume.sigma_s > 0.0 { (cosine - volume.g * sigma_s) / volume.sigma_s } else { 0.0 };
-                [sigma_s, other.sigma_a - first.sigma_a, g]
+            // With more of one resin and less of the first.
+            let with = |more: usize, by: f64| {
+                let share = |at: usize, share: f64| match at {
+                    0 => share - by,
+                    at if at == more => share + by,
+                    _ => share,
+                };
+                let parts = parts.iter().enumerate().map(|(at, &(resin, part))| (resins[resin], share(at, part)));
+                let there = parts.filter(|&(_, share)| share != 0.0);
+                grains.mixed(&there.collect::<Vec<_>>())
+            };
+            let tangents = (1..parts.len()).map(|at| {
+                let [more, less] = [STEP, -STEP].map(|by| with(at, by));
+                let slope = |more: f64, less: f64| (more - less) / (2.0 * STEP);
+                [slope(more.sigma_s, less.sigma_s), slope(more.sigma_a, less.sigma_a), slope(more.g, less.g)]
             });
-            Mixed { volume, tangents: tangents.collect() }
+            Mixed { tangents: tangents.collect(), volume: with(0, 0.0) }
         });
         mixed.collect()
     }

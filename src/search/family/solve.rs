@@ -36,6 +36,9 @@ const FITS: usize = 4;
 const FORESEEN: f64 = 0.01;
 const ENOUGH: f64 = 1e-9;
 
+/// Share of the weight, an error of 0.005 in every coefficient, from which on other starts are tried.
+const FAR: f64 = 2.5e-5;
+
 /// One R̂ per channel.
 pub(super) type Spectra = Vec<Vec<f64>>;
 
@@ -75,6 +78,11 @@ impl Asked {
             below: half_mm.map_or(Below::Endless, Below::Middle),
             limits: shape.limits(options, room_mm, half_mm.is_some())?,
         })
+    }
+
+    /// Whether an answer is off so far that its fit may have got stuck.
+    pub fn is_far(&self, solved: &Solved) -> bool {
+        solved.objective > FAR * self.weight
     }
 
     /// The nearest numbers that keep the limits.
@@ -120,7 +128,13 @@ impl Shape {
 }
 
 /// The best that the cheap model alone finds from `start`, with what it minimised.
-pub(super) fn roughly(shape: &Shape, cheap: &Model, asked: &Asked, start: &[f64], shift: Option<&Spectra>) -> Option<(Vec<f64>, f64)> {
+pub(super) fn roughly(
+    shape: &Shape,
+    cheap: &Model,
+    asked: &Asked,
+    start: &[f64],
+    shift: Option<&Spectra>,
+) -> Option<(Vec<f64>, f64)> {
     let Ended { x, residuals } = fitted(shape, cheap, asked, start, &asked.shifted(shift))?;
     Some((x, residuals.objective()))
 }

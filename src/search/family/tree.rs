@@ -51,7 +51,8 @@ impl Places {
         let count = self.0.len() as f64;
         let dimensions = self.0.first().map_or(0, Vec::len);
         let mean: Place = (0..dimensions).map(|i| self.0.iter().map(|place| place[i]).sum::<f64>() / count).collect();
-        let nearest = (0..self.0.len()).min_by(|&a, &b| square(&self.0[a], &mean).total_cmp(&square(&self.0[b], &mean)));
+        let nearest =
+            (0..self.0.len()).min_by(|&a, &b| square(&self.0[a], &mean).total_cmp(&square(&self.0[b], &mean)));
         nearest.unwrap_or(0)
     }
 

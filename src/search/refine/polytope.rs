@@ -103,7 +103,8 @@ impl Polytope {
             // Multipliers that hold all of them exactly; those that would pull are let go.
             loop {
                 let lacks: Vec<f64> = holding.iter().map(|&i| scaled[i].2 - dot(&scaled[i].0, &free)).collect();
-                let matrix = holding.iter().map(|&i| holding.iter().map(|&j| dot(&scaled[i].0, &scaled[j].1)).collect());
+                let matrix =
+                    holding.iter().map(|&i| holding.iter().map(|&j| dot(&scaled[i].0, &scaled[j].1)).collect());
                 let Some(wanted) = solved(matrix.collect(), lacks) else {
                     holding.retain(|&i| i != next);
                     break;

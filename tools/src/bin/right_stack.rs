@@ -14,9 +14,12 @@ use lumislice::{
     appearance::NormalizedDiffusion,
     colour::{delta_e_2000, lab},
     optics::{
-        DEFAULT_SEED, EdgeResponse, FrequencyGrid, Light, MaterialFile, MaterialSet, Model, ResinId, Stack, predict,
+        DEFAULT_SEED, EdgeResponse, FrequencyGrid, Layer, Light, MaterialFile, MaterialSet, Mixture, Model, ResinId,
+        Stack, predict,
     },
-    search::{Judge, MatchOptions, Matcher, Norm, Objective, RefineOptions, ResinLimit, SearchOptions, SearchTarget},
+    search::{
+        Found, Judge, MatchOptions, Matcher, Norm, Objective, RefineOptions, ResinLimit, SearchOptions, SearchTarget,
+    },
     watch::Unwatched,
 };
 use rand_xoshiro::{
@@ -45,6 +48,12 @@ struct Args {
     /// Kubelka–Munk in place of transport.
     #[arg(long)]
     km: bool,
+    /// Layers of one resin each.
+    #[arg(long)]
+    no_mixtures: bool,
+    /// Photons are asked of so many targets only, from the first on; default all.
+    #[arg(long)]
+    sample: Option<usize>,
     /// A line per target.
     #[arg(long)]
     each: bool,
@@ -92,10 +101,79 @@ impl Random {
     }
 }
 
+/// Of all threads, where the system tells it.
+fn processor_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+    [11, 12].iter().filter_map(|&i| fields.get(i)?.parse::<f64>().ok()).sum::<f64>() / 100.0
+}
+
 fn spread(name: &str, unit: &str, mut values: Vec<f64>) {
     values.sort_by(f64::total_cmp);
     let at = |share: f64| values.get(((values.len() - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
-    println!("{name:28} median {:9.3}  90% {:9.3}  worst {:9.3} {unit}", at(0.5), at(0.9), at(1.0));
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    println!(
+        "{name:28} mean {mean:9.4}  median {:9.4}  90% {:9.4}  99% {:9.4}  worst {:9.4} {unit}",
+        at(0.5),
+        at(0.9),
+        at(0.99),
+        at(1.0)
+    );
+}
+
+/// Root mean square difference in L* of the responses across a shadow's edge, within 8 mm of it.
+fn edge_error(asked: &[f64], found: &[f64], grid: &FrequencyGrid) -> f64 {
+    const POINTS: usize = 41;
+    let [asked, found] = [asked, found].map(|spectrum| EdgeResponse::new(spectrum, grid));
+    let square = |i: usize| {
+        let x_mm = 16.0 * i as f64 / (POINTS - 1) as f64 - 8.0;
+        let [asked, found] = [&asked, &found].map(|edge| lab([edge.at(x_mm).max(0.0); 3])[0]);
+        (asked - found).powi(2)
+    };
+    ((0..POINTS).map(square).sum::<f64>() / POINTS as f64).sqrt()
+}
+
+/// Between every target and the one most like it: how far the mean of both stackings is from the mean of what was
+/// asked, over how far the worse of the two is from its own, in L* of a shadow's edge; errors below 0.1 count as that.
+fn between(set: &MaterialSet, targets: &[SearchTarget], found: &[Found]) -> anyhow::Result<Vec<f64>> {
+    let distance = |a: &SearchTarget, b: &SearchTarget| -> f64 {
+        let channel = |(a, b): (&Vec<f64>, &Vec<f64>)| {
+            let albedo = (lab([a[0]; 3])[0] - lab([b[0]; 3])[0]).powi(2) / 1e4;
+            albedo + a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64
+        };
+        a.channels.iter().zip(&b.channels).map(channel).sum()
+    };
+    let off = |asked: &[Vec<f64>], found: &[Vec<f64>]| -> f64 {
+        let edges = asked.iter().zip(found).map(|(asked, found)| edge_error(asked, found, &set.grid));
+        edges.sum::<f64>() / asked.len() as f64
+    };
+    let mut ratios = Vec::new();
+    for (i, target) in targets.iter().enumerate() {
+        let others = (0..targets.len()).filter(|&j| j != i);
+        let nearest = others.min_by(|&a, &b| distance(target, &targets[a]).total_cmp(&distance(target, &targets[b])));
+        let Some(j) = nearest else { continue };
+        let asked = target.channels.iter().zip(&targets[j].channels);
+        let asked: Vec<Vec<f64>> = asked.map(|(a, b)| a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect()).collect();
+        let stacking = middle(&found[i].stacking(), &found[j].stacking());
+        let printed = predict(set, &stacking, &Model::REFLECTION, &Unwatched)?.reflection();
+        let ends = [i, j].map(|i| off(&targets[i].channels, found[i].reflection()));
+        ratios.push(off(&asked, &printed) / ends[0].max(ends[1]).max(0.1));
+    }
+    Ok(ratios)
+}
+
+/// Slot by slot the mean thickness of two stackings of a family, with shares by thickness.
+fn middle(a: &Stack<Mixture>, b: &Stack<Mixture>) -> Stack<Mixture> {
+    let slots = a.layers.iter().zip(&b.layers).map(|(a, b)| {
+        let mm = a.thickness_mm + b.thickness_mm;
+        let of = |layer: &Layer<Mixture>| {
+            let share = if mm > 0.0 { layer.thickness_mm / mm } else { 0.5 };
+            layer.resin.parts().iter().map(move |&(resin, part)| (resin, share * part)).collect::<Vec<_>>()
+        };
+        let mixture = Mixture::new(of(a).into_iter().chain(of(b))).unwrap_or_else(|| a.resin.clone());
+        (mixture, 0.5 * mm)
+    });
+    Stack { core: a.core.clone(), ..Stack::new(slots) }
 }
 
 fn main() -> anyhow::Result<()> {
@@ -115,7 +193,7 @@ fn main() -> anyhow::Result<()> {
     let objective = Objective { norm, dc_weight: args.dc_weight };
     let search = SearchOptions { core: Some(core), limits: limits.clone(), objective, ..SearchOptions::default() };
     let judge = if args.km { Judge::KubelkaMunk } else { Judge::Transport };
-    let options = MatchOptions { search, judge, layers: RefineOptions::default() };
+    let options = MatchOptions { search, judge, layers: RefineOptions::default(), mixtures: !args.no_mixtures };
     let mut random = Random(Xoshiro256PlusPlus::seed_from_u64(args.seed));
     let grid = FrequencyGrid::default();
     let mut targets = Vec::new();
@@ -143,13 +221,21 @@ fn main() -> anyhow::Result<()> {
     let matcher = Matcher::new(&set, &options)?;
     println!("tables: {:.2} s", started.elapsed().as_secs_f64());
     let started = Instant::now();
+    let before = processor_seconds();
     let found = matcher.match_targets(&targets, &Unwatched)?;
     let took = started.elapsed().as_secs_f64();
-    println!("{} targets: {took:.2} s, {:.3} s each", targets.len(), took / targets.len() as f64);
+    let processor = processor_seconds() - before;
+    println!(
+        "{} targets: {took:.2} s, {:.3} s each; {processor:.2} s of processor time",
+        targets.len(),
+        took / targets.len() as f64
+    );
     let (mut albedo, mut colour, mut edge, mut rms, mut layers) = (vec![], vec![], vec![], vec![], vec![]);
-    for (found, target) in found.iter().zip(&targets) {
+    let (mut shown, mut objectives) = (vec![], vec![]);
+    for (index, (found, target)) in found.iter().zip(&targets).enumerate() {
         let light = Light::Diffuse;
         let model = match args.photons {
+            _ if args.sample.is_some_and(|sample| index >= sample) => Model::REFLECTION,
             0 => Model::REFLECTION,
             photons => Model::MonteCarlo { light, photons, seed: DEFAULT_SEED },
         };
@@ -179,6 +265,9 @@ fn main() -> anyhow::Result<()> {
                 named.join(", ")
             );
         }
+        let by_edge = target.channels.iter().zip(&printed).map(|(t, r)| edge_error(t, r, &grid));
+        shown.push(by_edge.sum::<f64>() / printed.len() as f64);
+        objectives.push(found.objective());
         albedo.push(off);
         colour.push(difference);
         edge.push(widths.iter().map(|w| w.abs()).fold(0.0, f64::max));
@@ -187,7 +276,12 @@ fn main() -> anyhow::Result<()> {
     spread("albedo", "%", albedo);
     spread("CIEDE2000", "", colour);
     spread("edge, 10 to 90%", "%", edge);
+    spread("edge, rms within 8 mm", "L*", shown);
+    spread("objective", "", objectives);
     spread("rms of R̂", "e-4", rms);
     spread("layers", "", layers);
+    if found.iter().all(|found| found.family.is_some()) && found.len() > 1 {
+        spread("middle of neighbours", "x", between(&set, &targets, &found)?);
+    }
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use lumislice::{
     optics::{Light, MaterialSet, Mixture, Model, OpticsError, Prediction, ResinId, Stack, TransportOptions, predict},
-    search::{Judge, MatchOptions, RefineOptions, ResinLimit, SearchOptions},
+    search::{Judge, MatchOptions, ResinLimit, SearchOptions},
     watch::Unwatched,
 };
 
@@ -36,7 +36,7 @@ impl Resins {
             |name: &str| ResinLimit { min_depth_mm: if name == "support" { 0.2 } else { 0.0 }, ..ResinLimit::NONE };
         let limits = self.set.resins.iter().map(|resin| limit(&resin.name)).collect();
         let search = SearchOptions { core: Some(self.id("black")), limits, ..SearchOptions::default() };
-        MatchOptions { search, judge: Judge::Transport, layers: RefineOptions::default() }
+        MatchOptions { search, judge: Judge::Transport, ..MatchOptions::default() }
     }
 
     pub fn named(&self, stacking: &Stack<Mixture>) -> String {

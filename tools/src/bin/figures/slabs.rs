@@ -84,7 +84,7 @@ fn row(resins: &Resins, slab: usize, found: &Found, target: &SearchTarget, photo
         wanted[0],
         radius(&photons.reflection_hankel),
         radius(wanted),
-        found.search.objective,
+        found.search.as_ref().map_or(f64::NAN, |search| search.objective),
         found.objective(),
         off * off * wanted.len() as f64,
     );

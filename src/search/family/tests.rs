@@ -1,0 +1,146 @@
+//! A family finds what it made, keeps what is asked, and answers alike whatever the threads.
+
+use super::*;
+use crate::{
+    appearance::NormalizedDiffusion,
+    optics::{Model, ResinId, predict},
+    search::ResinLimit,
+    watch::Unwatched,
+};
+
+const WHITE: ResinId = ResinId(0);
+const BLACK: ResinId = ResinId(1);
+const SUPPORT: ResinId = ResinId(2);
+
+fn options() -> SearchOptions {
+    let limits = vec![ResinLimit::NONE, ResinLimit::NONE, ResinLimit { min_depth_mm: 0.2, ..ResinLimit::NONE }];
+    SearchOptions {
+        core: Some(BLACK),
+        limits,
+        objective: crate::search::Objective::default(),
+        ..SearchOptions::default()
+    }
+}
+
+fn set() -> MaterialSet {
+    MaterialSet::builtin("synthetic").unwrap()
+}
+
+fn family(options: &SearchOptions, targets: &[PartTarget]) -> Option<Family> {
+    Family::new(&set(), options, &RefineOptions::default(), targets, &Unwatched).unwrap()
+}
+
+fn material(albedo: f64, mean_free_path_mm: f64) -> PartTarget {
+    let spectrum = NormalizedDiffusion::new(albedo, mean_free_path_mm).unwrap().spectrum(&set().grid);
+    SearchTarget { channels: vec![spectrum] }.into()
+}
+
+fn grey(black: f64) -> Mixture {
+    Mixture::new([(WHITE, 1.0 - black), (BLACK, black)]).unwrap()
+}
+
+#[test]
+fn what_a_family_reflects_is_found_again() {
+    let stackings = [(0.05, [0.3, 1.2, 0.8]), (0.3, [0.25, 0.4, 0.5]), (0.1, [0.4, 2.0, 0.0])].map(|(black, mm)| {
+        Stack::new([(grey(black), mm[0]), (SUPPORT.into(), mm[1]), (WHITE.into(), mm[2])]).over(Mixture::from(BLACK))
+    });
+    let reflection =
+        |stacking: &Stack<Mixture>| predict(&set(), stacking, &Model::REFLECTION, &Unwatched).unwrap().reflection();
+    let targets: Vec<PartTarget> =
+        stackings.iter().map(|stacking| SearchTarget { channels: reflection(stacking) }.into()).collect();
+    let family = family(&options(), &targets).unwrap();
+    for ((answer, stacking), part) in family.answers(&targets, &Unwatched).unwrap().iter().zip(&stackings).zip(&targets)
+    {
+        println!("{stacking:?}: {:.1e} {:?}", answer.objective, answer.parameters);
+        let [found, asked] = [&answer.reflection, &part.target.channels].map(|spectra| spectra[0][0]);
+        assert!((found / asked - 1.0).abs() < 2e-3, "{stacking:?}: albedo {found} for {asked}");
+        assert!(answer.objective < 128.0 * 1e-6, "{stacking:?}: {answer:?}");
+        // What it promises is what the model says of its layers.
+        let said = reflection(&answer.stacking);
+        let most = said[0].iter().zip(&answer.reflection[0]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(most < 1e-4, "{most}");
+    }
+}
+
+#[test]
+fn limits_are_kept_and_slots_are_alike() {
+    let targets: Vec<PartTarget> =
+        [(0.1, 0.2), (0.3, 1.5), (0.45, 0.4), (0.55, 1.0), (0.2, 0.8)].map(|(a, l)| material(a, l)).to_vec();
+    let mut options = options();
+    options.limits[WHITE.0].max_mm = 1.5;
+    options.limits[SUPPORT.0] = ResinLimit { min_depth_mm: 0.35, min_mm: 0.1, max_mm: 1.2 };
+    options.max_thickness_mm = 2.5;
+    for answer in family(&options, &targets).unwrap().answers(&targets, &Unwatched).unwrap() {
+        let layers = &answer.stacking.layers;
+        assert_eq!(layers.len(), 3);
+        let mm: Vec<f64> = layers.iter().map(|layer| layer.thickness_mm).collect();
+        assert!(layers[0].resin.parts().iter().all(|part| part.0 != SUPPORT));
+        assert_eq!([layers[1].resin.pure(), layers[2].resin.pure()], [Some(SUPPORT), Some(WHITE)]);
+        let slack = 1e-8;
+        assert!(mm[0] >= 0.35 - slack && mm[0] <= 1.5 + slack && mm[2] <= 1.5 + slack, "{mm:?}");
+        assert!((0.1 - slack..=1.2 + slack).contains(&mm[1]) && mm.iter().sum::<f64>() <= 2.5 + slack, "{mm:?}");
+    }
+    // Black keeps off the surface: a coat of white, and the mixture below it.
+    options.limits[BLACK.0].min_depth_mm = 0.3;
+    for answer in family(&options, &targets).unwrap().answers(&targets, &Unwatched).unwrap() {
+        let layers = &answer.stacking.layers;
+        assert_eq!((layers.len(), layers[0].resin.pure()), (4, Some(WHITE)));
+        assert!(layers[0].thickness_mm >= 0.3 - 1e-8, "{layers:?}");
+    }
+    // No resin may be at the surface.
+    options.limits.iter_mut().for_each(|limit| limit.min_depth_mm = 0.1);
+    assert!(family(&options, &targets).is_none());
+}
+
+#[test]
+fn answers_do_not_depend_on_threads() {
+    let targets: Vec<PartTarget> =
+        (0..9).map(|i| material(0.1 + 0.05 * f64::from(i), 0.2 + 0.15 * f64::from(i * 4 % 9))).collect();
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| family(&options(), &targets).unwrap().answers(&targets, &Unwatched).unwrap())
+    };
+    assert_eq!(with(1), with(3));
+}
+
+/// A slightly brighter target, answered to first order, is as bright as asked.
+#[test]
+fn responses_answer_targets_nearby() {
+    let part = material(0.3, 0.6);
+    let family = family(&options(), std::slice::from_ref(&part)).unwrap();
+    let answer = family.answers(std::slice::from_ref(&part), &Unwatched).unwrap().remove(0);
+    for change in [-0.03_f64, 0.03] {
+        let moved: Vec<f64> =
+            answer.parameters.iter().zip(&answer.response[0]).map(|(x, slope)| x + change * slope).collect();
+        let stacking = family.stacking(&moved, &part).unwrap();
+        let reflection = predict(&set(), &stacking, &Model::REFLECTION, &Unwatched).unwrap().reflection();
+        let risen = libm::log(reflection[0][0] / answer.reflection[0][0]);
+        println!("{change}: {risen}, {:?}", answer.response);
+        assert!((risen - change).abs() < 0.1 * change.abs(), "{change}: {risen}");
+    }
+}
+
+/// A part lit from both sides looks like half of it and the mirror image of that: R̂ and T̂ of the whole.
+#[test]
+fn thin_parts_are_slabs_with_light_from_both_sides() {
+    let targets: Vec<PartTarget> = [None, Some(1.5), Some(0.6), Some(0.3), Some(0.15)]
+        .into_iter()
+        .map(|half_thickness_mm| PartTarget { half_thickness_mm, ..material(0.4, 0.5) })
+        .collect();
+    let family = family(&options(), &targets).unwrap();
+    for (answer, part) in family.answers(&targets, &Unwatched).unwrap().iter().zip(&targets) {
+        println!("{:?}: {:.2e} {:?}", part.half_thickness_mm, answer.objective, answer.parameters);
+        assert_eq!(answer.stacking.layers.len(), 3);
+        let Some(half_mm) = part.half_thickness_mm else { continue };
+        let mm: f64 = answer.stacking.layers.iter().map(|layer| layer.thickness_mm).sum();
+        assert!(mm <= half_mm + 1e-8, "{mm}");
+        let half = answer.stacking.pairs().map(|(mixture, mm)| (mixture.clone(), mm));
+        let half: Vec<_> = half.chain([(Mixture::from(BLACK), half_mm - mm)]).collect();
+        let whole = Stack::joined(half.iter().cloned().chain(half.iter().rev().cloned()));
+        let light = predict(&set(), &whole, &Model::REFLECTION, &Unwatched).unwrap().light;
+        let [r, t] = [&light[0].reflection_hankel, &light[0].transmission_hankel];
+        let both = r[0] + t[0];
+        assert!((both / answer.reflection[0][0] - 1.0).abs() < 1e-3, "{both} for {}", answer.reflection[0][0]);
+        assert!((both / 0.4 - 1.0).abs() < 0.01 || half_mm < 0.2, "{half_mm}: {both}");
+    }
+}
