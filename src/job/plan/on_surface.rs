@@ -46,7 +46,7 @@ const THINNEST_MM: f64 = 0.15;
 /// Logarithm of the step between factors; wider where there would be too many labels.
 const FACTOR_STEP: f64 = 0.02;
 /// Most labels beside the clusters' own: each is a row of a table that is read at every voxel.
-const MOST_LABELS: usize = 8192;
+const MOST_LABELS: usize = 4096;
 
 /// One object whose layers depend on where they lie.
 #[derive(Debug)]
