@@ -39,6 +39,10 @@ pub struct SliceArgs {
     /// Write slices A to B−1 only; the same bytes as in a whole run.
     #[arg(long, value_name = "A..B", value_parser = parse_range, help_heading = "Work")]
     slices: Option<Range<u32>>,
+    /// Take what rounds of correction found from this folder, where a run of the same job left it; else they are found
+    /// anew, to the same bytes. Without this flag they are looked for in OUT.
+    #[arg(long, value_name = "FOLDER", help_heading = "Work")]
+    rounds_from: Option<PathBuf>,
     /// Check the job and print what it would take, writing nothing.
     #[arg(long, conflicts_with_all = ["overwrite", "resume", "slices"], help_heading = "Work")]
     dry_run: bool,
@@ -64,7 +68,9 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
         OutputFolder::check(&folder, &job::OWNER, existing).map_err(RunError::from)?;
     }
     let bars = Bars::new(args.json);
-    let prepared = prepared(job, if args.dry_run { Corrected::Draft } else { Corrected::As(&folder) }, &bars);
+    let found = args.rounds_from.as_ref().unwrap_or(&folder);
+    let corrected = if args.dry_run { Corrected::Draft } else { Corrected::As(found) };
+    let prepared = prepared(job, corrected, &bars);
     if args.dry_run {
         let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars)?, prepared)));
         bars.finish();

@@ -61,6 +61,17 @@ fn they_find_the_same_in_parts_and_on_any_number_of_threads() {
 }
 
 #[test]
+fn a_worker_takes_what_another_found() {
+    let bench = bench();
+    bench.slice("out");
+    let whole = bench.files("out");
+    let worker = ["slice", "job.toml", "-o", "part", "--slices", "3..5", "--rounds-from", "out"];
+    bench.run(worker).exits(0);
+    assert!(bench.files("part")["slices/slice_4.png"] == whole["slices/slice_4.png"]);
+    assert!(bench.files("part")["rounds.json"] == whole["rounds.json"]);
+}
+
+#[test]
 fn what_they_found_is_taken_from_the_folder() {
     let bench = bench();
     bench.slice("out");

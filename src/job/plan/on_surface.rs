@@ -36,7 +36,7 @@ const FINEST_NODE_MM: f64 = 0.1;
 const OVERLAP: f64 = 1.2;
 /// Distance of points, mm, at most; small objects have at least so many, closer together.
 const POINT_MM: f64 = 0.5;
-const FEWEST_POINTS: f64 = 2000.0;
+const FEWEST_POINTS: f64 = 500.0;
 const MOST_POINTS: usize = 20_000;
 /// Thicknesses are told apart from the first down, mm, each smaller than the one before by this factor.
 const THICKEST_MM: f64 = 4.8;
@@ -46,7 +46,7 @@ const THINNEST_MM: f64 = 0.15;
 /// Logarithm of the step between factors; wider where there would be too many labels.
 const FACTOR_STEP: f64 = 0.02;
 /// Most labels beside the clusters' own: each is a row of a table that is read at every voxel.
-const MOST_LABELS: usize = 8192;
+const MOST_LABELS: usize = 4096;
 
 /// One object whose layers depend on where they lie.
 #[derive(Debug)]

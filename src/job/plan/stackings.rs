@@ -19,7 +19,7 @@ use crate::{
         file::{DepthFrom, OutputFormat, StackingModel, TargetSpec},
     },
     optics::{Mixture, OpticsError, ResinId, Stack},
-    search::{Family, Found, Matcher, PartTarget, RefineOptions, SearchTarget},
+    search::{Found, Matcher, RefineOptions, SearchTarget},
 };
 
 /// What an object's target became.
@@ -63,9 +63,8 @@ pub(super) fn object_layers(
     warnings.extend(out_of_reach(&entries).map(|words| format!("object {}: {words}", context.object + 1)));
     let mut asked = wanted.map;
     asked.targets = wanted.targets;
-    let mut stackings: Vec<_> = matches.iter().map(Found::stacking).collect();
+    let stackings: Vec<_> = matches.iter().map(Found::stacking).collect();
     if context.follows_the_surface() {
-        context.as_family(core, &targets, &mut stackings, &mut entries)?;
         let answers = Answers::new(context, &stackings, &targets)?;
         let solid = context.solid.clone();
         let plan = ObjectPlan::new(context, solid, wanted.kind, wanted.surface, &mut asked, answers)?;
@@ -160,35 +159,6 @@ impl TargetContext<'_> {
         // Layer maps are of the texture that the job has.
         let free = !self.job.wants(OutputFormat::Heights);
         judged && from_surface && free && (self.job.thin_parts() || self.job.rounds() > 0)
-    }
-
-    /// Puts stackings of one family in place of what was found, where the job allows mixtures.
-    fn as_family(
-        &self,
-        core: ResinId,
-        targets: &[SearchTarget],
-        stackings: &mut [Stack<Mixture>],
-        entries: &mut [StackingEntry],
-    ) -> Result<(), RunError> {
-        if !self.may_mix() {
-            return Ok(());
-        }
-        let targets: Vec<PartTarget> = targets.iter().cloned().map(PartTarget::from).collect();
-        let options = self.match_options(core);
-        let family = Family::new(self.materials, &options.search, &options.layers, &targets, self.watch);
-        let fault = |source| self.search_fault(source);
-        let Some(family) = family.map_err(fault)? else { return Ok(()) };
-        for ((stacking, entry), answer) in
-            stackings.iter_mut().zip(entries).zip(family.answers(&targets, self.watch).map_err(fault)?)
-        {
-            *stacking = answer.stacking;
-            *entry = StackingEntry {
-                target_albedo: entry.target_albedo.clone(),
-                cluster_rms: entry.cluster_rms,
-                ..self.entry(stacking, entry.share, &answer.reflection)
-            };
-        }
-        Ok(())
     }
 
     /// The layers that a plan lays; `entries` are those of its clusters.

@@ -20,6 +20,7 @@
 
 mod record;
 mod residual;
+mod shade;
 
 use std::path::Path;
 
@@ -40,13 +41,16 @@ use crate::{
 
 /// Walks of a round, for each channel, and how many a point has at least and at most.
 const WALKS: u64 = 2_500_000;
-const WALKS_EACH: [u64; 2] = [128, 1024];
+const WALKS_EACH: [u64; 2] = [128, 512];
 /// Seeds of rounds: apart from those of looks.
 const SEED: u64 = 0x5EED_0F20_0D50;
 /// Factors end here, as logarithms: what needs more is out of reach.
 const GREATEST: f64 = 2.5;
 /// A factor that falls short by more than this is out of reach.
 const SHORT: f64 = 0.03;
+
+/// Turns rays differently from point to point.
+const SPREAD: f64 = 0.754_877_666_246_692_7;
 
 /// Factors of an object's albedo at its points, as logarithms.
 type Factors = Vec<[f64; CHANNELS]>;
@@ -151,7 +155,8 @@ impl Prepared {
             let plan = &plans[n];
             let point = &plan.points.points()[at];
             let spot = self.spot(scene, plan.object, point.triangle, point.point)?;
-            let asked = self.expected(&spot).asked?;
+            let sky = shade::sky(scene, &spot.middle, (at as f64 * SPREAD).fract());
+            let asked = self.expected(&spot).asked?.into_iter().map(|albedo| shade::shown(albedo, sky)).collect();
             Some(PointSpot { plan: n, at, spot: spot.spot, asked })
         };
         let points = |(n, plan): (usize, &ObjectPlan)| (0..plan.points.points().len()).map(move |at| (n, at));
@@ -188,7 +193,7 @@ struct PointSpot {
     plan: usize,
     at: usize,
     spot: Spot,
-    /// Albedo that is asked for, by channel.
+    /// Albedo that is asked for, less what other parts of the object take of the light there, by channel.
     asked: Vec<f64>,
 }
 

@@ -56,20 +56,19 @@ impl Looked {
     }
 }
 
-/// By how much the albedo must rise at each point, as logarithms by channel, and the greatest of them; as far as noise
-/// allows.
+/// By how much the albedo must rise at each point, as logarithms by channel, as far as noise allows; and the greatest
+/// miss of means over some mm².
 pub(super) fn residuals(plan: &ObjectPlan, seen: &[AtPoint]) -> (Vec<[f64; CHANNELS]>, f64) {
     let spacing = plan.points.spacing_mm();
     let [wide, narrow] = [REACH_MM.max(5.0 * spacing), NARROW_MM.max(2.0 * spacing)];
     let at = |point: &PointOfSurface| {
         let [(wide, wide_noise), (narrow, noise)] = [wide, narrow].map(|reach| miss(plan, seen, point, reach));
-        std::array::from_fn(|channel| {
-            let more = narrow[channel] - wide[channel];
-            shrunk(wide[channel], wide_noise[channel]) + shrunk(more, BEYOND_NOISE * noise[channel])
-        })
+        let wide = std::array::from_fn(|channel| shrunk(wide[channel], wide_noise[channel]));
+        let more = |channel: usize| shrunk(narrow[channel] - wide[channel], BEYOND_NOISE * noise[channel]);
+        (std::array::from_fn(|channel| wide[channel] + more(channel)), wide)
     };
-    let off: Vec<[f64; CHANNELS]> = plan.points.points().par_iter().map(at).collect();
-    let worst = off.iter().flatten().fold(0.0, |worst: f64, off| worst.max(off.abs()));
+    let (off, wide): (Vec<_>, Vec<[f64; CHANNELS]>) = plan.points.points().par_iter().map(at).unzip();
+    let worst = wide.iter().flatten().fold(0.0, |worst: f64, off| worst.max(off.abs()));
     (off, worst)
 }
 

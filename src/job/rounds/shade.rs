@@ -1,0 +1,73 @@
+//! Even light where an object shades itself.
+//!
+//! In a hollow less of the sky is seen, and its walls see each other. Whatever a hollow is made of, it is darker there,
+//! and brightening it would be wrong: what is asked for is the albedo. So what is held against the print is what a
+//! surface of the asked albedo ρ would show, which sees a share V of the sky and surfaces as bright as itself in the
+//! rest: ρ V / (1 − (1 − V) ρ).
+
+use glam::DVec3;
+
+use crate::look::{Scene, Site};
+
+/// Rays that look for the sky.
+const RAYS: usize = 64;
+/// π(3 − √5) over a turn: no two multiples of it point the same way.
+const GOLDEN: f64 = 0.381_966_011_250_105_1;
+
+/// Share of the sky that a site sees, weighted with the cosine to its surface; rays are turned by `turn`, 0 to 1.
+pub(super) fn sky(scene: &Scene, site: &Site, turn: f64) -> f64 {
+    let across = site.normal.any_orthonormal_vector();
+    let along = site.normal.cross(across);
+    // Above the steps that voxels make.
+    let from = site.point + site.normal * scene.volume().lattice().pitch.length();
+    let sees = |ray: usize| {
+        let square = (ray as f64 + 0.5) / RAYS as f64;
+        let angle = std::f64::consts::TAU * (ray as f64 * GOLDEN + turn).fract();
+        let aside = across * libm::cos(angle) + along * libm::sin(angle);
+        let direction: DVec3 = aside * square.sqrt() + site.normal * (1.0 - square).sqrt();
+        scene.meets(from, direction).is_none()
+    };
+    (0..RAYS).filter(|&ray| sees(ray)).count() as f64 / RAYS as f64
+}
+
+/// What a surface of an albedo shows in even light where it sees a share of the sky.
+pub(super) fn shown(albedo: f64, sky: f64) -> f64 {
+    albedo * sky / (1.0 - (1.0 - sky) * albedo)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::{look::Volume, optics::VolumeCoefficients, voxel::Lattice};
+
+    /// A floor with a wall on one side, as high as the scene.
+    #[test]
+    fn a_wall_takes_half_of_the_sky_beside_it() {
+        let lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(0.1), dims: [400, 400, 200] };
+        let mut volume = Volume::new(lattice).unwrap();
+        for start in (0..200).step_by(8) {
+            volume.add_slices(start..start + 8, |_, k, row| {
+                row.iter_mut().enumerate().for_each(|(i, id)| *id = u8::from(k < 8 || i < 8));
+            });
+        }
+        let clear = VolumeCoefficients::new(0.0, 0.0, 0.0).unwrap();
+        let white = VolumeCoefficients::new(8.0, 0.1, 0.5).unwrap();
+        let scene = Scene::new(volume, &[vec![clear, white]]).unwrap();
+        let site = |x: f64| Site { point: DVec3::new(x, 20.0, 0.8), normal: DVec3::Z };
+        let beside = sky(&scene, &site(0.9), 0.3);
+        assert!((beside - 0.5).abs() < 0.05, "{beside}");
+        // From 10 mm away 19 mm of wall take (1 − sin 45°…) a part only: half of (1 − cos of its height's angle).
+        let away = sky(&scene, &site(10.8), 0.3);
+        let expected = 1.0 - 0.5 * (1.0 - (10.0_f64 / 19.0).atan().sin());
+        assert!((away - expected).abs() < 0.06, "{away} instead of {expected}");
+        let top = Site { point: DVec3::new(0.4, 20.0, 20.0), normal: DVec3::Z };
+        assert_eq!(sky(&scene, &top, 0.7), 1.0);
+    }
+
+    #[test]
+    fn a_white_hollow_is_as_bright_as_the_sky() {
+        assert_eq!((shown(0.3, 1.0), shown(1.0, 0.2)), (0.3, 1.0));
+        assert!((shown(0.5, 0.5) - 1.0 / 3.0).abs() < 1e-15);
+    }
+}
