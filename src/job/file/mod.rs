@@ -37,9 +37,9 @@ pub use target::{AlbedoSource, TargetSpec};
 pub use crate::{mesh::Unit, toml_reader::Place};
 
 use crate::optics::{SHARES, mixture_parts};
+use crate::search::Norm;
 use crate::toml_reader::{Found, Places, Source};
 use crate::voxel::Printer;
-use crate::search::Norm;
 use crate::words::{excerpt, hint, path_line};
 
 /// Largest job file that is read, bytes. A job that lists 10 000 profiles stays below it.
@@ -174,9 +174,7 @@ impl Job {
     pub fn allows_mixtures(&self) -> bool {
         let slices = |format: &OutputFormat| matches!(format, OutputFormat::Png | OutputFormat::Preview);
         self.stacking.mixtures.unwrap_or_else(|| {
-            !self.whole_layers()
-                && self.stacking.objective.norm != Norm::L2
-                && self.output.formats.iter().all(slices)
+            !self.whole_layers() && self.stacking.objective.norm != Norm::L2 && self.output.formats.iter().all(slices)
         })
     }
 

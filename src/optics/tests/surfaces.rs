@@ -26,11 +26,9 @@ fn inks() -> MaterialSet {
         channels: vec!["Y".into()],
         resins: INKS.iter().enumerate().map(|(index, ink)| resin(index, volume(ink), &grid)).collect(),
         provenance: String::new(),
-        grains: crate::optics::Grains::FINE,
         grid,
         grains: Grains::FINE,
         warnings: Vec::new(),
-        grains: Grains::FINE,
     }
 }
 
