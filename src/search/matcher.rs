@@ -41,7 +41,7 @@ pub struct Matcher {
 }
 
 enum Kind {
-    Pure(Pure),
+    Pure(Box<Pure>),
     /// A family is chosen for all targets that are asked for.
     Mixed(Box<(MaterialSet, MatchOptions)>),
 }
@@ -163,7 +163,7 @@ impl Matcher {
             options.volumes(set)?;
             Kind::Mixed(Box::new((set.clone(), options.clone())))
         } else {
-            Kind::Pure(Pure::new(set, options)?)
+            Kind::Pure(Box::new(Pure::new(set, options)?))
         };
         Ok(Self { kind })
     }

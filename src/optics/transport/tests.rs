@@ -527,7 +527,7 @@ fn time_of_mixed_layers() {
         [(3, 3), (4, 3), (4, 4), (6, 5)].map(|(polar, orders)| (index, TransportOptions { polar, orders }))
     }) {
         let [grey, support, white, black] = mixed_layers(index);
-        let k: Vec<f64> = (0..18).map(|i| f64::from(i)).collect();
+        let k: Vec<f64> = (0..18).map(f64::from).collect();
         let places = [None, Some(support), Some(white)];
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         pool.install(|| {
