@@ -142,7 +142,7 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     bars.stage("gamut", 0);
     let judge = if by_transport { search::Judge::Transport } else { search::Judge::KubelkaMunk };
     let options = MatchOptions { search, judge, layers, mixtures: false };
-    let gamut = Gamut::explore(&set, &options);
+    let gamut = Gamut::explore(&set, &options, &bars);
     bars.finish();
     let gamut = match gamut {
         Ok(gamut) => gamut,
@@ -266,7 +266,10 @@ impl Shown<'_> {
         let mut figure = Figure::new(self.title())
             .columns(self.gamut.channels.len().min(3))
             .caption(format!("Stackings found by Kubelka–Munk, placed by {model}. {}", self.set.provenance));
+        let last = self.gamut.channels.len() - 1;
         for (index, (name, channel)) in self.channels().enumerate() {
+            // One legend serves all channels.
+            let named = |name: String| if index == last { name } else { String::new() };
             let mut panel = Panel::new(Axis::log("half-energy radius [mm]"), Axis::linear("albedo"));
             if self.gamut.channels.len() > 1 {
                 panel = panel.title(format!("channel {name}"));
@@ -276,23 +279,34 @@ impl Shown<'_> {
             let closed: Vec<_> = outline.iter().chain(outline.first()).copied().collect();
             panel = panel
                 .with(Series::area("", outline).colour(lumislice::plot::GREY).opacity(0.25))
-                .with(Series::line("boundary", closed).colour(lumislice::plot::BLACK).size(1.6));
+                .with(Series::line(named("boundary".to_owned()), closed).colour(lumislice::plot::BLACK).size(1.6));
             for resin in self.set.ids() {
                 let points = channel.points.iter().filter(|point| point.stacking.mostly() == Some(&resin));
                 let places = points.map(|point| [point.half_energy_radius_mm, point.albedo]);
-                let name = format!("mostly {}", self.set[resin].name);
-                panel = panel.with(Series::points(name, places).size(3.6).colour(colour(resin)).opacity(0.7));
+                let series = Series::points(named(format!("mostly {}", self.set[resin].name)), places);
+                let (colour, shape) = self.look_of(resin);
+                panel = panel.with(series.size(4.2).colour(colour).shape(shape).opacity(0.8));
             }
             for (inside, name, colour) in [(true, "targets inside", GREEN), (false, "targets outside", RED)] {
                 let places = self.map.moves.iter().filter(|moved| moved.inside == inside);
                 let places: Vec<_> = places.filter_map(|moved| moved.from[index]).map(|place| turned(&place)).collect();
                 if !places.is_empty() {
+                    let name = named(name.to_owned());
                     panel = panel.with(Series::points(name, places).size(9.0).shape(Shape::Triangle).colour(colour));
                 }
             }
-            figure = figure.with(panel);
+            figure = figure.with(if index == last { panel.legend_beside() } else { panel });
         }
         figure
+    }
+
+    /// How points of a resin are drawn: in its colour, as rings where that is the paper's.
+    fn look_of(&self, resin: ResinId) -> (lumislice::plot::Rgb, Shape) {
+        let [r, g, b, _] = self.set[resin].rgba;
+        if [r, g, b].iter().all(|part| *part >= PALE) {
+            return (lumislice::plot::GREY, Shape::Ring);
+        }
+        ([r, g, b], Shape::Disc)
     }
 
     fn csv(&self) -> String {
@@ -389,6 +403,5 @@ impl Shown<'_> {
     }
 }
 
-fn colour(resin: ResinId) -> lumislice::plot::Rgb {
-    lumislice::plot::SERIES[resin.0 % lumislice::plot::SERIES.len()]
-}
+/// A colour all of whose parts are at least this cannot be told from paper.
+const PALE: u8 = 215;

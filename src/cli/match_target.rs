@@ -167,7 +167,7 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
         objective: args.objective(),
         limits,
         core,
-        max_nodes: None,
+        ..SearchOptions::default()
     };
     let layers = args.refine_options();
     let mixtures = !args.no_mixtures && args.objective != NormArg::L2 && layers.step_mm.is_none();

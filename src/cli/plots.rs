@@ -46,6 +46,17 @@ impl<'a> Curve<'a> {
     pub fn new(name: String, light: &'a ChannelPrediction, colour: Rgb, look: Look) -> Self {
         Self { name, light, colour, look, rings: light.rings() }
     }
+
+    /// The part of its rings that says something of one side: what photons counted; of what is transformed back from
+    /// frequencies all up to where it first rises again, for beyond that the transform's own errors show.
+    fn told(&self, side: Side) -> &[PredictedRing] {
+        let rises = |pair: &[PredictedRing]| pair[0].r_mm >= CENTRE_MM && side.value(&pair[1]) >= side.value(&pair[0]);
+        let end = match self.look {
+            Look::Rings => None,
+            Look::Solid | Look::Dashed => self.rings.windows(2).position(rises),
+        };
+        end.map_or(&self.rings, |end| &self.rings[..=end])
+    }
 }
 
 /// How a curve is drawn.
@@ -93,7 +104,7 @@ const MARKS: usize = 40;
 
 /// R or T of `curves` over r. `None` where there is no light to show.
 pub fn profile_panel(side: Side, curves: &[Curve]) -> Option<Panel> {
-    let rings = || curves.iter().flat_map(|curve| &curve.rings).filter(|ring| ring.r_mm >= CENTRE_MM);
+    let rings = || curves.iter().flat_map(|curve| curve.told(side)).filter(|ring| ring.r_mm >= CENTRE_MM);
     let top = rings().map(|ring| side.value(ring)).fold(0.0, f64::max);
     if top <= 0.0 {
         return None;
@@ -103,7 +114,7 @@ pub fn profile_panel(side: Side, curves: &[Curve]) -> Option<Panel> {
     let y = Axis::log(side.label()).range(least, 3.0 * top);
     let panel = Panel::new(Axis::linear("r [mm]").range(0.0, reach), y);
     Some(curves.iter().fold(panel, |panel, curve| {
-        let points = curve.rings.iter().map(|ring| [ring.r_mm, side.value(ring)]);
+        let points = curve.told(side).iter().map(|ring| [ring.r_mm, side.value(ring)]);
         let series = match curve.look {
             Look::Solid => Series::line(&curve.name, points),
             Look::Dashed => Series::line(&curve.name, points).dashed(),

@@ -19,7 +19,7 @@ pub struct PreviewArgs {
 pub fn run(args: &PreviewArgs) -> Result<Answer> {
     let bars = Bars::new(false);
     bars.stage("pictures", 0);
-    let written = redraw(&args.folder);
+    let written = redraw(&args.folder, &bars);
     bars.finish();
     let paths = written?.into_iter().map(|path| format!("{}\n", args.folder.join(path).display()));
     print(&paths.collect::<String>())?;

@@ -16,6 +16,7 @@ mod grid;
 mod lamps;
 mod light;
 mod scene;
+mod skin;
 mod smooth;
 mod spectrum;
 mod spots;

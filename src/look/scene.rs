@@ -1,17 +1,20 @@
 //! A print ready for light: its voxels, and what their resins do to light in each channel.
 //!
-//! Refractive indices count as matched, so surfaces neither bend nor reflect: background has no events, and light that
-//! leaves a part may enter another. All walks are followed backwards, from where light is seen to where it came from,
+//! Refractive indices count as matched unless the scene has surfaces ([`Scene::under`]): background has no events, and
+//! light that leaves a part may enter another. All walks are followed backwards, from where light is seen to where it came from,
 //! which for matched indices obeys the same law as forwards.
+
+use std::sync::Arc;
 
 use glam::DVec3;
 use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::Rng};
 
-use super::{Volume, strides::Strides};
+use super::{Volume, skin::Skin, strides::Strides};
 use crate::optics::{
     OpticsError, VolumeCoefficients,
     monte_carlo::photon::{Direction, FAINT, HenyeyGreenstein, REVIVED, azimuth, uniform},
 };
+use crate::sdf::Surface;
 use crate::voxel::{BRICK, MaterialId, Tile};
 
 /// Voxels of resins, and light's coefficients in them.
@@ -26,6 +29,8 @@ pub struct Scene {
     media: Vec<Media>,
     /// Which of `media` each channel has.
     of_channel: Vec<usize>,
+    /// What bends light; `None` where refractive indices count as matched.
+    skin: Option<Skin>,
 }
 
 /// All resins in one channel.
@@ -36,6 +41,7 @@ pub(super) struct Media {
     mean_free_path: Vec<f64>,
     /// σt/σ of the class, by class and id: how many collisions are real.
     real: Vec<[f32; 256]>,
+    sigma_t: [f64; 256],
     albedo: [f64; 256],
     phase: Vec<HenyeyGreenstein>,
     optical_depths: OpticalDepths,
@@ -108,7 +114,17 @@ impl Scene {
         let media = distinct.iter().map(|channel| Media::new(&volume, channel, &present)).collect();
         let per_mm = volume.lattice().pitch.recip();
         let end = DVec3::from(volume.bricks().map(|n| (n * BRICK) as f64));
-        Ok(Self { volume, per_mm, end, media, of_channel })
+        Ok(Self { volume, per_mm, end, media, of_channel, skin: None })
+    }
+
+    /// The same print under surfaces that reflect and bend light: those of the meshes it was made from, with outward
+    /// corners counter-clockwise, and the refractive index of every id, the background's 1 first. Printed albedos then
+    /// leave out the glint, as the models do; pictures know no surface.
+    #[must_use]
+    pub fn under(self, surfaces: Vec<Arc<Surface>>, indices: &[f64]) -> Self {
+        let bends = indices.iter().any(|index| *index != 1.0);
+        let skin = (bends && !surfaces.is_empty()).then(|| Skin::new(&self.volume, surfaces, indices));
+        Self { skin, ..self }
     }
 
     /// The voxels.
@@ -134,6 +150,19 @@ impl Scene {
     /// A position in mm as a place.
     pub(super) fn place(&self, position: DVec3) -> Place {
         (position - self.volume.lattice().origin) * self.per_mm
+    }
+
+    /// The id at a place within the bricks.
+    #[inline(always)]
+    pub(super) fn id_at(&self, place: Place) -> u8 {
+        let [nx, ny, _] = self.volume.bricks();
+        let voxel = [place.x as usize, place.y as usize, place.z as usize];
+        self.volume.id_in((voxel[0] >> 3) + nx * ((voxel[1] >> 3) + ny * (voxel[2] >> 3)), voxel)
+    }
+
+    /// Voxels per mm.
+    pub(super) fn per_mm(&self) -> DVec3 {
+        self.per_mm
     }
 
     /// Whether there is no voxel at `place` or none that is printed.
@@ -193,7 +222,7 @@ impl Scene {
 
     /// Whether a place lies within the bricks.
     #[inline(always)]
-    fn holds(&self, place: Place) -> bool {
+    pub(super) fn holds(&self, place: Place) -> bool {
         place.cmpge(DVec3::ZERO).all() && place.cmplt(self.end).all()
     }
 
@@ -231,13 +260,13 @@ impl Scene {
 const AIR: Tile<'static> = Tile::Uniform(MaterialId::BACKGROUND);
 
 /// How far beyond a face a flight goes on, mm, so that rounding cannot leave it before the face.
-const NUDGE_MM: f64 = 1e-7;
+pub(super) const NUDGE_MM: f64 = 1e-7;
 
 impl Media {
     fn new(volume: &Volume, coefficients: &[VolumeCoefficients], present: &[bool; 256]) -> Self {
         // The background may be given coefficients, but nothing happens in it.
         let of = |id: usize| coefficients.get(id).filter(|_| id > 0);
-        let sigma_t = std::array::from_fn(|id| of(id).map_or(0.0, VolumeCoefficients::sigma_t));
+        let sigma_t: [f64; 256] = std::array::from_fn(|id| of(id).map_or(0.0, VolumeCoefficients::sigma_t));
         let strides = Strides::new(volume, &sigma_t, present);
         let ratio = |sigma: f64, id: usize| if sigma > 0.0 { (sigma_t[id] / sigma) as f32 } else { 0.0 };
         Self {
@@ -246,16 +275,50 @@ impl Media {
             albedo: std::array::from_fn(|id| of(id).map_or(0.0, VolumeCoefficients::albedo)),
             phase: (0..256).map(|id| HenyeyGreenstein::new(of(id).map_or(0.0, |volume| volume.g))).collect(),
             optical_depths: OpticalDepths::new(),
+            sigma_t,
             strides,
         }
+    }
+}
+
+impl Media {
+    /// σt of an id, per mm.
+    #[inline]
+    pub fn sigma_t(&self, id: u8) -> f64 {
+        self.sigma_t[usize::from(id)]
+    }
+
+    /// Class of a brick, and within how many bricks around it nothing is denser.
+    #[inline]
+    pub fn stride(&self, brick: usize) -> [u8; 2] {
+        self.strides.of[brick]
+    }
+
+    /// The density that bounds a class, per mm.
+    #[inline]
+    pub fn bound(&self, class: u8) -> f64 {
+        self.strides.sigma[usize::from(class)]
+    }
+
+    /// A random optical depth.
+    #[inline]
+    pub fn depth(&self, rng: &mut Xoshiro256PlusPlus) -> f64 {
+        self.optical_depths.draw(rng)
+    }
+
+    /// Whether a collision at the density of a class is one with `id`.
+    #[inline]
+    pub fn is_real(&self, class: u8, id: u8, rng: &mut Xoshiro256PlusPlus) -> bool {
+        let real = self.real[usize::from(class)][usize::from(id)];
+        real >= 1.0 || uniform(rng) < f64::from(real)
     }
 }
 
 /// Light in one channel of a scene.
 #[derive(Clone, Copy)]
 pub(super) struct Walker<'a> {
-    scene: &'a Scene,
-    media: &'a Media,
+    pub scene: &'a Scene,
+    pub media: &'a Media,
 }
 
 impl<'a> Walker<'a> {
@@ -356,9 +419,13 @@ impl<'a> Walker<'a> {
         Some((direction.turned(self.media.phase[id].sample(uniform(rng)), azimuth(rng)), weight))
     }
 
-    /// Walks until the scene is left, and tells the weight that is left then.
+    /// Walks until the scene is left, and tells the weight that is left then; `normal` is the outward one where the
+    /// line of sight meets the surface.
     #[inline]
-    pub fn walk(&self, mut place: Place, mut direction: Direction, rng: &mut Xoshiro256PlusPlus) -> f64 {
+    pub fn walk(&self, mut place: Place, mut direction: Direction, normal: DVec3, rng: &mut Xoshiro256PlusPlus) -> f64 {
+        if let Some(skin) = &self.scene.skin {
+            return self.walk_under(skin, place, direction, normal, rng);
+        }
         let mut weight = 1.0;
         while let Some(id) = self.fly(&mut place, direction, rng) {
             match self.scatter(id, direction, weight, rng) {

@@ -100,7 +100,7 @@ impl Scene {
             for walk in walks.clone() {
                 let site = &spot.sites[walk as usize % spot.sites.len()];
                 if let Some((place, direction)) = self.look_at(site, &mut rng) {
-                    sum.score(walker.walk(place, direction, &mut rng));
+                    sum.score(walker.walk(place, direction, site.normal, &mut rng));
                     seen += 1;
                 }
             }

@@ -62,7 +62,7 @@ impl Strides {
 }
 
 /// Steps of a king in three dimensions from every brick to the nearest that is `denser`, at most 255.
-fn steps_to(classes: &[u8], [nx, ny, nz]: [usize; 3], denser: impl Fn(u8) -> bool) -> Vec<u8> {
+pub(super) fn steps_to(classes: &[u8], [nx, ny, nz]: [usize; 3], denser: impl Fn(u8) -> bool) -> Vec<u8> {
     let mut steps: Vec<u8> = classes.iter().map(|class| if denser(*class) { 0 } else { u8::MAX }).collect();
     // Over the 13 neighbours that come before in the order of bricks, then over those that come after: exact for this
     // distance (Rosenfeld and Pfaltz 1966).

@@ -8,8 +8,8 @@ use super::figures::{percent, plus_minus};
 use super::scan::{ScannedProfile, scan};
 use super::{Capture, Finding, MeasureError, ResinFacts, Series};
 use crate::optics::{
-    CoefficientFit, FitRefusal, FrequencyGrid, MeasuredSlab, ProfileFile, RadialProfile, ResinSpectrum, Tail,
-    fit_coefficients,
+    CoefficientFit, FitRefusal, FrequencyGrid, Interface, MeasuredSlab, ProfileFile, RadialProfile, ResinSpectrum,
+    Tail, fit_coefficients,
 };
 use crate::watch::{Thousandths, Watch};
 
@@ -84,7 +84,7 @@ pub fn measure(capture: Capture, watch: &dyn Watch) -> Result<Measurement, Measu
         let transmission = series(&capture.transmission, TRANSMISSION, Centre::Flat, 1)?;
         let unfitted = Err(FitRefusal { residual: f64::INFINITY });
         let mut channel = ChannelMeasurement { name, reflection, transmission, findings: Vec::new(), fit: unfitted };
-        channel.check_energy(capture.resin.thickness_mm)?;
+        channel.check_energy(&capture.resin)?;
         channel.fit(&capture.resin);
         channels.push(channel);
     }
@@ -93,9 +93,13 @@ pub fn measure(capture: Capture, watch: &dyn Watch) -> Result<Measurement, Measu
 
 impl ChannelMeasurement {
     /// R̂ + T̂ ≤ 1 at every frequency: a little more is taken off both, much more is refused.
-    fn check_energy(&mut self, thickness_mm: f64) -> Result<(), MeasureError> {
+    fn check_energy(
+        &mut self,
+        &ResinFacts { thickness_mm, refractive_index, .. }: &ResinFacts,
+    ) -> Result<(), MeasureError> {
         let (r, t) = (&self.reflection.profile, &self.transmission.profile);
-        let spectrum = ResinSpectrum::from_profiles(r, t, thickness_mm, &FrequencyGrid::default());
+        let surfaces = Interface::between(1.0, refractive_index);
+        let spectrum = ResinSpectrum::from_profiles(r, t, thickness_mm, surfaces, &FrequencyGrid::default());
         let spectrum = spectrum.map_err(|error| {
             let expected = "two profiles that one slab can have; are albedos and thickness right?";
             MeasureError::scene(format!("channel {}", self.name), error.to_string(), expected)

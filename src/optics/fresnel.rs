@@ -3,17 +3,17 @@
 
 /// Light that meets a boundary.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Refraction {
+pub(crate) struct Refraction {
     /// Share of the flux that is reflected; the same for the light that comes the other way.
-    pub(super) reflectance: f64,
+    pub(crate) reflectance: f64,
     /// Cosine beyond the boundary, in (0, 1].
-    pub(super) cosine: f64,
+    pub(crate) cosine: f64,
 }
 
 /// Of light that meets the boundary from index `from` to index `into` at an angle of the given cosine in (0, 1];
 /// `None`: all of it is reflected.
 #[inline]
-pub(super) fn refraction(cosine: f64, from: f64, into: f64) -> Option<Refraction> {
+pub(crate) fn refraction(cosine: f64, from: f64, into: f64) -> Option<Refraction> {
     let ratio = from / into;
     let squared = 1.0 - ratio * ratio * (1.0 - cosine * cosine);
     if squared <= 0.0 {

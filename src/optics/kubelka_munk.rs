@@ -220,8 +220,10 @@ mod tests {
             .map(|(resin, share)| Composite::from_slab(&resin.slab(2.0 * share / f64::from(steps))));
         let pair = thin_a.over(&thin_b);
         let fine = (0..steps).fold(Composite::identity(1), |top, _| top.over(&pair));
-        assert!((mixed.reflection[0] - fine.reflection_top[0]).abs() < 1e-5, "{mixed:?} against {fine:?}");
-        assert!((mixed.transmission[0] - fine.transmission[0]).abs() < 1e-5, "{mixed:?} against {fine:?}");
+        // Whichever resin lies on top makes up for the other one.
+        let reflection = 0.5 * (fine.reflection_top[0] + fine.reflection_bottom[0]);
+        assert!((mixed.reflection[0] - reflection).abs() < 1e-7, "{mixed:?} against {fine:?}");
+        assert!((mixed.transmission[0] - fine.transmission[0]).abs() < 1e-7, "{mixed:?} against {fine:?}");
         assert_eq!(KubelkaMunk::mixed([(&a, 1.0)]), a);
         let clear = KubelkaMunk::mixed([(&of(0.0, 0.9), 0.5), (&of(0.0, 0.5), 0.5)]).slab(1.0);
         assert!((clear.transmission[0] - 0.45_f64.sqrt()).abs() < 1e-12 && clear.reflection[0] == 0.0);

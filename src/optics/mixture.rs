@@ -128,6 +128,17 @@ impl MaterialSet {
         }
     }
 
+    /// The refractive index of a mixture of the set's resins, by volume.
+    pub(crate) fn refractive_index(&self, mixture: &Mixture) -> f64 {
+        let of = |resin: ResinId| self[resin].refractive_index;
+        let first = mixture.parts.first().map_or(1.0, |part| of(part.0));
+        // Rounded, one index would be another, and a boundary.
+        if mixture.parts.iter().all(|part| of(part.0) == first) {
+            return first;
+        }
+        mixture.parts.iter().map(|&(resin, share)| share * of(resin)).sum()
+    }
+
     /// The coefficients of a mixture of the set's resins, by channel, in the set's [`Grains`].
     ///
     /// # Errors

@@ -17,10 +17,11 @@ mod composite;
 mod edge;
 mod error;
 mod frequency;
-mod fresnel;
+pub(crate) mod fresnel;
 mod grains;
 mod hankel;
 mod ids;
+mod interface;
 mod inverse;
 mod kubelka_munk;
 mod materials;
@@ -44,6 +45,7 @@ pub use frequency::FrequencyGrid;
 pub use grains::Grains;
 pub use hankel::ProfileSpectrum;
 pub use ids::{ChannelId, ResinId};
+pub use interface::Interface;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
 pub use materials::{
     BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MaterialFile, MaterialSet, Resin, ResinChannel, SimulatedProfile,

@@ -12,15 +12,15 @@
 use std::borrow::Cow;
 
 use super::{
-    ChannelPrediction, Composite, FrequencyGrid, KubelkaMunk, Light, MaterialFile, MaterialSet, Mixture, MonteCarlo,
-    OpticsError, Prediction, RingEdges, Stack, Transport, TransportOptions, VolumeCoefficients,
+    ChannelPrediction, Composite, FrequencyGrid, Interface, KubelkaMunk, Light, MaterialFile, MaterialSet, Mixture,
+    MonteCarlo, OpticsError, Prediction, RingEdges, Stack, Transport, TransportOptions, VolumeCoefficients,
 };
 use crate::watch::{Thousandths, Watch};
 
 /// A model of light in a stack, and the light on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Model {
-    /// Scalar Kubelka–Munk, under diffuse light. At once.
+    /// Scalar Kubelka–Munk, under diffuse light, with boundaries where refractive indices differ. At once.
     KubelkaMunk,
     /// The transport equation. A fraction of a second; needs volume coefficients.
     Transport {
@@ -39,6 +39,9 @@ pub enum Model {
         seed: u64,
     },
 }
+
+/// Refractive index of air.
+const AIR: f64 = 1.0;
 
 impl Model {
     /// What judges stackings in searches: R̂ under diffuse light within 2.5e-4 rms of Monte Carlo.
@@ -61,7 +64,8 @@ pub fn predict<M: Clone + Into<Mixture>>(
     let by_channel =
         |light: Vec<ChannelPrediction>| Prediction { channels: set.channels.clone(), grid: set.grid.clone(), light };
     if *model == Model::KubelkaMunk {
-        let parameters = |channel| stack.map(|mixture| set.mixed_kubelka_munk(mixture, channel));
+        let parameters =
+            |channel| stack.map(|mixture| (set.mixed_kubelka_munk(mixture, channel), set.refractive_index(mixture)));
         let light = set.channel_ids().map(|channel| by_kubelka_munk(&parameters(channel), &set.grid));
         return Ok(by_channel(light.collect()));
     }
@@ -92,15 +96,27 @@ impl MaterialFile {
     }
 }
 
-/// Scalar Kubelka–Munk in one channel.
-fn by_kubelka_munk(stack: &Stack<Cow<'_, KubelkaMunk>>, grid: &FrequencyGrid) -> ChannelPrediction {
-    let slabs = stack.pairs().map(|(resin, mm)| Composite::from_slab(&resin.slab(mm)));
-    let layers = slabs.fold(Composite::identity(grid.len()), |top, slab| top.over(&slab));
+/// Scalar Kubelka–Munk in one channel, of media with their refractive indices.
+fn by_kubelka_munk(stack: &Stack<(Cow<'_, KubelkaMunk>, f64)>, grid: &FrequencyGrid) -> ChannelPrediction {
+    let layers = stack.pairs().filter(|(_, mm)| *mm > 0.0);
+    let media = layers.clone().map(|((_, index), _)| *index).chain(stack.core.as_ref().map(|(_, index)| *index));
+    let surface = media.clone().next().map_or(Interface::NONE, |first| Interface::between(AIR, first));
+    let mut above = None;
+    let mut whole = surface.surface(grid.len());
+    for ((resin, index), mm) in layers {
+        let boundary = above.map_or(Interface::NONE, |above| Interface::between(above, *index));
+        for part in [boundary.layer(grid.len()), Composite::from_slab(&resin.slab(mm))] {
+            whole = whole.over(&part);
+        }
+        above = Some(*index);
+    }
+    let below = stack.core.as_ref().map_or(AIR, |(_, index)| *index);
+    let whole = whole.over(&above.map_or(Interface::NONE, |above| Interface::between(above, below)).layer(grid.len()));
     let (reflection, transmission) = match &stack.core {
-        None => (layers.reflection_top, layers.transmission),
-        Some(core) => (layers.reflection_over(&core.half_space()), vec![0.0; grid.len()]),
+        None => (whole.reflection_top, whole.transmission),
+        Some((core, _)) => (whole.reflection_over(&core.half_space()), vec![0.0; grid.len()]),
     };
-    ChannelPrediction::from_spectra(reflection, transmission, grid)
+    ChannelPrediction::from_spectra(reflection, transmission, grid).with_glint(surface.above)
 }
 
 /// Transport or photons, with resins given by their coefficients per channel.

@@ -17,7 +17,7 @@ use super::{
     colour::{FAINT, GRID, viridis},
     drawing::{Drawing, Frame, Item, Point, Step, polygon},
     font::{CAPITALS, Line, Weight, wrapped},
-    legend::{legend, mark},
+    legend::{Legend, mark},
     series::{ColourBar, Mark, Series},
 };
 
@@ -128,8 +128,11 @@ pub(super) fn lay_out(figure: &Figure) -> Drawing {
     let gap = |lines: &[Line]| if lines.is_empty() { 0.0 } else { GAP };
     let top = PAGE_MARGIN + block(&title) + gap(&title);
     let bottom = top + rows as f64 * (cell_height + GAP) - GAP + gap(&caption);
+    let beside =
+        |panel: &'_ Panel| Legend::of(panel, width).filter(|_| panel.legend_beside).map(|legend| legend.size[0]);
+    let beside = figure.panels.iter().filter_map(beside).fold(0.0, f64::max);
     let mut drawing = Drawing {
-        width: (inner + 2.0 * PAGE_MARGIN).ceil(),
+        width: (inner + beside + 2.0 * PAGE_MARGIN).ceil(),
         height: (bottom + block(&caption) + PAGE_MARGIN).ceil(),
         items: Vec::new(),
     };
@@ -149,6 +152,9 @@ pub(super) fn lay_out(figure: &Figure) -> Drawing {
             height,
         };
         draw_panel(items, panel, &Axes::new(panel, frame), room);
+        if let Some(legend) = Legend::of(panel, width).filter(|_| panel.legend_beside) {
+            items.extend(legend.at([PAGE_MARGIN + inner, frame.y]));
+        }
     }
     drawing
 }
@@ -185,7 +191,9 @@ fn draw_panel(items: &mut Vec<Item>, panel: &Panel, axes: &Axes, room: Room) {
             items.push(Item::Text { line, at: [x, y], upright: false, colour: note.colour });
         }
     }
-    items.extend(legend(panel, frame, &seen));
+    if let Some(legend) = Legend::of(panel, frame.width).filter(|_| !panel.legend_beside) {
+        items.extend(legend.within(frame, &seen));
+    }
     if let Some(bar) = panel.raster.as_ref().and_then(|raster| raster.bar.as_ref()) {
         draw_bar(items, bar, frame);
     }

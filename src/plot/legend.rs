@@ -1,4 +1,4 @@
-//! The legend of a panel, in the corner where it hides least.
+//! The legend of a panel, in the corner where it hides least, or beside all panels.
 
 use super::{
     INK, Panel, Shape,
@@ -17,34 +17,52 @@ const GAP: f64 = 8.0;
 /// Names are cut to this share of the frame's width.
 const WIDEST: f64 = 0.6;
 
-/// Items of the legend; `seen` are places of the data on the page, which it should not hide.
-pub(super) fn legend(panel: &Panel, frame: Frame, seen: &[Point]) -> Vec<Item> {
-    let named: Vec<_> = panel.series.iter().enumerate().filter(|(_, series)| !series.name.is_empty()).collect();
-    if named.is_empty() {
-        return Vec::new();
+/// A legend, as large as it is, and not anywhere yet.
+pub(super) struct Legend<'a> {
+    /// Width and height.
+    pub size: [f64; 2],
+    rows: Vec<(usize, &'a Series, Line)>,
+}
+
+impl<'a> Legend<'a> {
+    /// The legend of a panel whose frame is `frame_width` wide; `None` where no series has a name.
+    pub fn of(panel: &'a Panel, frame_width: f64) -> Option<Self> {
+        let named = panel.series.iter().enumerate().filter(|(_, series)| !series.name.is_empty());
+        let name = |series: &Series| Line::fitting(&series.name, SIZE, Weight::Regular, WIDEST * frame_width);
+        let rows: Vec<_> = named.map(|(index, series)| (index, series, name(series))).collect();
+        let widest = rows.iter().map(|row| row.2.width).fold(0.0, f64::max);
+        let size = [widest + SAMPLE + 3.0 * PADDING, rows.len() as f64 * ROW + 2.0 * PADDING - 4.0];
+        (!rows.is_empty()).then_some(Self { size, rows })
     }
-    let name = |series: &Series| Line::fitting(&series.name, SIZE, Weight::Regular, WIDEST * frame.width);
-    let names: Vec<_> = named.iter().map(|(_, series)| name(series)).collect();
-    let widest = names.iter().map(|line| line.width).fold(0.0, f64::max);
-    let width = widest + SAMPLE + 3.0 * PADDING;
-    let height = named.len() as f64 * ROW + 2.0 * PADDING - 4.0;
-    let left = frame.x + GAP;
-    let right = frame.right() - GAP - width;
-    let (top, bottom) = (frame.y + GAP, frame.bottom() - GAP - height);
-    let corners = [[right, top], [left, bottom], [right, bottom], [left, top]];
-    let places = corners.map(|[x, y]| Frame { x, y, width, height });
-    let hidden = |place: &Frame| seen.iter().filter(|point| place.contains(**point)).count();
-    // The first of equals.
-    let Some(place) = places.into_iter().min_by_key(hidden) else { return Vec::new() };
-    let mut items = vec![Item::Fill { outline: place.outline(), colour: PAPER, opacity: 0.85 }];
-    for (row, ((index, series), line)) in named.iter().zip(names).enumerate() {
-        let y = place.y + PADDING + (row as f64 + 0.5) * ROW - 2.0;
-        let x = place.x + PADDING;
-        sample(&mut items, series, *index, [x, y]);
-        let at = [x + SAMPLE + PADDING, y + 0.5 * CAPITALS * SIZE];
-        items.push(Item::Text { line, at, upright: false, colour: INK });
+
+    /// Its items in the corner of `frame` where it hides the fewest of the places `seen`.
+    pub fn within(self, frame: Frame, seen: &[Point]) -> Vec<Item> {
+        let [width, height] = self.size;
+        let left = frame.x + GAP;
+        let right = frame.right() - GAP - width;
+        let (top, bottom) = (frame.y + GAP, frame.bottom() - GAP - height);
+        let corners = [[right, top], [left, bottom], [right, bottom], [left, top]];
+        let places = corners.map(|[x, y]| Frame { x, y, width, height });
+        let hidden = |place: &Frame| seen.iter().filter(|point| place.contains(**point)).count();
+        // The first of equals.
+        let Some(place) = places.into_iter().min_by_key(hidden) else { return Vec::new() };
+        let mut items = vec![Item::Fill { outline: place.outline(), colour: PAPER, opacity: 0.85 }];
+        items.extend(self.at([place.x, place.y]));
+        items
     }
-    items
+
+    /// Its items, the upper left corner at a place.
+    pub fn at(self, [left, top]: Point) -> Vec<Item> {
+        let mut items = Vec::new();
+        for (row, (index, series, line)) in self.rows.into_iter().enumerate() {
+            let y = top + PADDING + (row as f64 + 0.5) * ROW - 2.0;
+            let x = left + PADDING;
+            sample(&mut items, series, index, [x, y]);
+            let at = [x + SAMPLE + PADDING, y + 0.5 * CAPITALS * SIZE];
+            items.push(Item::Text { line, at, upright: false, colour: INK });
+        }
+        items
+    }
 }
 
 fn sample(items: &mut Vec<Item>, series: &Series, index: usize, [x, y]: Point) {

@@ -139,6 +139,8 @@ pub struct Panel {
     pub series: Vec<Series>,
     /// Words at places.
     pub notes: Vec<Note>,
+    /// Whether the legend stands at the right of all panels; else in the corner of this one where it hides least.
+    pub legend_beside: bool,
 }
 
 impl Figure {
@@ -201,7 +203,7 @@ impl Figure {
 impl Panel {
     /// An empty panel.
     pub fn new(x: Axis, y: Axis) -> Self {
-        Self { title: String::new(), x, y, raster: None, series: Vec::new(), notes: Vec::new() }
+        Self { title: String::new(), x, y, raster: None, series: Vec::new(), notes: Vec::new(), legend_beside: false }
     }
 
     /// Sets the title.
@@ -222,6 +224,13 @@ impl Panel {
     #[must_use]
     pub fn raster(mut self, raster: Raster) -> Self {
         self.raster = Some(raster);
+        self
+    }
+
+    /// Puts the legend at the right of all panels, where it hides nothing.
+    #[must_use]
+    pub fn legend_beside(mut self) -> Self {
+        self.legend_beside = true;
         self
     }
 

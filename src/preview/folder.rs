@@ -1,6 +1,6 @@
 //! Pictures of a finished folder, from its slices.
 
-use std::{io::BufReader, path::Path};
+use std::{io::BufReader, ops::Range, path::Path};
 
 use rayon::prelude::*;
 
@@ -11,6 +11,7 @@ use super::{
 use crate::{
     look,
     voxel::{Lattice, MaterialId},
+    watch::Watch,
 };
 
 /// Pixels worth decoding: about ten seconds of one core. Larger jobs are read more sparsely.
@@ -20,17 +21,20 @@ const SLICES: [f64; 2] = [96.0, 800.0];
 /// Bytes of slices held at once.
 const BATCH_BYTES: usize = 64 << 20;
 
-/// Draws the pictures of a finished job from `OUT/slices/slice_K.png`.
+/// Draws the pictures of `slices`, those of a finished job, from `OUT/slices/slice_K.png`.
 ///
 /// Of a large job at most 800 of the slices are read, evenly spread. Slices show the support as background; it is found again as what
 /// the object encloses. Of two materials with the same colour the first gets all.
 ///
 /// # Errors
-/// A slice that is missing, damaged, not as large as the lattice, or that holds a colour no material has.
+/// A slice that is missing, damaged, not as large as the lattice, or that holds a colour no material has;
+/// [`PreviewError::Stopped`].
 pub fn from_folder(
     out: &Path,
     lattice: &Lattice,
     materials: &[PreviewMaterial],
+    slices: Range<u32>,
+    watch: &dyn Watch,
 ) -> Result<Vec<PreviewFile>, PreviewError> {
     let [width, height, depth] = lattice.dims;
     let area = f64::from(width) * f64::from(height);
@@ -39,11 +43,12 @@ pub fn from_folder(
     let step = depth.div_ceil(most).max(1);
     let snap = |k: u32| (k / step * step + step / 2).min(depth.saturating_sub(1));
     let mut builder = PreviewBuilder::planned(lattice, materials, None, snap);
-    let needed = builder.slices_needed();
+    let mut needed = builder.slices_needed();
+    needed.retain(|k| slices.contains(k));
     let colours = SliceColours::new(materials.iter().map(|material| (material.rgba, material.id.0)));
     let batch = (BATCH_BYTES / (area as usize).max(1)).clamp(1, 64);
     // Where all slices can be read, the voxels themselves are kept.
-    let all = f64::from(depth) * area <= PIXELS;
+    let all = slices == (0..depth) && f64::from(depth) * area <= PIXELS;
     let mut voxels = if all { look::Volume::new(*lattice).ok() } else { None };
     let (needed, batch) = if voxels.is_some() {
         ((0..depth).collect(), batch.next_multiple_of(look::Volume::LAYER as usize))
@@ -54,6 +59,7 @@ pub fn from_folder(
         // Gathered before the first error is looked for, so that it is always the same one.
         let images: Vec<Result<Image, _>> = slices.par_iter().map(|&k| read(out, k, lattice, &colours)).collect();
         let images = images.into_iter().collect::<Result<Vec<_>, _>>()?;
+        watch.go_on()?;
         for image in &images {
             builder.observe_slices(image, image.k..image.k + 1);
         }

@@ -47,7 +47,11 @@ pub(crate) use folder::{SliceColours, read_slice};
 pub(crate) use look::{LookPanel, look_sheet};
 pub use report::{ReportData, ReportFilm, ReportHealth, ReportMaterial, ReportPicture, ReportStacking, report_html};
 
-use crate::voxel::{MaterialId, Slab};
+use crate::{
+    blame::{Blame, Blamed},
+    voxel::{MaterialId, Slab},
+    watch::Stopped,
+};
 
 /// How a material looks in pictures.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -131,9 +135,16 @@ pub enum PreviewError {
         /// Why.
         reason: String,
     },
+    /// The watch asked for the end.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
 }
 
-impl crate::blame::Blamed for PreviewError {}
+impl Blamed for PreviewError {
+    fn blame(&self) -> Blame {
+        if let Self::Stopped(stopped) = self { stopped.blame() } else { Blame::Input }
+    }
+}
 
 /// Material ids of some slices, wherever they come from.
 trait Voxels: Sync {

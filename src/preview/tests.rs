@@ -14,6 +14,7 @@ use super::{
 use crate::{
     slice::{RowBuffers, encode_rgba},
     voxel::{BRICK_VOXELS, Lattice},
+    watch::Unwatched,
 };
 
 fn materials() -> Vec<PreviewMaterial> {
@@ -299,7 +300,10 @@ fn a_folder_gives_the_pictures_that_streaming_gives() {
     let lattice = lattice(BALL.0, BALL.1);
     slices(folder.path(), lattice, ball);
     // The support is found again although its pixels are background.
-    same(&from_folder(folder.path(), &lattice, &materials()).unwrap(), &pictures(lattice, ball));
+    same(
+        &from_folder(folder.path(), &lattice, &materials(), 0..lattice.dims[2], &Unwatched).unwrap(),
+        &pictures(lattice, ball),
+    );
 }
 
 #[test]
@@ -311,8 +315,10 @@ fn a_cup_is_not_full_of_support() {
     let folder = tempfile::tempdir().unwrap();
     let lattice = lattice([0.1; 3], [80, 80, 60]);
     slices(folder.path(), lattice, cup);
-    let (mut found, mut expected) =
-        (from_folder(folder.path(), &lattice, &materials()).unwrap(), pictures(lattice, cup));
+    let (mut found, mut expected) = (
+        from_folder(folder.path(), &lattice, &materials(), 0..lattice.dims[2], &Unwatched).unwrap(),
+        pictures(lattice, cup),
+    );
     // Cells of the wall stay a little too full, so the shaded picture is only alike.
     let (_, _, pixels) = decode(&found.remove(2));
     assert!(pixels.iter().all(|p| i32::from(p[0]) - i32::from(p[2]) < 40));
@@ -329,7 +335,7 @@ fn bad_slices_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let small = lattice([0.1; 3], [8, 6, 2]);
     let error = |lattice: &Lattice, materials: &[PreviewMaterial]| {
-        let error = from_folder(folder.path(), lattice, materials).unwrap_err();
+        let error = from_folder(folder.path(), lattice, materials, 0..lattice.dims[2], &Unwatched).unwrap_err();
         (error.to_string().replace(&*folder.path().to_string_lossy(), "OUT"), error)
     };
     assert!(matches!(error(&small, &materials()).1, PreviewError::Read { .. }));

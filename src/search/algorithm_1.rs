@@ -58,7 +58,7 @@ pub(super) fn algorithm_1(table: &BlockTable, target: &SearchTarget) -> Result<M
         blocks: Vec::new(),
         thickness: 0,
         run: 0,
-        stack: vec![Composite::identity(table.coefficients()); table.channels()],
+        stack: vec![options.surface.surface(table.coefficients()); table.channels()],
     };
     let weights = target.channels.iter().map(|channel| options.objective.weights(channel)).collect();
     let mut search =

@@ -131,7 +131,7 @@ impl<'a> Search<'a> {
         Self {
             table,
             goal,
-            stacks: vec![Stack::empty(table.lanes()); depth],
+            stacks: vec![Stack::empty(table.options().surface, table.lanes()); depth],
             children: vec![Vec::with_capacity(table.resins.len() * table.sizes.len()); depth],
             path: Vec::with_capacity(depth),
             best: Vec::with_capacity(keep + 1),

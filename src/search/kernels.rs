@@ -6,6 +6,8 @@
 
 use multiversion::multiversion;
 
+use crate::optics::{Composite, Interface};
+
 /// Lanes summed between two looks at the limit: low frequencies come first and decide most cases in the first chunk.
 pub(super) const CHUNK: usize = 16;
 
@@ -18,8 +20,10 @@ pub(super) struct Stack {
 }
 
 impl Stack {
-    pub fn empty(lanes: usize) -> Self {
-        Self { r_top: vec![0.0; lanes], r_bottom: vec![0.0; lanes], t: vec![1.0; lanes] }
+    /// Nothing but a surface.
+    pub fn empty(surface: Interface, lanes: usize) -> Self {
+        let Composite { reflection_top, reflection_bottom, transmission } = surface.surface(lanes);
+        Self { r_top: reflection_top, r_bottom: reflection_bottom, t: transmission }
     }
 }
 

@@ -213,7 +213,8 @@ impl Pure {
 
     fn table(set: &MaterialSet, options: &MatchOptions) -> Result<BlockTable, SearchError> {
         let parameters: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
-        BlockTable::new(&parameters, &options.search)
+        let search = SearchOptions { surface: set.surface(), ..options.search.clone() };
+        BlockTable::new(&parameters, &search)
     }
 
     fn match_targets(&self, targets: &[SearchTarget], watch: &dyn Watch) -> Result<Vec<Found>, SearchError> {
@@ -254,8 +255,10 @@ impl Judge {
             Self::KubelkaMunk => {
                 let stack: Stack<Mixture> = stack.map(|medium| medium.clone().into());
                 let in_channel = |channel| {
-                    let parameters = stack.map(|mixture| set.mixed_kubelka_munk(mixture, channel));
-                    forward::reflection(&parameters.map(|parameters| &**parameters), set.grid.len())
+                    let parameters =
+                        stack.map(|mixture| (set.mixed_kubelka_munk(mixture, channel), set.refractive_index(mixture)));
+                    let parameters = parameters.map(|(parameters, index)| (&**parameters, *index));
+                    forward::reflection_under(&parameters, set.grid.len())
                 };
                 Ok(set.channel_ids().map(in_channel).collect())
             }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{Objective, ResinLimit};
-use crate::optics::{ChannelId, FrequencyGrid, OpticsError, ProfileFile, ResinId, Stack};
+use crate::optics::{ChannelId, FrequencyGrid, Interface, OpticsError, ProfileFile, ResinId, Stack};
 use crate::watch::Stopped;
 
 /// The space of stackings that is searched, shared by all targets.
@@ -22,6 +22,9 @@ pub struct SearchOptions {
     pub limits: Vec<ResinLimit>,
     /// The resin that fills the half-space below the stacking; `None`: nothing lies there and no light returns.
     pub core: Option<ResinId>,
+    /// What lies between air and every stacking; a [`Matcher`](super::Matcher) and a [`Gamut`](super::Gamut) take that of
+    /// their set in its place. Between layers of unlike refractive indices the search sees nothing.
+    pub surface: Interface,
     /// Stop after this many nodes with the best stacking so far; `None`: search until the optimum is proven.
     pub max_nodes: Option<u64>,
 }
@@ -36,6 +39,7 @@ impl Default for SearchOptions {
             objective: Objective::L2,
             limits: Vec::new(),
             core: None,
+            surface: Interface::NONE,
             max_nodes: None,
         }
     }

@@ -186,7 +186,8 @@ impl BlockTable {
 
     /// The finished answer: objective and reflection recomputed from whole layers in closed form.
     pub(super) fn answer(&self, stacking: Stack, target: &SearchTarget, nodes: u64) -> Match {
-        let reflection = reflection_of(&self.resins, &stacking);
+        let under_surface = |inside: Vec<f64>| self.options.surface.surface_over(&inside);
+        let reflection: Vec<_> = reflection_of(&self.resins, &stacking).into_iter().map(under_surface).collect();
         let objective = self.options.objective.of(&reflection, target);
         Match { stacking, objective, reflection, bound: objective, proven: true, nodes }
     }

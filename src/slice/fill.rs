@@ -140,7 +140,7 @@ impl ObjectField {
     }
 
     /// The closest-point structure.
-    pub fn surface(&self) -> &Surface {
+    pub fn surface(&self) -> &Arc<Surface> {
         &self.surface
     }
 

@@ -74,6 +74,25 @@ fn refined_layers_do_what_was_promised() {
     }
 }
 
+/// By default the surface is dithered; what bounds prove is told of pure resins only.
+#[test]
+fn mixtures_meet_what_is_asked() {
+    let target = ["--albedo", "0.4", "--mean-free-path-mm", "0.5", "--core", "black", "--json"];
+    let mixed = find(&target).exits(0).json();
+    assert_eq!(keys(&mixed), ["stack", "objective", "bound", "proven", "nodes", "look"]);
+    assert_eq!([&mixed["bound"], &mixed["proven"], &mixed["nodes"]], [&Value::Null; 3]);
+    let layers = stack(&mixed);
+    assert!(layers[0].0.contains("% white + ") && layers[0].0.contains("% black") && layers[0].1 > 0.19, "{mixed}");
+    assert!(layers.iter().all(|layer| layer.1 > 0.0), "{mixed}");
+    let albedo = mixed["look"]["albedo"][0][1].as_f64().unwrap();
+    assert!((albedo / 0.4 - 1.0).abs() < 0.005, "{mixed}");
+    let pure = find(&[&target[..], &["--no-mixtures"]].concat()).exits(0).json();
+    assert!(stack(&pure).iter().all(|layer| !layer.0.contains('%')) && pure["proven"] == true, "{pure}");
+    // A mixture reads back.
+    let words = find(&target[..target.len() - 1]).exits(0);
+    assert!(words.stdout.contains("% white + ") && words.stdout.contains("fitted by transport"), "{}", words.stdout);
+}
+
 /// A profile that falls as e^{−r}: no slab has it.
 pub fn no_resins_profile() -> String {
     let row = |i: i32| {

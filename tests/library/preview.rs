@@ -9,6 +9,7 @@ use lumislice::{
     preview::{PreviewBuilder, PreviewFile, PreviewMaterial, from_folder},
     slice::{ObjectField, Slicer},
     voxel::{Lattice, MaterialId},
+    watch::Unwatched,
 };
 use rayon::prelude::*;
 
@@ -72,7 +73,7 @@ fn bunny() {
         })
         .unwrap();
     let start = Instant::now();
-    let pictures = from_folder(&folder, &lattice, &materials()).unwrap();
+    let pictures = from_folder(&folder, &lattice, &materials(), 0..lattice.dims[2], &Unwatched).unwrap();
     println!("from the folder {:.2} s", start.elapsed().as_secs_f64());
     write(&folder, &pictures);
 }

@@ -180,7 +180,7 @@ pub fn scene_for(prepared: &Prepared, folder: Option<&Path>, watch: &dyn Watch) 
             voxels::read_volume(folder, &read_manifest(folder)?.map_err(fault)?, prepared, watch)?
         }
     };
-    Ok(Scene::new(volume, &voxels::coefficients(&prepared.materials)?)?)
+    prepared.lit(volume)
 }
 
 /// Looks at what fills a scene, which must be on the lattice of `prepared`: its own print, or another of the same
@@ -217,7 +217,7 @@ pub fn look_at(
     let channels = prepared.materials.channels.clone();
     let mut warnings = Vec::new();
     if prepared.materials.resins.iter().any(|resin| resin.refractive_index != 1.0) {
-        warnings.push("light meets no boundary of resin and air here: refractive indices are left out".to_owned());
+        warnings.push("pictures leave refractive indices out; printed albedos have them".to_owned());
     }
     let asked = spots.iter().map(|spot| spot.asked.as_deref()).collect::<Option<Vec<_>>>();
     let predicted: Vec<_> = spots.iter().map(|spot| spot.predicted.as_slice()).collect();

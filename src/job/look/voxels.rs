@@ -5,7 +5,7 @@
 //! lies open at the sides of a slab whose depth is measured from its top, which is taken for support wherever something
 //! lies above, and what is open on any other surface, which is taken for air.
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -45,7 +45,15 @@ impl Prepared {
         if let Some(support) = support(&self.materials) {
             volume.fill_enclosed(support);
         }
-        Ok(Scene::new(volume, &coefficients(&self.materials)?)?)
+        self.lit(volume)
+    }
+
+    /// A volume on this job's lattice with its resins, under the surfaces of its meshes.
+    pub(super) fn lit(&self, volume: Volume) -> Result<Scene, LookError> {
+        let scene = Scene::new(volume, &coefficients(&self.materials)?)?;
+        let surfaces = self.slicer().objects().iter().map(|object| Arc::clone(object.surface())).collect();
+        let indices = self.materials.resins.iter().map(|resin| resin.refractive_index);
+        Ok(scene.under(surfaces, &std::iter::once(1.0).chain(indices).collect::<Vec<_>>()))
     }
 
     /// The job as it will be printed, with its resins.
@@ -53,7 +61,7 @@ impl Prepared {
     /// # Errors
     /// As [`Self::volume`]; [`LookError::Optics`] for a resin without coefficients.
     pub fn scene(&self, watch: &dyn Watch) -> Result<Scene, LookError> {
-        Ok(Scene::new(self.volume(watch)?, &coefficients(&self.materials)?)?)
+        self.lit(self.volume(watch)?)
     }
 }
 

@@ -74,7 +74,7 @@ impl TargetContext<'_> {
                 objective: stacking.objective,
                 limits: self.limits(),
                 core: Some(core),
-                max_nodes: None,
+                ..SearchOptions::default()
             },
             judge: stacking.judge(),
             layers: self.job.layer_options(self.object),

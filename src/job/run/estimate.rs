@@ -1,10 +1,13 @@
 //! What a job would take, without writing anything.
 
 use glam::DVec3;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
     job::{Prepared, RunError, manifest::MaterialRecord},
+    sdf::SliceRuns,
+    slice::ObjectField,
     voxel::{BlockShape, Lattice, Slab},
     watch::Watch,
 };
@@ -60,6 +63,7 @@ impl Prepared {
             watch.go_on()
         };
         self.slicer().resampled(coarse).for_each_slab(0..coarse.dims[2], &mut count)?;
+        let warnings = self.warnings.iter().cloned().chain(self.lost_volume(self.inside_voxels(watch)?));
         let per_voxel = coarse.voxel_volume() / lattice.voxel_volume();
         let counts = counts.map(|count| (count as f64 * per_voxel).round() as u64);
         Ok(Estimate {
@@ -69,8 +73,28 @@ impl Prepared {
             memory_bytes: self.memory_bytes(),
             materials: self.material_records(&counts, lattice.voxel_volume()),
             misfits: self.misfits(),
-            warnings: self.warnings.clone(),
+            warnings: warnings.collect(),
         })
+    }
+
+    /// Voxels of the job's own size that its objects hold, each counted for itself.
+    fn inside_voxels(&self, watch: &dyn Watch) -> Result<u64, RunError> {
+        let height = BlockShape::for_lattice(&self.lattice).voxels()[2];
+        let slabs: Vec<u32> = (0..self.lattice.dims[2]).step_by(height as usize).collect();
+        let mut voxels = 0;
+        for slabs in slabs.chunks(SLABS_AT_ONCE) {
+            watch.go_on()?;
+            let count = |(&first, object): (&u32, &ObjectField)| -> u64 {
+                let mut runs = vec![SliceRuns::default(); height.min(self.lattice.dims[2] - first) as usize];
+                object.fill_inside(first, &mut runs);
+                let rows = |runs: &SliceRuns| (0..self.lattice.dims[1]).map(|j| row_voxels(runs.row(j))).sum::<u64>();
+                runs.iter().map(rows).sum()
+            };
+            let pairs =
+                slabs.iter().flat_map(|first| self.slicer().objects().iter().map(move |object| (first, object)));
+            voxels += pairs.collect::<Vec<_>>().into_par_iter().map(count).sum::<u64>();
+        }
+        Ok(voxels)
     }
 
     /// Memory that slicing needs, roughly.
@@ -95,6 +119,13 @@ impl Prepared {
             _ => Ok(()),
         }
     }
+}
+
+/// Slabs between two looks at the watch.
+const SLABS_AT_ONCE: usize = 8;
+
+fn row_voxels(runs: &[[u32; 2]]) -> u64 {
+    runs.iter().map(|[start, end]| u64::from(end.saturating_sub(*start))).sum()
 }
 
 /// Memory of the machine, bytes, where the system tells it as Linux does.

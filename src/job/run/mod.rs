@@ -302,7 +302,7 @@ impl Prepared {
     }
 
     /// What to say where `voxels` are not the volume of the objects: walls thinner than voxels are lost or thickened.
-    fn lost_volume(&self, voxels: u64) -> Option<String> {
+    pub(super) fn lost_volume(&self, voxels: u64) -> Option<String> {
         // Objects that share space count it twice.
         if self.job.overlap == Overlap::Union {
             return None;

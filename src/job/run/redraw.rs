@@ -13,6 +13,7 @@ use crate::{
     output::{MANIFEST, OutputError, OutputFolder, pretty},
     preview::PreviewFile,
     voxel::Lattice,
+    watch::Watch,
 };
 
 /// Why the pictures of a folder cannot be drawn again.
@@ -24,14 +25,6 @@ pub enum RedrawError {
     /// The manifest is damaged.
     #[error("{0}")]
     Manifest(Finding),
-    /// The folder holds a part of the slices.
-    #[error("slices: found {}..{} of {slices}, expected all of them", found[0], found[1])]
-    Part {
-        /// First slice, and one past the last.
-        found: [u32; 2],
-        /// Slices of the whole job.
-        slices: u32,
-    },
     /// Drawing or writing failed.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -42,7 +35,7 @@ impl Blamed for RedrawError {
         match self {
             Self::Folder(error) => error.blame(),
             Self::Run(error) => error.blame(),
-            Self::Manifest(_) | Self::Part { .. } => Blame::Input,
+            Self::Manifest(_) => Blame::Input,
         }
     }
 
@@ -51,12 +44,12 @@ impl Blamed for RedrawError {
     }
 }
 
-/// Draws the pictures of the finished job in `folder` again from its slices, with the page that shows them, and lists
-/// them in the manifest. Returns their paths relative to the folder.
+/// Draws the pictures of the finished job in `folder` again from its slices (of a part of a job from those that are
+/// there), with the page that shows them, and lists them in the manifest. Returns their paths relative to the folder.
 ///
 /// # Errors
 /// [`RedrawError`]; before anything is replaced unless writing itself fails.
-pub fn redraw(folder: &Path) -> Result<Vec<String>, RedrawError> {
+pub fn redraw(folder: &Path, watch: &dyn Watch) -> Result<Vec<String>, RedrawError> {
     let mut manifest = read_manifest(folder)?.map_err(RedrawError::Manifest)?;
     // Held while it is read: what another run replaced meanwhile must not come back.
     let output = OutputFolder::reopen(folder, &manifest.files).map_err(RunError::from)?;
@@ -65,7 +58,7 @@ pub fn redraw(folder: &Path) -> Result<Vec<String>, RedrawError> {
     }
     check(&manifest)?;
     let mut pictures = looks(&output, &manifest);
-    pictures.extend(draw_again(folder, &manifest)?);
+    pictures.extend(draw_again(folder, &manifest, watch)?);
     write_pictures(&output, &manifest, &pictures)?;
     let written = output.files();
     manifest.files.retain(|file| written.iter().all(|new| new.path != file.path));
@@ -105,8 +98,9 @@ fn check(manifest: &Manifest) -> Result<(), RedrawError> {
     if !pitch_mm.iter().all(|pitch| pitch.is_finite() && *pitch > 0.0) {
         return fault("lattice.pitch_mm", format!("found {pitch_mm:?}, expected positive lengths"));
     }
-    if manifest.slices != [0, dims[2]] {
-        return Err(RedrawError::Part { found: manifest.slices, slices: dims[2] });
+    let [first, end] = manifest.slices;
+    if first >= end || end > dims[2] {
+        return fault("slices", format!("found {first}..{end}, expected a range within 0..{}", dims[2]));
     }
     Ok(())
 }

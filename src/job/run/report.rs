@@ -14,6 +14,7 @@ use crate::{
         ReportPicture, ReportStacking, report_html,
     },
     voxel::{Lattice, MaterialId},
+    watch::Watch,
 };
 use glam::DVec3;
 
@@ -37,8 +38,13 @@ pub(super) fn write_pictures(
 ///
 /// # Errors
 /// A slice that is missing or damaged.
-pub(super) fn draw_again(folder: &std::path::Path, manifest: &Manifest) -> Result<Vec<PreviewFile>, RunError> {
-    Ok(preview::from_folder(folder, &manifest.lattice.lattice(), &preview_materials(manifest))?)
+pub(super) fn draw_again(
+    folder: &std::path::Path,
+    manifest: &Manifest,
+    watch: &dyn Watch,
+) -> Result<Vec<PreviewFile>, RunError> {
+    let [first, end] = manifest.slices;
+    Ok(preview::from_folder(folder, &manifest.lattice.lattice(), &preview_materials(manifest), first..end, watch)?)
 }
 
 fn preview_materials(manifest: &Manifest) -> Vec<PreviewMaterial> {

@@ -1,2 +1,3 @@
+mod skin;
 mod slabs;
 mod spots;

@@ -14,7 +14,7 @@ use crate::voxel::{BRICK, Lattice};
 use crate::watch::Unwatched;
 
 /// A volume of the ids that `id` gives for the centres of voxels, mm.
-fn volume(dims: [u32; 3], pitch: DVec3, id: impl Fn(DVec3) -> u8) -> Volume {
+pub(super) fn volume(dims: [u32; 3], pitch: DVec3, id: impl Fn(DVec3) -> u8) -> Volume {
     let lattice = Lattice { origin: DVec3::ZERO, pitch, dims };
     let mut volume = Volume::new(lattice).unwrap();
     for start in (0..dims[2]).step_by(BRICK) {
@@ -26,19 +26,19 @@ fn volume(dims: [u32; 3], pitch: DVec3, id: impl Fn(DVec3) -> u8) -> Volume {
 }
 
 /// Coefficients of the synthetic resins by id.
-fn synthetic() -> (MaterialSet, Vec<VolumeCoefficients>) {
+pub(super) fn synthetic() -> (MaterialSet, Vec<VolumeCoefficients>) {
     let set = MaterialSet::builtin("synthetic").unwrap();
     let void = VolumeCoefficients::new(0.0, 0.0, 0.0).unwrap();
     let media = std::iter::once(void).chain(set.resins.iter().map(|resin| resin.volumes().unwrap()[0])).collect();
     (set, media)
 }
 
-fn printed(scene: &Scene, spot: Spot, walks: u64) -> Estimate {
+pub(super) fn printed(scene: &Scene, spot: Spot, walks: u64) -> Estimate {
     scene.printed_albedo(&[spot], walks, 1, &Unwatched).unwrap()[0][0].unwrap()
 }
 
 /// The middle of the top of a slab, a millimetre around it.
-fn top(size: DVec3) -> Spot {
+pub(super) fn top(size: DVec3) -> Spot {
     let site = |n: u32| {
         let (turn, out) = (f64::from(n) * 2.4, (f64::from(n) / 64.0).sqrt());
         let aside = DVec3::new(turn.cos(), turn.sin(), 0.0) * out;

@@ -38,7 +38,7 @@ use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
 use super::spectra::ResinSpectrum;
 use super::toml_source::{Folder, Keys};
 use super::{MaterialSet, Resin, ResinChannel};
-use crate::optics::{FrequencyGrid, Grains, OpticsError, ResinId, Stack, VolumeCoefficients};
+use crate::optics::{FrequencyGrid, Grains, Interface, OpticsError, ResinId, Stack, VolumeCoefficients};
 use crate::toml_reader::{Found, Source, Strings};
 use crate::watch::{Thousandths, Unwatched, Watch};
 
@@ -197,7 +197,11 @@ impl MaterialFile {
                     }
                     (None, None) => continue, // refused when the file was read
                 };
-                let spectrum = ResinSpectrum::from_profiles(&reflection, &transmission, thickness, &grid);
+                // What was simulated, now or for the file, is index-matched.
+                let measured = draft.profiles.is_some() && (draft.volume.is_none() || draft.fit.is_some());
+                let index = if measured { draft.refractive_index } else { 1.0 };
+                let surfaces = Interface::between(1.0, index);
+                let spectrum = ResinSpectrum::from_profiles(&reflection, &transmission, thickness, surfaces, &grid);
                 let spectrum = spectrum.map_err(|source| OpticsError::Spectrum {
                     file: self.path.clone(),
                     line: draft.line,

@@ -15,8 +15,8 @@ pub(crate) mod toml_source;
 use std::ops::Index;
 
 use super::{
-    ChannelId, CoefficientFit, FrequencyGrid, Grains, KubelkaMunk, Mixture, OpticsError, RadialProfile, ResinId,
-    SlabSpectrum, Stack, VolumeCoefficients,
+    ChannelId, CoefficientFit, FrequencyGrid, Grains, Interface, KubelkaMunk, Mixture, OpticsError, RadialProfile,
+    ResinId, SlabSpectrum, Stack, VolumeCoefficients,
 };
 pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
@@ -58,8 +58,8 @@ pub struct Resin {
     pub print_as_background: bool,
     /// What light does in it, by the set's channels.
     pub channels: Vec<ResinChannel>,
-    /// Refractive index, as in the coefficients. The Kubelka–Munk parameters of simulated slabs are index-matched
-    /// whatever it is; those of measured ones have the surfaces of the measured slab in them.
+    /// Refractive index, as in the coefficients. Kubelka–Munk parameters are those of the resin inside, without any
+    /// surface.
     pub refractive_index: f64,
     /// Free text of the file.
     pub notes: String,
@@ -128,6 +128,16 @@ impl MaterialSet {
     /// All channels.
     pub fn channel_ids(&self) -> impl ExactSizeIterator<Item = ChannelId> + use<> {
         (0..self.channels.len()).map(ChannelId)
+    }
+
+    /// The surface to air of a resin of the set: by the mean of their refractive indices.
+    pub fn surface(&self) -> Interface {
+        let indices = || self.resins.iter().map(|resin| resin.refractive_index);
+        let first = indices().next().unwrap_or(1.0);
+        // A mean of equals may round.
+        let alike = indices().all(|index| index == first);
+        let mean = if alike { first } else { indices().sum::<f64>() / self.resins.len() as f64 };
+        Interface::between(1.0, mean)
     }
 
     /// A stack of named resins as one of the set's.

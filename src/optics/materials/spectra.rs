@@ -1,8 +1,8 @@
 //! From a slab's two profiles to Kubelka–Munk parameters: Hašan et al. 2010, sections 5.2 and 5.3.
 
 use crate::optics::{
-    FrequencyGrid, KubelkaMunk, KubelkaMunkError, LostInNoise, RadialProfile, SlabSpectrum, Tail, TransmissionRepair,
-    repair_transmission,
+    FrequencyGrid, Interface, KubelkaMunk, KubelkaMunkError, LostInNoise, RadialProfile, SlabSpectrum, Tail,
+    TransmissionRepair, repair_transmission,
 };
 
 /// R̂ + T̂ may exceed 1 by this much in a measurement; the pair is then scaled to 1. Two separate albedo measurements
@@ -50,7 +50,8 @@ pub enum SpectrumError {
 impl crate::blame::Blamed for SpectrumError {}
 
 impl ResinSpectrum {
-    /// Transforms the profiles of a slab `thickness_mm` thick and reads off its resin's parameters.
+    /// Transforms the profiles of a slab `thickness_mm` thick, which has `surfaces` on both faces, and reads off the
+    /// parameters of its resin.
     ///
     /// # Errors
     /// [`SpectrumError`]: T̂ is all noise, R̂ + T̂ > 1 + [`MEASURED_EXCESS`], or no parameters exist.
@@ -58,6 +59,7 @@ impl ResinSpectrum {
         reflection: &RadialProfile,
         transmission: &RadialProfile,
         thickness_mm: f64,
+        surfaces: Interface,
         grid: &FrequencyGrid,
     ) -> Result<Self, SpectrumError> {
         let (r, t) = (reflection.hankel(grid), transmission.hankel(grid));
@@ -76,7 +78,7 @@ impl ResinSpectrum {
                 (*r, *t) = (*r / sum, *t / sum);
             }
         }
-        let kubelka_munk = KubelkaMunk::from_slab(&slab, thickness_mm)?;
+        let kubelka_munk = KubelkaMunk::from_slab(&surfaces.taken_off(&slab), thickness_mm)?;
         Ok(Self { slab, kubelka_munk, reflection_tail: r.tail, transmission_tail: t.tail, repair, clipped, excess })
     }
 

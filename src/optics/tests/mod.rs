@@ -7,3 +7,4 @@ mod monte_carlo;
 mod profile_csv;
 pub(super) mod reference;
 mod stacks;
+mod surfaces;

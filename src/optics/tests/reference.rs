@@ -4,8 +4,8 @@
 use std::path::PathBuf;
 
 use crate::optics::{
-    Composite, FrequencyGrid, InverseHankel, Light, MaterialSet, MonteCarlo, RadialProfile, ResinSpectrum, RingEdges,
-    Stack, VolumeCoefficients,
+    Composite, FrequencyGrid, Interface, InverseHankel, Light, MaterialSet, MonteCarlo, RadialProfile, ResinSpectrum,
+    RingEdges, Stack, VolumeCoefficients,
 };
 
 pub(in crate::optics) const WHITE: VolumeCoefficients =
@@ -114,7 +114,7 @@ pub(in crate::optics) fn rms(a: &[f64], b: &[f64]) -> f64 {
 fn predicted(from: &str, from_mm: f64, to: &str, to_mm: f64) -> Option<(f64, f64)> {
     let grid = FrequencyGrid::default();
     let (r, t) = stack(from)?;
-    let source = ResinSpectrum::from_profiles(&r, &t, from_mm, &grid).unwrap();
+    let source = ResinSpectrum::from_profiles(&r, &t, from_mm, Interface::NONE, &grid).unwrap();
     let (r, t) = stack(to)?;
     let prediction = source.kubelka_munk.slab(to_mm);
     let (r_rms, t_rms) =

@@ -89,7 +89,7 @@ pub struct FamilyAnswer {
 const CHEAP: TransportOptions = TransportOptions { polar: 4, orders: 3 };
 /// Targets that shapes are tried on, and by how much a shape that comes later must be better in the root of the
 /// objective.
-const TRIED: usize = 9;
+const TRIED: usize = 5;
 const BETTER: f64 = 0.95;
 /// Targets that are fitted from many starts too, and by how much one of those, or a neighbour's answer, must be better.
 const ANCHORS: usize = 6;

@@ -29,6 +29,8 @@ const PULL_PER_MM: f64 = 2e-6;
 const PULL_OF_SHARE: f64 = 1e-5;
 /// Evaluations of the cheap model in one fit.
 const EVALUATIONS: usize = 24;
+/// And in one that only ranks starts.
+const RANKING: usize = 12;
 /// Fits, each with what the expensive model says of the last.
 const FITS: usize = 4;
 /// What the expensive model may say otherwise than foreseen: this share of the objective, or so much of the weight, an
@@ -135,12 +137,19 @@ pub(super) fn roughly(
     start: &[f64],
     shift: Option<&Spectra>,
 ) -> Option<(Vec<f64>, f64)> {
-    let Ended { x, residuals } = fitted(shape, cheap, asked, start, &asked.shifted(shift))?;
+    let Ended { x, residuals } = fitted(shape, cheap, asked, start, &asked.shifted(shift), RANKING)?;
     Some((x, residuals.objective()))
 }
 
-fn fitted(shape: &Shape, cheap: &Model, asked: &Asked, start: &[f64], goal: &Goal) -> Option<Ended> {
-    descend(start, &asked.limits, EVALUATIONS, |x| shape.pulled(cheap.residuals(shape, x, asked.below, goal), x))
+fn fitted(
+    shape: &Shape,
+    cheap: &Model,
+    asked: &Asked,
+    start: &[f64],
+    goal: &Goal,
+    evaluations: usize,
+) -> Option<Ended> {
+    descend(start, &asked.limits, evaluations, |x| shape.pulled(cheap.residuals(shape, x, asked.below, goal), x))
 }
 
 impl Solver<'_> {
@@ -151,7 +160,7 @@ impl Solver<'_> {
         let mut shift = shift.cloned();
         let mut best: Option<Solved> = None;
         for _ in 0..FITS {
-            x = fitted(shape, cheap, asked, &x, &asked.shifted(shift.as_ref()))?.x;
+            x = fitted(shape, cheap, asked, &x, &asked.shifted(shift.as_ref()), EVALUATIONS)?.x;
             shape.tidy(&mut x);
             let reflection = expensive.reflection(shape, &x, asked.below);
             let shift_here = less(&reflection, &cheap.reflection(shape, &x, asked.below));

@@ -18,6 +18,7 @@ use super::width::{RADII_MM, RadiusTable};
 use crate::{
     optics::{FrequencyGrid, KubelkaMunk, ModalReflection},
     search::{SearchOptions, options::UnitLimit},
+    watch::Watch,
 };
 
 /// Layers from the top: resin and units.
@@ -32,6 +33,8 @@ pub(super) const TRIALS: usize = 240_000;
 /// Changes that are tried by transport, so many at once.
 const TRANSPORT_TRIALS: usize = 3072;
 const BATCH: usize = 128;
+/// Trials between two looks at the watch.
+const TRIALS_AT_ONCE: usize = 1024;
 /// Every so many-th kept stacking of the inside is shown.
 const INSIDE_STRIDE: usize = 8;
 
@@ -85,8 +88,13 @@ impl<'a> Explorer<'a> {
     }
 
     /// The stackings that were kept, with their spectra: all extremes, and some of the inside. By `model`, if there is
-    /// one.
-    pub fn explore(mut self, trials: usize, model: Option<&ModalReflection>) -> Vec<(Runs, Vec<f64>)> {
+    /// one. Ends early, with less, where `watch` asks for it.
+    pub fn explore(
+        mut self,
+        trials: usize,
+        model: Option<&ModalReflection>,
+        watch: &dyn Watch,
+    ) -> Vec<(Runs, Vec<f64>)> {
         self.meet(Runs::new());
         let resins = self.slabs.len();
         for units in 1..=self.options.units {
@@ -100,7 +108,10 @@ impl<'a> Explorer<'a> {
                 }
             }
         }
-        for _ in 0..trials {
+        for trial in 0..trials {
+            if trial % TRIALS_AT_ONCE == 0 && watch.stop_requested() {
+                break;
+            }
             let Some(parent) = self.parent() else { break };
             let child = self.changed(parent);
             self.meet(child);
@@ -108,7 +119,7 @@ impl<'a> Explorer<'a> {
         let kept = self.kept();
         match model {
             None => kept.into_iter().map(|runs| (runs.clone(), self.reflection(&runs))).collect(),
-            Some(model) => self.sorted_anew(kept, model),
+            Some(model) => self.sorted_anew(kept, model, watch),
         }
     }
 
@@ -122,7 +133,7 @@ impl<'a> Explorer<'a> {
     }
 
     /// Goes on from `kept` by `model`.
-    fn sorted_anew(mut self, kept: Vec<Runs>, model: &ModalReflection) -> Vec<(Runs, Vec<f64>)> {
+    fn sorted_anew(mut self, kept: Vec<Runs>, model: &ModalReflection, watch: &dyn Watch) -> Vec<(Runs, Vec<f64>)> {
         self.cells.fill(None);
         self.extremes.iter_mut().for_each(|group| group.fill(None));
         let unit_mm = self.options.unit_mm();
@@ -133,6 +144,9 @@ impl<'a> Explorer<'a> {
         let mut known: BTreeMap<Runs, Vec<f64>> = BTreeMap::new();
         let mut next = kept;
         for _ in 0..=TRANSPORT_TRIALS / BATCH {
+            if watch.stop_requested() {
+                break;
+            }
             let spectra: Vec<Vec<f64>> = next.par_iter().map(reflection).collect();
             for (runs, spectrum) in next.into_iter().zip(spectra) {
                 self.place(runs.clone(), &spectrum);
@@ -228,7 +242,7 @@ impl<'a> Explorer<'a> {
                 *below = r + t * t * *below / (1.0 - r * *below).max(f64::MIN_POSITIVE);
             }
         }
-        below
+        self.options.surface.surface_over(&below)
     }
 
     /// Keeps a stacking where it has a place.

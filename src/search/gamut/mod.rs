@@ -29,6 +29,7 @@ use crate::optics::{
     FrequencyGrid, InverseHankel, KubelkaMunk, MaterialSet, ModalReflection, Resin, ResinId, Stack, TransportOptions,
     VolumeCoefficients,
 };
+use crate::watch::Watch;
 
 /// Directions that place a stacking to 0.4% in albedo and 1.3% in radius (docs/accuracy.md), at a third of the cost of
 /// those that judge it.
@@ -116,11 +117,12 @@ impl Gamut {
     ///
     /// # Errors
     /// Options out of range, contradictory limits, no stacking that keeps them and reflects anything; a resin without
-    /// coefficients, if transport judges.
-    pub fn explore(set: &MaterialSet, options: &MatchOptions) -> Result<Self, SearchError> {
+    /// coefficients, if transport judges; [`SearchError::Stopped`].
+    pub fn explore(set: &MaterialSet, options: &MatchOptions, watch: &dyn Watch) -> Result<Self, SearchError> {
         let parameters: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
         let space = layer_space(&options.search, &options.layers, parameters.len());
-        Self::of_space(&parameters, options.volumes(set)?.as_deref(), &set.grid, &space)
+        let space = SearchOptions { surface: set.surface(), ..space };
+        Self::of_space(&parameters, options.volumes(set)?.as_deref(), &set.grid, &space, watch)
     }
 
     /// The same of `resins`, index `[resin][channel]` on `grid`, in layers of whole units of `options`.
@@ -129,6 +131,7 @@ impl Gamut {
         volumes: Option<&[Vec<VolumeCoefficients>]>,
         grid: &FrequencyGrid,
         options: &SearchOptions,
+        watch: &dyn Watch,
     ) -> Result<Self, SearchError> {
         let limits = options.validate(resins.len())?;
         let channels = resins.first().map_or(0, Vec::len);
@@ -140,10 +143,11 @@ impl Gamut {
                     let volumes: Vec<_> = volumes.iter().map(|resin| resin[channel]).collect();
                     ModalReflection::new(&volumes, options.core.map(|core| core.0), grid.as_slice(), DIRECTIONS)
                 });
-                let found = Explorer::new(&parameters, &limits, grid, options).explore(TRIALS, model.as_ref());
+                let found = Explorer::new(&parameters, &limits, grid, options).explore(TRIALS, model.as_ref(), watch);
                 ChannelGamut::around(&found, grid, options)
             })
             .collect();
+        watch.go_on()?;
         let channels: Option<Vec<_>> = explored.into_iter().collect();
         channels.map(|channels| Self { channels }).ok_or(SearchError::Infeasible {
             units: options.units,

@@ -9,6 +9,7 @@ use crate::{
     appearance::NormalizedDiffusion,
     optics::{MaterialSet, Resin},
     search::{ResinLimit, SearchTarget, forward::reflection_of},
+    watch::Unwatched,
 };
 
 struct Synthetic {
@@ -82,7 +83,7 @@ fn outside(world: &Synthetic, gamut: &Gamut, count: usize, reflection: impl Fn(&
 #[test]
 fn what_random_stackings_reach_lies_inside() {
     let world = synthetic();
-    let gamut = Gamut::of_space(&world.resins, None, &world.set.grid, &world.options).unwrap();
+    let gamut = Gamut::of_space(&world.resins, None, &world.set.grid, &world.options, &Unwatched).unwrap();
     let by_km = |stacking: &Stack| reflection_of(&world.resins, stacking).remove(0);
     for point in &gamut.channels[0].points {
         assert!((by_km(&point.stacking)[0] - point.albedo).abs() < 1e-9, "{point:?}");
@@ -102,7 +103,7 @@ fn what_random_stackings_reach_by_transport_lies_inside() {
     let start = std::time::Instant::now();
     let layers = RefineOptions { min_layer_mm: world.options.unit_mm(), ..RefineOptions::default() };
     let space = layer_space(&world.options, &layers, world.resins.len());
-    let gamut = Gamut::of_space(&world.resins, Some(&volumes), &world.set.grid, &space).unwrap();
+    let gamut = Gamut::of_space(&world.resins, Some(&volumes), &world.set.grid, &space, &Unwatched).unwrap();
     let took = start.elapsed().as_secs_f64();
     let channel: Vec<_> = volumes.iter().map(|resin| resin[0]).collect();
     let model =
@@ -120,7 +121,7 @@ fn what_random_stackings_reach_by_transport_lies_inside() {
 #[test]
 fn limits_are_kept_and_the_answer_is_the_same_again() {
     let world = synthetic();
-    let explore = || Gamut::of_space(&world.resins, None, &world.set.grid, &world.options).unwrap();
+    let explore = || Gamut::of_space(&world.resins, None, &world.set.grid, &world.options, &Unwatched).unwrap();
     let gamut = explore();
     assert_eq!(gamut, explore());
     for point in &gamut.channels[0].points {
@@ -141,7 +142,8 @@ fn more_changes_move_the_boundary_little() {
     let parameters: Vec<_> = world.resins.iter().map(|resin| &resin[0]).collect();
     let limits = world.options.validate(3).unwrap();
     let boundary = |trials| {
-        let found = Explorer::new(&parameters, &limits, &world.set.grid, &world.options).explore(trials, None);
+        let found =
+            Explorer::new(&parameters, &limits, &world.set.grid, &world.options).explore(trials, None, &Unwatched);
         ChannelGamut::around(&found, &world.set.grid, &world.options).unwrap().boundary
     };
     let (once, more) = (boundary(explore::TRIALS), boundary(4 * explore::TRIALS));
@@ -170,7 +172,7 @@ fn targets(world: &Synthetic, materials: &[(f64, f64)]) -> Vec<SearchTarget> {
 #[test]
 fn targets_inside_stay_and_others_come_inside_in_order() {
     let world = synthetic();
-    let gamut = Gamut::of_space(&world.resins, None, &world.set.grid, &world.options).unwrap();
+    let gamut = Gamut::of_space(&world.resins, None, &world.set.grid, &world.options, &Unwatched).unwrap();
     let boundary = &gamut.channels[0].boundary;
     let well_inside = |point: &&GamutPoint| {
         let [narrow, wide] = boundary.radius_mm(point.albedo);
@@ -221,7 +223,7 @@ fn hue_is_kept() {
     let resins: Vec<_> = set.resins.iter().map(Resin::kubelka_munk).collect();
     let core = set.resin("black").map(|(id, _)| id);
     let options = SearchOptions { core, ..Default::default() };
-    let gamut = Gamut::of_space(&resins, None, &set.grid, &options).unwrap();
+    let gamut = Gamut::of_space(&resins, None, &set.grid, &options, &Unwatched).unwrap();
     assert_eq!(gamut.channels.len(), 3);
     let channel = |albedo: f64| NormalizedDiffusion::new(albedo, 0.5).unwrap().spectrum(&set.grid);
     let target = SearchTarget { channels: [0.99, 0.66, 0.33].map(channel).to_vec() };

@@ -25,7 +25,7 @@ pub fn run(options: &Options) -> Outcome {
         .iter()
         .flat_map(|&path| ALBEDO.map(|albedo| material_target(&[albedo], &[path], 1, grid)))
         .collect::<Result<_, _>>()?;
-    let gamut = Gamut::explore(&resins.set, &search)?;
+    let gamut = Gamut::explore(&resins.set, &search, &Unwatched)?;
     let map = GamutMap::new(&gamut, &wanted, &vec![1.0; wanted.len()], grid);
     let mapped: Vec<_> = map.moves.iter().zip(&wanted).map(|(moved, target)| moved.apply(target, grid)).collect();
     let matcher = Matcher::new(&resins.set, &search)?;

@@ -1,0 +1,170 @@
+//! Surfaces that bend light: nothing is lost, slabs print as transport has it, balls as a walk in an exact ball.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
+
+use super::spots::{printed, synthetic, top, volume};
+use crate::look::{Scene, Site, Spot, spots::over};
+use crate::mesh::TriangleMesh;
+use crate::optics::{
+    Estimate, Interface, Light, MaterialSet, Model, Stack, TransportOptions, VolumeCoefficients,
+    fresnel::refraction,
+    monte_carlo::photon::{Direction, HenyeyGreenstein, azimuth, uniform},
+    predict,
+};
+use crate::sdf::Surface;
+use crate::watch::Unwatched;
+
+const INDEX: f64 = 1.52;
+
+/// A box from the origin.
+fn cuboid(size: DVec3) -> TriangleMesh {
+    let corner = |n: usize| DVec3::new((n & 1) as f64, (n >> 1 & 1) as f64, (n >> 2) as f64) * size;
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    TriangleMesh { positions: (0..8).map(corner).collect(), triangles, ..TriangleMesh::default() }
+}
+
+/// A ball of `steps` × 2 `steps` faces.
+fn ball(centre: DVec3, radius: f64, steps: u32) -> TriangleMesh {
+    let at = |i: u32, j: u32| {
+        let (polar, turn) = (f64::from(i) / f64::from(steps), f64::from(j % (2 * steps)) / f64::from(steps));
+        let ((s, c), (v, u)) = ((polar * std::f64::consts::PI).sin_cos(), (turn * std::f64::consts::PI).sin_cos());
+        centre + radius * DVec3::new(s * u, s * v, c)
+    };
+    let mut mesh = TriangleMesh::default();
+    for (i, j) in (0..steps).flat_map(|i| (0..2 * steps).map(move |j| (i, j))) {
+        for corners in [[(i, j), (i + 1, j), (i + 1, j + 1)], [(i, j), (i + 1, j + 1), (i, j + 1)]] {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(corners.map(|(i, j)| at(i, j)));
+            mesh.triangles.push([first, first + 1, first + 2]);
+        }
+    }
+    mesh
+}
+
+fn under(scene: Scene, mesh: &TriangleMesh) -> Scene {
+    scene.under(vec![Arc::new(Surface::new(mesh).unwrap())], &[1.0, INDEX, INDEX, INDEX])
+}
+
+/// The synthetic resins, all of one refractive index.
+fn bent() -> MaterialSet {
+    let mut set = MaterialSet::builtin("synthetic").unwrap();
+    for resin in &mut set.resins {
+        resin.refractive_index = INDEX;
+        let volumes = resin.channels.iter_mut().filter_map(|channel| channel.volume.as_mut());
+        volumes.for_each(|volume| volume.refractive_index = INDEX);
+    }
+    set
+}
+
+#[test]
+fn slabs_under_a_surface_print_as_the_transport_model_has_it() {
+    let (_, media) = synthetic();
+    let set = bent();
+    let [pitch, width] = [DVec3::new(0.0423, 0.0847, 0.05), DVec3::splat(24.0)];
+    let core_mm = 2.0;
+    let model = Model::Transport { light: Light::Diffuse, options: TransportOptions::default() };
+    let id = |name: &str| set.resin(name).unwrap().0.0 as u8 + 1;
+    for (top_resin, mm) in [("white", 2.0), ("support", 1.0)] {
+        let stack = Stack::new([(set.resin(top_resin).unwrap().0, mm)]).over(set.resin("black").unwrap().0);
+        let promised = predict(&set, &stack, &model, &Unwatched).unwrap().light[0].reflection_hankel[0];
+        let dims = [width.x / pitch.x, width.y / pitch.y, (mm + core_mm) / pitch.z].map(|n| n.round() as u32);
+        let size = DVec3::from(dims.map(f64::from)) * pitch;
+        let voxels = volume(dims, pitch, |p| if size.z - p.z < mm { id(top_resin) } else { id("black") });
+        let scene = under(Scene::new(voxels, std::slice::from_ref(&media)).unwrap(), &cuboid(size));
+        let found = printed(&scene, top(size), 200_000);
+        println!("{top_resin}: printed {:.5} ± {:.5}, promised {promised:.5}", found.mean, found.standard_error);
+        assert!((found.mean - promised).abs() < 3.0 * found.standard_error + 0.005 * promised, "{found:?}");
+    }
+}
+
+#[test]
+fn what_enters_leaves_where_nothing_absorbs() {
+    let white = VolumeCoefficients::new(8.0, 0.0, 0.5).unwrap();
+    let media = vec![VolumeCoefficients::new(0.0, 0.0, 0.0).unwrap(), white];
+    let (radius, pitch) = (1.0, DVec3::new(0.04, 0.05, 0.03));
+    let centre = DVec3::splat(1.2);
+    let voxels = volume([60, 48, 80], pitch, |p| u8::from(p.distance(centre) < radius));
+    let scene = under(Scene::new(voxels, &[media]).unwrap(), &ball(centre, radius, 60));
+    let found = printed(&scene, Spot { sites: sites(centre, radius, 64) }, 20_000);
+    // All but the glint.
+    let glint = Interface::between(1.0, INDEX).above;
+    let apart = (found.mean - (1.0 - glint)).abs();
+    assert!(apart < 4.0 * found.standard_error + 1e-3, "{found:?} instead of {}", 1.0 - glint);
+}
+
+fn sites(centre: DVec3, radius: f64, count: usize) -> Vec<Site> {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
+    let site = |_| {
+        let z = 2.0 * uniform(&mut rng) - 1.0;
+        let ((x, y), s) = (azimuth(&mut rng), (1.0 - z * z).sqrt());
+        let normal = DVec3::new(s * x, s * y, z);
+        Site { point: centre + normal * radius, normal }
+    };
+    (0..count).map(site).collect()
+}
+
+/// The same by a walk that knows a ball of glass in closed form and shares no step with the code under test but
+/// Fresnel's equations.
+fn in_an_exact_ball(radius: f64, medium: &VolumeCoefficients, walks: u32) -> Estimate {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(77);
+    let phase = HenyeyGreenstein::new(medium.g);
+    let (mut sum, mut squared) = (0.0, 0.0);
+    for _ in 0..walks {
+        let (outward, _) = over(DVec3::Z, &mut rng);
+        let entered = refraction(outward.z, 1.0, INDEX).unwrap();
+        let flat = -outward.truncate() / INDEX;
+        let (mut at, mut to) = (DVec3::Z * radius, flat.extend(-entered.cosine));
+        let mut weight = 1.0 - entered.reflectance;
+        'walk: loop {
+            let mut way = -(1.0 - uniform(&mut rng)).ln() / medium.sigma_t();
+            loop {
+                let (b, c) = (at.dot(to), at.length_squared() - radius * radius);
+                let rim = -b + (b * b - c).max(0.0).sqrt();
+                if way < rim {
+                    at += to * way;
+                    break;
+                }
+                at += to * rim;
+                way -= rim;
+                let normal = at.normalize();
+                let cosine = to.dot(normal).clamp(1e-9, 1.0);
+                match refraction(cosine, INDEX, 1.0) {
+                    Some(found) if uniform(&mut rng) >= found.reflectance => break 'walk,
+                    _ => to = (to - 2.0 * cosine * normal).normalize(),
+                }
+            }
+            weight *= medium.albedo();
+            if weight < 1e-6 {
+                weight = 0.0;
+                break;
+            }
+            let turned = Direction { x: to.x, y: to.y, z: to.z };
+            let turned = turned.turned(phase.sample(uniform(&mut rng)), azimuth(&mut rng));
+            to = DVec3::new(turned.x, turned.y, turned.z);
+        }
+        sum += weight;
+        squared += weight * weight;
+    }
+    let (n, mean) = (f64::from(walks), sum / f64::from(walks));
+    Estimate { mean, standard_error: ((squared / n - mean * mean) / n).sqrt() }
+}
+
+#[test]
+fn balls_under_a_surface_print_as_a_walk_in_an_exact_ball_has_it() {
+    let (_, media) = synthetic();
+    for (id, radius) in [(1_u8, 0.6), (3, 2.5)] {
+        let (pitch, dims) = (DVec3::splat(radius / 100.0), [212; 3]);
+        let centre = pitch * 106.0;
+        let voxels = volume(dims, pitch, |p| if p.distance(centre) < radius { id } else { 0 });
+        let scene = under(Scene::new(voxels, std::slice::from_ref(&media)).unwrap(), &ball(centre, radius, 200));
+        let found = printed(&scene, Spot { sites: sites(centre, radius, 512) }, 200_000);
+        let expected = in_an_exact_ball(radius, &media[usize::from(id)], 200_000);
+        let sigma = found.standard_error.hypot(expected.standard_error);
+        println!("ball of {id} under a surface: {found:?} and {expected:?}");
+        assert!((found.mean - expected.mean).abs() < 3.0 * sigma + 0.005 * expected.mean, "{found:?} {expected:?}");
+    }
+}
