@@ -221,14 +221,21 @@ impl LayerStack {
         let mut unsure = [false; BRICK_VOXELS];
         for &(bottom, filling) in self.layers.iter().rev() {
             let (sure, maybe) = ((bottom - error) as f32, (bottom + error) as f32);
+            let depths = &query.surface.distance;
             match filling {
-                Filling::Pure(id) => layer.fill(id.0),
-                Filling::Mixed(blend) => self.blends[usize::from(blend)].lay(query.ranks, &mut layer),
-            }
-            for voxel in 0..BRICK_VOXELS {
-                let depth = query.surface.distance[voxel];
-                ids[voxel] = if depth < sure { layer[voxel] } else { ids[voxel] };
-                unsure[voxel] |= depth >= sure && depth <= maybe;
+                Filling::Pure(id) => {
+                    for voxel in 0..BRICK_VOXELS {
+                        ids[voxel] = if depths[voxel] < sure { id.0 } else { ids[voxel] };
+                        unsure[voxel] |= depths[voxel] >= sure && depths[voxel] <= maybe;
+                    }
+                }
+                Filling::Mixed(blend) => {
+                    self.blends[usize::from(blend)].lay(query.ranks, &mut layer);
+                    for voxel in 0..BRICK_VOXELS {
+                        ids[voxel] = if depths[voxel] < sure { layer[voxel] } else { ids[voxel] };
+                        unsure[voxel] |= depths[voxel] >= sure && depths[voxel] <= maybe;
+                    }
+                }
             }
         }
         for voxel in 0..BRICK_VOXELS {

@@ -39,8 +39,7 @@ impl Grains {
     pub fn of_voxels(pitch_mm: [f64; 3]) -> Self {
         const NODES: usize = 24;
         let (places, weights) = gauss_legendre(NODES);
-        // From −1…1 to 0…1.
-        let nodes: Vec<_> = places.iter().zip(&weights).map(|(x, weight)| ((x + 1.0) / 2.0, weight / 2.0)).collect();
+        let nodes: Vec<_> = places.into_iter().zip(weights).collect();
         let mut sum = 0.0;
         for (z, weight_z) in &nodes {
             for (turn, weight_turn) in &nodes {

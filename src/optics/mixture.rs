@@ -71,6 +71,19 @@ impl Mixture {
     }
 }
 
+impl Mixture {
+    /// The mixture in words, with the names of its resins: `white`, or `90% white + 10% black`, the most first.
+    pub fn name<'a>(&self, resin: impl Fn(ResinId) -> &'a str) -> String {
+        if let Some(pure) = self.pure() {
+            return resin(pure).to_owned();
+        }
+        let mut parts = self.parts.clone();
+        parts.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let words: Vec<_> = parts.iter().map(|(id, share)| format!("{}% {}", percent(*share), resin(*id))).collect();
+        words.join(" + ")
+    }
+}
+
 impl From<ResinId> for Mixture {
     fn from(resin: ResinId) -> Self {
         Self { parts: vec![(resin, 1.0)] }
@@ -149,14 +162,7 @@ impl MaterialSet {
 
     /// A mixture in words, which [`Self::mixture`] reads: `white`, or `90% white + 10% black`, the most first.
     pub fn mixture_name(&self, mixture: &Mixture) -> String {
-        if let Some(resin) = mixture.pure() {
-            return self[resin].name.clone();
-        }
-        let mut parts = mixture.parts.clone();
-        parts.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        let words: Vec<_> =
-            parts.iter().map(|(resin, share)| format!("{}% {}", percent(*share), self[*resin].name)).collect();
-        words.join(" + ")
+        mixture.name(|resin| &self[resin].name)
     }
 
     /// A mixture by its name: a resin's, or shares of the volume of several, `90% white + 10% black`.

@@ -5,7 +5,7 @@ use std::fmt::{self, Write};
 
 use super::FilmStrip;
 use crate::{
-    optics::{ResinId, Stack},
+    optics::{Mixture, ResinId, Stack},
     page::{escape, page, png_address},
     words::counted,
 };
@@ -65,8 +65,8 @@ pub struct ReportMaterial {
 pub struct ReportStacking {
     /// What it is for, such as `cluster 3`.
     pub name: String,
-    /// Layers of the materials, over their core.
-    pub stack: Stack,
+    /// Layers of the materials or of mixtures of them, over their core.
+    pub stack: Stack<Mixture>,
     /// Part of the surface it is for, 0 to 1, if known.
     pub share: Option<f64>,
     /// The albedo that is asked for and the one that is predicted, as sRGB, if known.
@@ -342,23 +342,29 @@ const FOLDED: usize = 8;
 
 /// A stacking's layers side by side, to scale, and what they are in words.
 fn bar(page: &mut String, stacking: &ReportStacking, data: &ReportData, scale: f64) -> fmt::Result {
-    let colour = |resin: ResinId| data.materials.get(resin.0).map_or([128, 128, 128, 255], |found| found.rgba);
-    let name = |resin: ResinId| data.materials.get(resin.0).map_or("?", |found| found.name.as_str());
+    let colour_of = |resin: ResinId| data.materials.get(resin.0).map_or([128, 128, 128, 255], |found| found.rgba);
+    let colour = |mixture: &Mixture| -> [u8; 4] {
+        let parts =
+            mixture.parts().iter().map(|&(resin, share)| colour_of(resin).map(|value| share * f64::from(value)));
+        let mean = parts.fold([0.0; 4], |sum, part| std::array::from_fn(|n| sum[n] + part[n]));
+        mean.map(|value| value.round() as u8)
+    };
+    let name = |mixture: &Mixture| mixture.name(|resin| data.materials.get(resin.0).map_or("?", |found| &found.name));
     let stack = &stacking.stack;
     let mut words: Vec<String> =
-        stack.pairs().map(|(&resin, mm)| format!("{} {}", name(resin), number(mm, 3))).collect();
-    words.extend(stack.core.map(|core| format!("core {}", name(core))));
+        stack.pairs().map(|(layer, mm)| format!("{} {}", name(layer), number(mm, 3))).collect();
+    words.extend(stack.core.as_ref().map(|core| format!("core {}", name(core))));
     let words = words.join(", ");
     svg(page, "bar", [BAR + CORE, BAR_HEIGHT], &words)?;
     let mut left = 0.0;
     for layer in &stack.layers {
         let width = layer.thickness_mm.max(0.0) * scale;
-        block(page, [left, width], colour(layer.resin))?;
+        block(page, [left, width], colour(&layer.resin))?;
         if width >= NUMBERED {
-            let ink = if is_dark(colour(layer.resin)) { "#fff" } else { "#1f2630" };
+            let ink = if is_dark(colour(&layer.resin)) { "#fff" } else { "#1f2630" };
             let (x, text) = (left + 0.5 * width, number(layer.thickness_mm, 2));
             // On the hatch a number needs a ground of its own.
-            let halo = if colour(layer.resin)[3] == 0 {
+            let halo = if colour(&layer.resin)[3] == 0 {
                 " paint-order=\"stroke\" stroke=\"#f1dfb6\" stroke-width=\"4\""
             } else {
                 ""
@@ -368,7 +374,7 @@ fn bar(page: &mut String, stacking: &ReportStacking, data: &ReportData, scale: f
         }
         left += width;
     }
-    if let Some(core) = stack.core {
+    if let Some(core) = &stack.core {
         // A torn end: the core goes on.
         let [r, g, b, a] = colour(core);
         let fill = if a == 0 { "#f1dfb6".to_owned() } else { format!("#{r:02x}{g:02x}{b:02x}") };
@@ -491,7 +497,7 @@ mod tests {
             ],
             stackings: vec![ReportStacking {
                 name: "all".into(),
-                stack: Stack::new([(ResinId(0), 0.5), (ResinId(1), 2.0)]).over(ResinId(7)),
+                stack: Stack::new([(ResinId(0), 0.5), (ResinId(1), 2.0)]).over(ResinId(7)).into(),
                 ..Default::default()
             }],
             warnings: vec!["x < y".into()],

@@ -251,9 +251,8 @@ fn tightest(field: &[f32], voxels: &[usize]) -> usize {
 fn add(field: &mut [f32], kernel: &[f32], dims: [usize; 3], [x, y, z]: [usize; 3], sign: f32) -> usize {
     const LANES: usize = 8;
     let [nx, ny, nz] = dims;
-    let (mut least, mut place) = ([f32::INFINITY; LANES], [0_u32; LANES]);
+    let mut least = [f32::INFINITY; LANES];
     let mut rows = field.chunks_exact_mut(nx);
-    let mut index = 0;
     for k in 0..nz {
         for j in 0..ny {
             let Some(row) = rows.next() else { break };
@@ -263,17 +262,24 @@ fn add(field: &mut [f32], kernel: &[f32], dims: [usize; 3], [x, y, z]: [usize; 3
                 for lane in 0..LANES {
                     let value = values[lane] + sign * kernel[lane];
                     values[lane] = value;
-                    let less = value < least[lane];
-                    least[lane] = if less { value } else { least[lane] };
-                    place[lane] = if less { index } else { place[lane] };
+                    least[lane] = if value < least[lane] { value } else { least[lane] };
                 }
-                index += 1;
             }
         }
     }
-    let voxel = |lane: usize| place[lane] as usize * LANES + lane;
-    let before = |a: usize, b: usize| least[a] < least[b] || (least[a] == least[b] && voxel(a) < voxel(b));
-    voxel((1..LANES).fold(0, |best, lane| if before(lane, best) { lane } else { best }))
+    let least = least.iter().copied().fold(f32::INFINITY, |a, b| if b < a { b } else { a });
+    // Found again, which is quicker than to keep its place.
+    for (chunk, values) in field.as_chunks::<{ 4 * LANES }>().0.iter().enumerate() {
+        let mut here = false;
+        for value in values {
+            here |= *value == least;
+        }
+        if here {
+            let within = values.iter().position(|value| *value == least).unwrap_or_default();
+            return chunk * values.len() + within;
+        }
+    }
+    0
 }
 
 #[cfg(test)]

@@ -35,7 +35,8 @@ fn a_stacking_with_a_mixture_is_sliced_verified_and_looked_at() {
     assert!((in_grey / f64::from(20 * 20 * 20 - 8 * 8 * 8) - 1.0).abs() < 0.01, "{in_grey}");
     bench.run(["verify", "out"]).exits(0);
     bench.run(["verify", "out", "--job", "job.toml"]).exits(0);
-    let ran = bench.run(["look", "out", "-o", "look"]).exits(0);
+    let ran =
+        bench.run(["look", "job.toml", "-o", "look", "--spots", "4", "--photons", "200", "--size", "32"]).exits(0);
     assert!(!ran.stderr.contains("warning: layers"), "{}", ran.stderr);
     let report = fs::read_to_string(bench.path("out/report.html")).unwrap();
     assert!(report.contains("75% white + 25% black"));

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{CompareError, CompareRequest, Comparison, Patch, Printed, Stage, printed::volume};
 use crate::{
     look::{Pattern, Photons, Sides, TexelGrid, VoxelScene},
-    optics::{ChannelId, Light, MaterialFile, MaterialSet, Model, Stack, mixture_parts, predict},
+    optics::{ChannelId, Grains, Light, MaterialFile, MaterialSet, Model, Stack, mixture_parts, predict},
     watch::{StopOnly, Unwatched, Watch},
 };
 
@@ -104,9 +104,11 @@ impl Promise<'_> {
 
     /// R̂ of every stacking by a model.
     fn by(&self, model: &Model, stacks: &[Stack<String>]) -> Result<Spectra, CompareError> {
-        let mut spectra = vec![Vec::new(); self.set.channels.len()];
+        let grains = Grains::of_voxels(self.job.manifest.lattice.pitch_mm);
+        let set = MaterialSet { grains, ..self.set.clone() };
+        let mut spectra = vec![Vec::new(); set.channels.len()];
         for stack in stacks {
-            let light = predict(self.set, &self.set.mixed_stack(stack)?, model, &Unwatched)?.light;
+            let light = predict(&set, &set.mixed_stack(stack)?, model, &Unwatched)?.light;
             spectra.iter_mut().zip(light).for_each(|(spectra, light)| spectra.push(light.reflection_hankel));
         }
         Ok(spectra)

@@ -7,7 +7,7 @@ use crate::{
         Manifest, RoundRecord, RunError,
         manifest::{LatticeRecord, MaterialRecord, ObjectRecord},
     },
-    optics::{ResinId, Stack},
+    optics::{Mixture, ResinId, Stack, mixture_parts},
     output::{MANIFEST, OutputFolder},
     preview::{
         self, FilmStrip, PreviewFile, PreviewMaterial, ReportData, ReportFilm, ReportHealth, ReportMaterial,
@@ -70,7 +70,11 @@ fn report_data(manifest: &Manifest, pictures: &[PreviewFile]) -> ReportData {
     let mut stackings = Vec::new();
     for (number, object) in (1..).zip(&manifest.stackings) {
         for (cluster, entry) in (0..).zip(&object.stackings) {
-            let layers = entry.layers.iter().filter_map(|layer| Some((id(&layer.resin)?, layer.thickness_mm)));
+            let mixture = |name: &str| {
+                let parts = mixture_parts(name)?.into_iter().map(|(resin, share)| Some((id(resin)?, share)));
+                Mixture::new(parts.collect::<Option<Vec<_>>>()?)
+            };
+            let layers = entry.layers.iter().filter_map(|layer| Some((mixture(&layer.resin)?, layer.thickness_mm)));
             stackings.push(ReportStacking {
                 name: match (manifest.stackings.len(), object.stackings.len()) {
                     (1, 1) => "stacking".to_owned(),
@@ -78,7 +82,7 @@ fn report_data(manifest: &Manifest, pictures: &[PreviewFile]) -> ReportData {
                     (1, _) => format!("cluster {cluster}"),
                     _ => format!("object {number}, cluster {cluster}"),
                 },
-                stack: Stack::new(layers).over(id(&object.core)),
+                stack: Stack::new(layers).over(id(&object.core).map(Mixture::from)),
                 share: (object.stackings.len() > 1).then_some(entry.share),
                 albedo: [entry.target_albedo.as_deref(), Some(&entry.predicted_albedo)].map(|albedo| albedo.map(shown)),
                 error: entry

@@ -7,7 +7,7 @@ use rand_xoshiro::{
 
 use super::laws::resin;
 use crate::{
-    optics::{FrequencyGrid, MaterialSet, Model, ResinId, Stack, VolumeCoefficients, predict},
+    optics::{FrequencyGrid, Grains, MaterialSet, Model, ResinId, Stack, VolumeCoefficients, predict},
     watch::Unwatched,
 };
 
@@ -29,6 +29,7 @@ fn inks() -> MaterialSet {
         grains: crate::optics::Grains::FINE,
         grid,
         warnings: Vec::new(),
+        grains: Grains::FINE,
     }
 }
 
