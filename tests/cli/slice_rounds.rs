@@ -6,7 +6,7 @@ const JOB: &str = r#"
 [[object]]
 mesh = "ball.stl"
 [printer]
-pitch-mm = [0.1, 0.1, 0.1]
+pitch-mm = [0.05, 0.05, 0.05]
 [materials]
 set = "synthetic"
 [target]
@@ -41,10 +41,9 @@ fn rounds_bring_the_print_to_what_was_asked() {
     assert!(bias[0].abs() > 0.03 && bias[1].abs() < 0.4 * bias[0].abs(), "{bias:?}");
     let look = ["look", "out", "--job", "job.toml", "--spots", "12", "--photons", "40000", "--json"];
     let seen = bench.run(look).exits(0).json();
-    for spot in seen["spots"].as_array().unwrap() {
-        let [printed, asked] = ["printed", "asked"].map(|name| spot[name][0].as_f64().unwrap());
-        assert!((printed / asked - 1.0).abs() < 0.05, "{printed} in place of {asked}");
-    }
+    // Grains of a mixture stay, which a spot of half a millimetre does not even out.
+    let fit = |name: &str| seen["against_asked"][0][name].as_f64().unwrap();
+    assert!(fit("bias").abs() < 0.02 * 0.3 && fit("relative_rms") < 0.05, "{}", seen["against_asked"]);
 }
 
 #[test]
@@ -77,7 +76,8 @@ fn what_they_found_is_taken_from_the_folder() {
     bench.slice("out");
     bench.run(["verify", "out", "--job", "job.toml"]).exits(0);
     // Other factors make other layers, so they were read.
-    let mut rounds: serde_json::Value = serde_json::from_slice(&bench.files("out")["rounds.json"]).unwrap();
+    let found = bench.files("out")["rounds.json"].clone();
+    let mut rounds: serde_json::Value = serde_json::from_slice(&found).unwrap();
     for factor in rounds["objects"][0]["ln_factor_thousandths"][0].as_array_mut().unwrap() {
         *factor = serde_json::json!(-900);
     }
@@ -85,6 +85,7 @@ fn what_they_found_is_taken_from_the_folder() {
     let ran = bench.run(["verify", "out", "--job", "job.toml"]).exits(1);
     assert!(ran.stdout.contains("stackings"), "{}", ran.stdout);
     // Of another job nothing is taken.
+    bench.write("out/rounds.json", &found);
     bench.write("job.toml", JOB.replace("rounds = 2", "rounds = 1").as_bytes());
     bench.run(["slice", "job.toml", "-o", "out", "--overwrite"]).exits(0);
     assert_eq!(bench.manifest("out")["rounds"].as_array().unwrap().len(), 1);
