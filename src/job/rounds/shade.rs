@@ -67,7 +67,8 @@ mod tests {
 
     #[test]
     fn a_white_hollow_is_as_bright_as_the_sky() {
-        assert_eq!((shown(0.3, 1.0), shown(1.0, 0.2)), (0.3, 1.0));
+        assert_eq!(shown(0.3, 1.0), 0.3);
+        assert!((shown(1.0, 0.2) - 1.0).abs() < 1e-15);
         assert!((shown(0.5, 0.5) - 1.0 / 3.0).abs() < 1e-15);
     }
 }

@@ -135,6 +135,9 @@ impl Interface {
     }
 }
 
+/// Square of the least rate, over the greatest's: a rate that changes nothing over any layer.
+const LEAST_SQUARE: f64 = 1e-14;
+
 impl Modes {
     pub(super) fn new(Generator { minus, plus }: &Generator, n: usize) -> Self {
         let (minus, plus) = (minus.submatrix(0, 0, n, n), plus.submatrix(0, 0, n, n));
@@ -143,11 +146,14 @@ impl Modes {
         let (vectors, values) = (eigen.U(), eigen.S().column_vector());
         let mut u = Mat::zeros(n, n);
         let mut rates = Rates::zeros(n);
+        // What neither scatters nor absorbs has modes without a rate, which rounding may put below 0.
+        let least = LEAST_SQUARE * (0..n).map(|j| values[j].norm()).fold(f64::MIN_POSITIVE, f64::max);
         let mut j = 0;
         while j < n {
             let rate = values[j].sqrt();
             rates.real[j] = rate.re;
             if values[j].im == 0.0 || j + 1 == n {
+                rates.real[j] = values[j].re.max(least).sqrt();
                 u.col_mut(j).copy_from(Col::from_fn(n, |i| vectors[(i, j)].re));
                 j += 1;
                 continue;

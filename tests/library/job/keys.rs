@@ -10,7 +10,7 @@ fn unknown_keys() {
             "[field]",
             "[colour]",
             "bad.toml:21:2: colour: found an unknown key; expected one of object, printer, materials, target, \
-                clusters, stacking, field, output, overlap",
+                clusters, stacking, appearance, field, output, overlap",
         ),
         (
             "height-mm",
