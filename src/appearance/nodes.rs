@@ -258,13 +258,12 @@ mod tests {
         }
         let layers = layers_of(&mesh, &atlas, labels, 1000);
         let mut row = Vec::new();
-        for t in 0..2 {
+        for (t, &[p, q, r]) in corners[..2].iter().enumerate() {
             for (i, j) in (0..=40).flat_map(|i| (0..=40 - i).map(move |j| (i, j))) {
                 let (v, w) = (i as f32 / 40.0, j as f32 / 40.0);
                 let [a, b, c] = mesh.uvs[t];
                 layers.bottoms(t as u32, a + (b - a) * v + (c - a) * w, &mut row);
-                let [a, b, c] = corners[t];
-                let at = a + (b - a) * f64::from(v) + (c - a) * f64::from(w);
+                let at = p + (q - p) * f64::from(v) + (r - p) * f64::from(w);
                 let expected = 0.01 * thickness(at);
                 assert!((f64::from(row[0]) - expected).abs() < 0.0101, "{} instead of {expected} at {at}", row[0]);
             }
