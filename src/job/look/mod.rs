@@ -16,6 +16,7 @@ mod asked;
 mod error;
 mod mitsuba;
 mod pictures;
+pub(in crate::job) mod shade;
 mod surface;
 mod voxels;
 
@@ -92,9 +93,10 @@ pub struct Look {
     pub spot_radius_mm: f64,
     /// What the user should know.
     pub warnings: Vec<String>,
-    /// Printed against asked, in each channel; `None` where nothing was asked for.
+    /// Printed against asked, in each channel; `None` where nothing was asked for. Where a spot sees a share V of the sky,
+    /// against what a surface of the asked albedo ρ would show there, V ρ / (1 − (1 − V) ρ).
     pub against_asked: Option<Vec<Fit>>,
-    /// Printed against predicted, in each channel.
+    /// Printed against predicted, in each channel, likewise.
     pub against_predicted: Vec<Fit>,
     /// Indices of the spots that are farthest from what was asked for (or predicted), the worst first.
     pub worst: Vec<usize>,
@@ -145,6 +147,10 @@ pub struct SpotRecord {
     pub asked: Option<Vec<f64>>,
     /// What was predicted for an endless flat slab.
     pub predicted: Vec<f64>,
+    /// Share of the sky that it sees, 0 to 1: in a hollow print is held against what a surface of that albedo would show
+    /// among its like, see [`Look::against_asked`].
+    #[serde(default = "whole_sky")]
+    pub sky: f64,
     /// Radiosity per irradiance of the print, under even light.
     pub printed: Vec<f64>,
     /// One standard deviation of it.
@@ -208,6 +214,7 @@ pub fn look_at(
             normal: spot.middle.normal.to_array(),
             asked: expected.asked,
             predicted: expected.predicted,
+            sky: shade::sky(scene, &spot.middle, 0.0),
             standard_error: printed.iter().flatten().map(|channel| channel.standard_error).collect(),
             printed: printed?.iter().map(|channel| channel.mean).collect(),
         })
@@ -219,11 +226,14 @@ pub fn look_at(
     if prepared.materials.resins.iter().any(|resin| resin.refractive_index != 1.0) {
         warnings.push("pictures leave refractive indices out; printed albedos have them".to_owned());
     }
-    let asked = spots.iter().map(|spot| spot.asked.as_deref()).collect::<Option<Vec<_>>>();
-    let predicted: Vec<_> = spots.iter().map(|spot| spot.predicted.as_slice()).collect();
+    let shown = |albedo: &[f64], spot: &SpotRecord| -> Vec<f64> {
+        albedo.iter().map(|albedo| shade::shown(*albedo, spot.sky)).collect()
+    };
+    let asked = spots.iter().map(|spot| Some(shown(spot.asked.as_deref()?, spot))).collect::<Option<Vec<_>>>();
+    let predicted: Vec<_> = spots.iter().map(|spot| shown(&spot.predicted, spot)).collect();
     let goal = asked.as_ref().unwrap_or(&predicted);
     let off = |spot: usize| {
-        let apart = spots[spot].printed.iter().zip(goal[spot]).map(|(printed, goal)| (printed - goal).powi(2));
+        let apart = spots[spot].printed.iter().zip(&goal[spot]).map(|(printed, goal)| (printed - goal).powi(2));
         apart.sum::<f64>()
     };
     let mut worst: Vec<usize> = (0..spots.len()).collect();
@@ -276,7 +286,11 @@ impl Look {
 /// What `look` writes.
 pub const OWNER: Owner = Owner { command: "look", names: &[LOOK, "soft.png", "edge.png", "behind.png", "spot.png"] };
 
-pub(super) fn fits(spots: &[SpotRecord], expected: &[&[f64]], channels: usize) -> Vec<Fit> {
+pub(super) fn whole_sky() -> f64 {
+    1.0
+}
+
+fn fits(spots: &[SpotRecord], expected: &[Vec<f64>], channels: usize) -> Vec<Fit> {
     let fit = |channel: usize| {
         let n = spots.len().max(1) as f64;
         let (mut bias, mut squared, mut noise, mut level) = (0.0, 0.0, 0.0, 0.0);

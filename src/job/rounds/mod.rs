@@ -20,7 +20,6 @@
 
 mod record;
 mod residual;
-mod shade;
 
 use std::path::Path;
 
@@ -31,6 +30,7 @@ use residual::{Looked, residuals};
 
 use super::{
     Job, Prepared, RunError,
+    look::shade,
     plan::{CHANNELS, ObjectPlan},
     run::LOOK_VOXELS,
 };

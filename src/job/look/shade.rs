@@ -15,7 +15,7 @@ const RAYS: usize = 64;
 const GOLDEN: f64 = 0.381_966_011_250_105_1;
 
 /// Share of the sky that a site sees, weighted with the cosine to its surface; rays are turned by `turn`, 0 to 1.
-pub(super) fn sky(scene: &Scene, site: &Site, turn: f64) -> f64 {
+pub(in crate::job) fn sky(scene: &Scene, site: &Site, turn: f64) -> f64 {
     let across = site.normal.any_orthonormal_vector();
     let along = site.normal.cross(across);
     // Above the steps that voxels make.
@@ -31,7 +31,7 @@ pub(super) fn sky(scene: &Scene, site: &Site, turn: f64) -> f64 {
 }
 
 /// What a surface of an albedo shows in even light where it sees a share of the sky.
-pub(super) fn shown(albedo: f64, sky: f64) -> f64 {
+pub(in crate::job) fn shown(albedo: f64, sky: f64) -> f64 {
     albedo * sky / (1.0 - (1.0 - sky) * albedo)
 }
 
