@@ -12,7 +12,10 @@ fn the_job_and_its_slices_look_the_same() {
     assert_eq!(field, slices);
     let spots = field["spots"].as_array().unwrap();
     assert_eq!(spots.len(), 9);
-    assert_eq!(keys(&spots[8]), ["object", "position_mm", "normal", "asked", "predicted", "printed", "standard_error"]);
+    assert_eq!(
+        keys(&spots[8]),
+        ["object", "position_mm", "normal", "asked", "predicted", "sky", "printed", "standard_error"]
+    );
     assert_eq!(spots[8]["normal"], serde_json::json!([0.0, 0.0, 1.0]));
     for spot in spots {
         let [printed, predicted] = ["printed", "predicted"].map(|name| spot[name][0].as_f64().unwrap());
