@@ -27,6 +27,8 @@ mod tests;
 mod volume;
 mod walk;
 
+use std::ops::Range;
+
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
@@ -45,7 +47,7 @@ pub use volume::{Volume, VolumeTooLarge};
 
 use crate::optics::{
     Light, OpticsError, VolumeCoefficients,
-    monte_carlo::{BATCH, GROUP, photon::uniform},
+    monte_carlo::{in_batches, photon::uniform},
 };
 use crate::watch::Watch;
 use light::Source;
@@ -112,31 +114,17 @@ impl VoxelScene<'_> {
         let walk = self.checked_walk(photons)?;
         texels.check()?;
         let source = Source::new(pattern, photons.light, self.grid.size_mm())?;
-        let mut stream = Xoshiro256PlusPlus::seed_from_u64(photons.seed);
         let mut tally = ImageTally::new(texels);
-        let mut traced = 0;
-        while traced < photons.count {
-            let (before, mut group) = (traced, Vec::with_capacity(GROUP));
-            while group.len() < GROUP && traced < photons.count {
-                let end = photons.count.min(traced + BATCH);
-                group.push((traced..end, stream.clone()));
-                stream.jump();
-                traced = end;
+        let trace = |batch: Range<u64>, mut rng: Xoshiro256PlusPlus| {
+            let mut counted = Counted::default();
+            for photon in batch {
+                let share = (photon as f64 + uniform(&mut rng)) / photons.count as f64;
+                let (at, direction) = source.draw(share, &mut rng);
+                counted.score(&texels, walk.trace(at, direction, &mut rng));
             }
-            let trace = |(range, mut rng): (std::ops::Range<u64>, Xoshiro256PlusPlus)| {
-                let mut counted = Counted::default();
-                for photon in range {
-                    let share = (photon as f64 + uniform(&mut rng)) / photons.count as f64;
-                    let (at, direction) = source.draw(share, &mut rng);
-                    counted.score(&texels, walk.trace(at, direction, &mut rng));
-                }
-                counted
-            };
-            let batches: Vec<Counted> = group.into_par_iter().map(trace).collect();
-            batches.iter().for_each(|batch| tally.add(batch));
-            watch.advance(traced - before);
-            watch.go_on()?;
-        }
+            counted
+        };
+        in_batches(photons.count, photons.seed, watch, trace, |counted| tally.add(&counted))?;
         Ok(tally.image(photons.count, source.flux))
     }
 

@@ -3,14 +3,16 @@
 //! A photon that leaves a distance r from where it entered, with weight w, is a sample w J₀(k r) of the Hankel
 //! transform of the mean response, without bias and without rings or windows. Distances are counted in steps of [`STEP_MM`].
 
-use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
+use std::ops::Range;
+
+use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 
 use super::{Pattern, Photons, Sides, VoxelScene, light::Source, top};
 use crate::{
     optics::{
         FrequencyGrid, OpticsError,
-        monte_carlo::{BATCH, GROUP, photon::uniform},
+        monte_carlo::{in_batches, photon::uniform},
     },
     watch::Watch,
 };
@@ -48,37 +50,25 @@ impl VoxelScene<'_> {
         let [x, y, _] = self.grid.size_mm();
         let everywhere = Pattern::Rectangle { min_mm: [0.0; 2], max_mm: [x, y] };
         let source = Source::new(&everywhere, photons.light, self.grid.size_mm())?;
-        let mut stream = Xoshiro256PlusPlus::seed_from_u64(photons.seed);
         let mut counts = vec![[0.0; 2]; STEPS];
-        let mut traced = 0;
-        while traced < photons.count {
-            let (before, mut group) = (traced, Vec::with_capacity(GROUP));
-            while group.len() < GROUP && traced < photons.count {
-                let end = photons.count.min(traced + BATCH);
-                group.push((traced..end, stream.clone()));
-                stream.jump();
-                traced = end;
-            }
-            let trace = |(range, mut rng): (std::ops::Range<u64>, Xoshiro256PlusPlus)| {
-                let leave = range.filter_map(|photon| {
-                    let share = (photon as f64 + uniform(&mut rng)) / photons.count as f64;
-                    let (from, direction) = source.draw(share, &mut rng);
-                    let (to, turns, weight) = top(walk.trace(from, direction, &mut rng))?;
-                    let [dx, dy] = [0, 1].map(|axis| to[axis] + turns[axis] - from[axis]);
-                    let step = (dx * dx + dy * dy).sqrt() / STEP_MM;
-                    Some(((step as usize).min(STEPS - 1) as u32, weight))
-                });
-                leave.collect::<Vec<_>>()
-            };
-            let batches: Vec<Vec<(u32, f64)>> = group.into_par_iter().map(trace).collect();
-            for (step, weight) in batches.into_iter().flatten() {
+        let trace = |batch: Range<u64>, mut rng: Xoshiro256PlusPlus| {
+            let leave = batch.filter_map(|photon| {
+                let share = (photon as f64 + uniform(&mut rng)) / photons.count as f64;
+                let (from, direction) = source.draw(share, &mut rng);
+                let (to, turns, weight) = top(walk.trace(from, direction, &mut rng))?;
+                let [dx, dy] = [0, 1].map(|axis| to[axis] + turns[axis] - from[axis]);
+                let step = (dx * dx + dy * dy).sqrt() / STEP_MM;
+                Some(((step as usize).min(STEPS - 1) as u32, weight))
+            });
+            leave.collect::<Vec<_>>()
+        };
+        in_batches(photons.count, photons.seed, watch, trace, |batch| {
+            for (step, weight) in batch {
                 let [sum, squares] = &mut counts[step as usize];
                 *sum += weight;
                 *squares += weight * weight;
             }
-            watch.advance(traced - before);
-            watch.go_on()?;
-        }
+        })?;
         let n = photons.count as f64;
         let moments = grid.as_slice().par_iter().map(|k| {
             let sums = counts.iter().enumerate().fold([0.0; 2], |[sum, squares], (step, count)| {

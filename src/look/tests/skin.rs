@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::DVec3;
 use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
 
-use super::spots::{printed, synthetic, top, volume};
-use crate::look::{Scene, Site, Spot, spots::over};
+use super::spots::{printed, sites, synthetic, top, volume};
+use crate::look::{Scene, Spot, spots::over};
 use crate::mesh::TriangleMesh;
 use crate::optics::{
     Estimate, Interface, Light, MaterialSet, Model, Stack, TransportOptions, VolumeCoefficients,
@@ -94,17 +94,6 @@ fn what_enters_leaves_where_nothing_absorbs() {
     let glint = Interface::between(1.0, INDEX).above;
     let apart = (found.mean - (1.0 - glint)).abs();
     assert!(apart < 4.0 * found.standard_error + 1e-3, "{found:?} instead of {}", 1.0 - glint);
-}
-
-fn sites(centre: DVec3, radius: f64, count: usize) -> Vec<Site> {
-    let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
-    let site = |_| {
-        let z = 2.0 * uniform(&mut rng) - 1.0;
-        let ((x, y), s) = (azimuth(&mut rng), (1.0 - z * z).sqrt());
-        let normal = DVec3::new(s * x, s * y, z);
-        Site { point: centre + normal * radius, normal }
-    };
-    (0..count).map(site).collect()
 }
 
 /// The same by a walk that knows a ball of glass in closed form and shares no step with the code under test but

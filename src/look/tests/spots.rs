@@ -107,6 +107,18 @@ fn nothing_is_lost_where_nothing_absorbs() {
     assert!((found.mean - 1.0).abs() < 1e-12 && found.standard_error < 1e-9, "{found:?}");
 }
 
+/// Sites evenly over a ball.
+pub(super) fn sites(centre: DVec3, radius: f64, count: usize) -> Vec<Site> {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
+    let site = |_| {
+        let z = 2.0 * uniform(&mut rng) - 1.0;
+        let ((x, y), s) = (azimuth(&mut rng), (1.0 - z * z).sqrt());
+        let normal = DVec3::new(s * x, s * y, z);
+        Site { point: centre + normal * radius, normal }
+    };
+    (0..count).map(site).collect()
+}
+
 /// The same by a walk that knows a ball in closed form and shares no step with the code under test.
 fn in_an_exact_ball(radius: f64, medium: &VolumeCoefficients, walks: u32) -> Estimate {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(77);
@@ -142,14 +154,7 @@ fn balls_print_as_a_walk_in_an_exact_ball_has_it() {
         let centre = pitch * 106.0;
         let ball = |p: DVec3| if p.distance(centre) < radius { id } else { 0 };
         let scene = Scene::new(volume(dims, pitch, ball), std::slice::from_ref(&media)).unwrap();
-        let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
-        let site = |_| {
-            let z = 2.0 * uniform(&mut rng) - 1.0;
-            let ((x, y), s) = (azimuth(&mut rng), (1.0 - z * z).sqrt());
-            let normal = DVec3::new(s * x, s * y, z);
-            Site { point: centre + normal * radius, normal }
-        };
-        let found = printed(&scene, Spot { sites: (0..512).map(site).collect() }, 400_000);
+        let found = printed(&scene, Spot { sites: sites(centre, radius, 512) }, 400_000);
         let expected = in_an_exact_ball(radius, &media[usize::from(id)], 400_000);
         let sigma = found.standard_error.hypot(expected.standard_error);
         println!("ball of {id}: {found:?} and {expected:?}");

@@ -15,6 +15,8 @@ mod rings;
 mod tally;
 mod walk;
 
+use std::ops::Range;
+
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
@@ -22,15 +24,15 @@ use rayon::prelude::*;
 use super::{OpticsError, RadialProfile, Stack, VolumeCoefficients};
 #[cfg(test)]
 use crate::watch::Unwatched;
-use crate::watch::Watch;
+use crate::watch::{Stopped, Watch};
 pub use rings::RingEdges;
 use tally::Tally;
 use walk::Media;
 
 /// Photons per batch: some 10 ms of work, long against the cost of merging a tally, short against a user's patience.
-pub(crate) const BATCH: u64 = 16_384;
+const BATCH: u64 = 16_384;
 /// Batches between two looks at the watch; bounds the memory of unmerged tallies too.
-pub(crate) const GROUP: usize = 64;
+const GROUP: usize = 64;
 
 /// The light entering the top at the origin, unit flux.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,6 +89,33 @@ pub struct MonteCarloResult {
     pub unscattered_profile: RadialProfile,
 }
 
+/// Hands `photons` to `trace` in batches, in parallel, each with a random stream of its own, and what came of them to
+/// `take`, in their order: the same for any number of threads. `watch` hears of the photons about every million.
+pub(crate) fn in_batches<T: Send>(
+    photons: u64,
+    seed: u64,
+    watch: &dyn Watch,
+    trace: impl Fn(Range<u64>, Xoshiro256PlusPlus) -> T + Sync,
+    mut take: impl FnMut(T),
+) -> Result<(), Stopped> {
+    let mut stream = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let mut traced = 0;
+    while traced < photons {
+        let (before, mut group) = (traced, Vec::with_capacity(GROUP));
+        while group.len() < GROUP && traced < photons {
+            let end = photons.min(traced + BATCH);
+            group.push((traced..end, stream.clone()));
+            stream.jump();
+            traced = end;
+        }
+        let batches: Vec<T> = group.into_par_iter().map(|(batch, stream)| trace(batch, stream)).collect();
+        batches.into_iter().for_each(&mut take);
+        watch.advance(traced - before);
+        watch.go_on()?;
+    }
+    Ok(())
+}
+
 impl MonteCarlo {
     /// Traces all photons.
     ///
@@ -104,30 +133,14 @@ impl MonteCarlo {
     pub fn run_with(&self, watch: &dyn Watch) -> Result<MonteCarloResult, OpticsError> {
         let media = self.checked_stack()?;
         let mut total = Tally::new(&self.rings);
-        let mut stream = Xoshiro256PlusPlus::seed_from_u64(self.seed);
-        let mut traced = 0;
-        while traced < self.photons {
-            let (before, mut group) = (traced, Vec::with_capacity(GROUP));
-            while group.len() < GROUP && traced < self.photons {
-                let photons = BATCH.min(self.photons - traced);
-                group.push((photons, stream.clone()));
-                stream.jump();
-                traced += photons;
+        let trace = |photons: Range<u64>, mut rng: Xoshiro256PlusPlus| {
+            let mut tally = Tally::new(&self.rings);
+            for _ in photons {
+                media.trace(self.light, &mut rng, &mut tally);
             }
-            let tallies: Vec<Tally> = group
-                .into_par_iter()
-                .map(|(photons, mut rng)| {
-                    let mut tally = Tally::new(&self.rings);
-                    for _ in 0..photons {
-                        media.trace(self.light, &mut rng, &mut tally);
-                    }
-                    tally
-                })
-                .collect();
-            tallies.iter().for_each(|tally| total.add(tally));
-            watch.advance(traced - before);
-            watch.go_on()?;
-        }
+            tally
+        };
+        in_batches(self.photons, self.seed, watch, trace, |tally| total.add(&tally))?;
         Ok(total.result(self.photons, &self.rings))
     }
 
