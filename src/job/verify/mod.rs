@@ -10,9 +10,13 @@
 //! | `layers`    | the images: names, numbering, voxels per resin |
 //! | `image`     | one image, row by row |
 //! | `solids`    | the material meshes |
+//! | `exports`   | files that hold a whole job: `gcvf`, `bitmaps` |
 //! | `stackings` | `stackings.json` |
 
+mod bitmaps;
+mod exports;
 mod files;
+mod gcvf;
 mod image;
 mod layers;
 mod records;
@@ -161,6 +165,7 @@ pub fn verify(folder: &Path, watch: &dyn Watch) -> Result<Verification, VerifyEr
     let sound = files::check(&check, &mut result)?;
     layers::check(&check, &sound, &mut result)?;
     solids::check(&check, &sound, &mut result)?;
+    exports::check(&check, &sound, &mut result)?;
     result.findings.extend(stackings::check(&check, &sound));
     Ok(result)
 }
