@@ -1,6 +1,6 @@
 //! Files that hold the whole job: each is what its name says, and those that the job asks for are there.
 
-use super::{Check, Finding, Verification, VerifyError, bitmaps, files::Sound, gcvf, image::read_all};
+use super::{Check, Finding, Verification, VerifyError, bitmaps, files::Sound, gcvf, image::read_all, volumes};
 use crate::{
     container::mapping_text,
     job::{
@@ -26,6 +26,8 @@ pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, result: &mut Verificat
         }
         result.findings.extend(match format {
             OutputFormat::Gcvf => gcvf::check(check, sound, &path)?,
+            OutputFormat::Vti | OutputFormat::Nrrd => volumes::check(check, sound, &path, *format)?,
+            // Its digest is looked at; `scripts/check-exports` reads it with OpenVDB.
             _ => Vec::new(),
         });
     }

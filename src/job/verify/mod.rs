@@ -10,7 +10,7 @@
 //! | `layers`    | the images: names, numbering, voxels per resin |
 //! | `image`     | one image, row by row |
 //! | `solids`    | the material meshes |
-//! | `exports`   | files that hold a whole job: `gcvf`, `bitmaps` |
+//! | `exports`   | files that hold a whole job: `gcvf`, `bitmaps`, `volumes` |
 //! | `stackings` | `stackings.json` |
 
 mod bitmaps;
@@ -25,6 +25,7 @@ mod solids;
 mod stackings;
 #[cfg(test)]
 mod tests;
+mod volumes;
 
 use std::{
     fmt, fs,
