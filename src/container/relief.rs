@@ -74,20 +74,39 @@ impl Relief {
             for z in layers.clone() {
                 for x in across.clone() {
                     let at = [x, y as u32, z];
-                    match voxels.brick(at, &mut ids) {
-                        Some(id) if !printed[usize::from(id.0)] => continue,
-                        Some(id) => ids.fill(id.0),
-                        None => {}
+                    let uniform = voxels.brick(at, &mut ids);
+                    if uniform.is_some_and(|id| !printed[usize::from(id.0)]) {
+                        continue;
                     }
                     let corner = at.map(|index| index * BRICK as u32);
-                    let mut count = 0;
-                    for (n, _) in ids.iter().enumerate().filter(|(_, id)| printed[usize::from(**id)]) {
-                        let [i, j, k] = [n % BRICK, n / BRICK % BRICK, n / (BRICK * BRICK)];
-                        heights[j * width + corner[0] as usize + i] = corner[2] + k as u32 + 1;
-                        let voxel = [corner[0] + i as u32, corner[1] + j as u32, corner[2] + k as u32];
-                        bounds = around(bounds, (voxel, voxel.map(|index| index + 1)));
-                        count += 1;
+                    // Which x, y and z of the brick have a printed voxel, a bit each.
+                    let (mut seen, mut count) = ([0_u8; 3], 0);
+                    for (n, row) in ids.chunks_exact(BRICK).enumerate() {
+                        let set = |(bit, id): (usize, &u8)| u8::from(printed[usize::from(*id)]) << bit;
+                        let bits = if uniform.is_some() {
+                            0xff
+                        } else {
+                            row.iter().enumerate().map(set).fold(0, |a, b| a | b)
+                        };
+                        if bits == 0 {
+                            continue;
+                        }
+                        let (j, k) = (n % BRICK, n / BRICK);
+                        let first = j * width + corner[0] as usize;
+                        for (bit, height) in heights[first..].iter_mut().take(BRICK).enumerate() {
+                            if bits >> bit & 1 != 0 {
+                                *height = corner[2] + k as u32 + 1;
+                            }
+                        }
+                        seen = [seen[0] | bits, seen[1] | 1 << j, seen[2] | 1 << k];
+                        count += bits.count_ones();
                     }
+                    if count == 0 {
+                        continue;
+                    }
+                    let low = std::array::from_fn(|axis| corner[axis] + seen[axis].trailing_zeros());
+                    let high = std::array::from_fn(|axis| corner[axis] + 8 - seen[axis].leading_zeros());
+                    bounds = around(bounds, (low, high));
                     let [cx, cy, cz]: [usize; 3] = std::array::from_fn(|axis| (at[axis] / step[axis]) as usize);
                     filled[cx + cells[0] * (cy + cells[1] * cz)].fetch_add(count, Ordering::Relaxed);
                 }
