@@ -25,4 +25,4 @@ pub use depth::{DistanceKind, SlabField};
 pub use engine::Slicer;
 pub use fill::ObjectField;
 pub(crate) use png::encoder;
-pub use png::{Palette, RowBuffers, encode_mask, encode_rgba};
+pub use png::{Palette, RowBuffers, count_voxels, encode_mask, encode_rgba};

@@ -44,7 +44,7 @@ use crate::{
     },
     preview::{PreviewBuilder, PreviewMaterial},
     slice::{
-        RowBuffers, encode_mask, encode_rgba,
+        RowBuffers, count_voxels, encode_mask, encode_rgba,
         meshes::{MaterialMesher, MaterialPart, MeshingError, write_3mf, write_stl},
     },
     voxel::{MaterialId, Slab},
@@ -302,8 +302,11 @@ impl Prepared {
         let mut counts = [0; 256];
         let Buffers { rows, file } = buffers;
         file.clear();
-        // Counting is part of encoding, so slices are encoded even where only masks are wanted.
-        encode_rgba(slab, k, &self.palette, rows, &mut counts, file).map_err(encoding)?;
+        if self.job.wants(OutputFormat::Png) || image.is_some() {
+            encode_rgba(slab, k, &self.palette, rows, &mut counts, file).map_err(encoding)?;
+        } else {
+            count_voxels(slab, k, rows, &mut counts);
+        }
         if let Some(image) = image {
             image.extend_from_slice(file);
         }
