@@ -4,6 +4,7 @@
 //! writing the output failed; 130 interrupted.
 
 mod compare;
+mod convert;
 mod factor;
 mod failure;
 mod gamut;
@@ -59,6 +60,7 @@ enum Command {
     Compare(compare::CompareArgs),
     Look(look::LookArgs),
     Preview(preview::PreviewArgs),
+    Convert(convert::ConvertArgs),
     Verify(verify::VerifyArgs),
     Printers(printers::PrintersArgs),
     Completions(shell::CompletionsArgs),
@@ -102,6 +104,7 @@ pub fn run() -> ExitCode {
         Command::Compare(args) => compare::run(args),
         Command::Look(args) => look::run(args),
         Command::Preview(args) => preview::run(args),
+        Command::Convert(args) => convert::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Printers(args) => printers::run(args),
         Command::Completions(args) => shell::completions(args),

@@ -29,5 +29,7 @@ pub use plan::{
     StackingReport, TransportEntry, VariantEntry, targets,
 };
 pub use rounds::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
-pub use run::{Estimate, Finished, OWNER, REPORT, RedrawError, RunOptions, redraw, run};
+pub use run::{
+    ConvertError, Converted, Estimate, Finished, MAPPING, OWNER, REPORT, RedrawError, RunOptions, convert, redraw, run,
+};
 pub use run_error::RunError;

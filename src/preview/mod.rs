@@ -43,7 +43,7 @@ use thiserror::Error;
 pub use collect::PreviewBuilder;
 pub use film::{FILM_STRIP, FilmStrip};
 pub use folder::from_folder;
-pub(crate) use folder::{SliceColours, read_slice};
+pub(crate) use folder::{SliceColours, decode_slice, read_slice};
 pub(crate) use look::{LookPanel, look_sheet};
 pub use report::{ReportData, ReportFilm, ReportHealth, ReportMaterial, ReportPicture, ReportStacking, report_html};
 

@@ -78,7 +78,8 @@ pub fn encode_mask(slab: &Slab, k: u32, id: u8, buffers: &mut RowBuffers, out: &
 /// Bytes the encoder gathers before a chunk is written.
 const STREAM_BUFFER: usize = 1 << 16;
 
-fn encoder<'a>(
+/// An encoder of images of a slice's size, with its resolution.
+pub(crate) fn encoder<'a>(
     out: &'a mut Vec<u8>,
     lattice: &Lattice,
     color: ColorType,

@@ -11,6 +11,7 @@
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
 mod compare;
+mod containers;
 mod factor;
 mod gamut;
 mod interrupt;

@@ -170,11 +170,12 @@ impl Job {
     }
 
     /// Whether stackings that are searched for may have layers that are mixtures: as the job says, else where transport
-    /// judges thicknesses of any size by another objective than the paper's, and only slices and pictures are written.
+    /// judges thicknesses of any size by another objective than the paper's, and only voxels and pictures are written.
     pub fn allows_mixtures(&self) -> bool {
-        let slices = |format: &OutputFormat| matches!(format, OutputFormat::Png | OutputFormat::Preview);
         self.stacking.mixtures.unwrap_or_else(|| {
-            !self.whole_layers() && self.stacking.objective.norm != Norm::L2 && self.output.formats.iter().all(slices)
+            !self.whole_layers()
+                && self.stacking.objective.norm != Norm::L2
+                && self.output.formats.iter().all(|format| format.holds_voxels())
         })
     }
 
@@ -211,12 +212,10 @@ impl Job {
         }
         for format in &self.output.formats {
             let expected = match format {
-                OutputFormat::Png | OutputFormat::Preview => continue,
+                format if format.holds_voxels() => continue,
                 OutputFormat::Masks if self.stacking.mixtures == Some(true) => continue,
                 OutputFormat::Masks => "stacking.mixtures = true, for masks of dithered voxels",
-                OutputFormat::Stl | OutputFormat::ThreeMf | OutputFormat::Heights => {
-                    "\"png\" and \"preview\": a layer that is a mixture has grains, no mesh or map"
-                }
+                _ => "formats of voxels, as \"png\": a layer that is a mixture has grains, no mesh or map",
             };
             let found = format!("\"{}\" of layers that are mixtures", format.name());
             return Err(self.refuse("output.formats", found, expected));

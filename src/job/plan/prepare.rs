@@ -110,6 +110,7 @@ impl Prepared {
         }
         let extent = solids.iter().fold(DVec3::ZERO, |extent, solid| extent.max(bounds(&solid.0)[1]));
         let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
+        checks::formats(&job, &lattice, &mut warnings)?;
 
         watch.stage("materials", 0);
         let mut materials = finish_materials(draft, &job, watch)?;
@@ -169,6 +170,7 @@ impl Prepared {
         let prepared =
             Self { job, materials, lattice, objects, palette, inputs, warnings, rounds: None, plans, slicer };
         prepared.check_colors()?;
+        checks::materials_of_formats(&prepared.job, &prepared.bitmap_materials(), &prepared.materials)?;
         prepared.check_meshes()?;
         Ok(prepared)
     }
