@@ -34,6 +34,8 @@ const REFUSED_UNEVEN: f64 = 0.35;
 const CHECKED_TILT: f64 = 8.0;
 /// Foreshortening seen and expected agree to this share.
 const SAME_FORESHORTENING: f64 = 0.5;
+/// A harmonic counts from so many of its standard errors on.
+const LOPSIDED_SIGMAS: f64 = 6.0;
 /// A spot is near the border where whole rings reach less than this share of the way to the farthest border…
 const NEAR_BORDER: f64 = 0.6;
 /// …and end at more than this share of the brightest.
@@ -271,8 +273,9 @@ fn name_asymmetry(
         let foreshortened = 1.0 - libm::cos(degrees.to_radians());
         let seen = asymmetry.ellipticity.length();
         if degrees > CHECKED_TILT && (seen / foreshortened - 1.0).abs() > SAME_FORESHORTENING {
-            let (bin, share) = largest_first_harmonic(rings);
-            findings.push(Finding::Lopsided { share, at_mm: profile.grid.radius(bin) });
+            if let Some((bin, share)) = largest_first_harmonic(rings) {
+                findings.push(Finding::Lopsided { share, at_mm: profile.grid.radius(bin) });
+            }
         } else {
             findings.push(Finding::Tilt { degrees, error });
         }
@@ -291,11 +294,14 @@ fn name_asymmetry(
     tilt
 }
 
-/// The ring of the largest first harmonic over its mean, of those that are well above noise.
-fn largest_first_harmonic(rings: &Rings) -> (usize, f64) {
-    let clear = (1..rings.mean.len()).filter(|&bin| rings.mean[bin] > 20.0 * rings.error[bin]);
-    let share = |bin: usize| rings.harmonics[bin][0].hypot(rings.harmonics[bin][1]) / rings.mean[bin];
-    clear.map(|bin| (bin, share(bin))).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
+/// The ring of the largest first harmonic over its mean, of those that are well above the harmonic's own noise.
+fn largest_first_harmonic(rings: &Rings) -> Option<(usize, f64)> {
+    let size = |bin: usize| rings.harmonics[bin][0].hypot(rings.harmonics[bin][1]);
+    let clear = (1..rings.mean.len()).filter(|&bin| {
+        let error = rings.error[bin];
+        rings.mean[bin] > 20.0 * error && size(bin) > LOPSIDED_SIGMAS * std::f64::consts::SQRT_2 * error
+    });
+    clear.map(|bin| (bin, size(bin) / rings.mean[bin])).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// Names rings that differ from direction to direction, and refuses those of which nothing can be told.

@@ -99,6 +99,9 @@ const DIFFERENCE: f64 = 1e-3;
 const DESCENT: Descent = Descent { first_damping: 1e-2, most_damping: 1e6, least_gain: 1e-4 };
 /// Errors below this are the model's own (docs/accuracy.md).
 const MODEL_ERROR: f64 = 1e-4;
+/// Factors that the reflection may be wrong by.
+#[cfg(feature = "measure")]
+const WRONG_BY: [f64; 4] = [0.03, 0.1, 0.3, 3.0];
 /// Absorption counts from this share of a thickness on.
 const LEAST_ABSORBED: f64 = 0.02;
 /// Least σa and σs′ per mm a fit tells from none.
@@ -156,13 +159,10 @@ pub fn fit_coefficients(slabs: &[MeasuredSlab<'_>], refractive_index: f64) -> Re
 #[cfg(feature = "measure")]
 pub fn fit_shapes(slab: &MeasuredSlab<'_>, refractive_index: f64) -> Option<ShapeFit> {
     let data = Data::new(&[*slab], refractive_index, true);
-    // The totals may be wrong, and the guess rests on them.
+    // The totals may be wrong, and guesses rest on them: a card for a sample is off by a factor of ten.
     let near = STARTS.map(|g| data.guess(g));
-    let others = [(0.5, 1.0), (3.0, 1.0), (1.0, 0.2)].map(|(scattering, absorption): (f64, f64)| {
-        let [reduced, absorbed, g] = near[1];
-        [reduced + scattering.ln(), absorbed + absorption.ln(), g]
-    });
-    let found = data.best(&[near.as_slice(), &others].concat())?;
+    let far = WRONG_BY.map(|factor| data.guess_with(factor, STARTS[1]));
+    let found = data.best(&[near.as_slice(), &far].concat())?;
     let count = found.residuals.len() as f64;
     let residual = (found.objective() / count).sqrt();
     let inverse = inverse(&curvature(&data.slopes(&found, FINE)))?;
@@ -252,9 +252,15 @@ impl Data {
 
     /// From the first slab's totals by Kubelka and Munk's theory, with K = 2σa and S = ¾σs′ (Klier 1972).
     fn guess(&self, g: f64) -> Parameters {
+        self.guess_with(1.0, g)
+    }
+
+    /// The same if its reflection were another by a factor.
+    fn guess_with(&self, factor: f64, g: f64) -> Parameters {
         let Some(slab) = self.slabs.first() else { return [0.0, 0.0, g] };
         let total = |values: &[f64]| values.first().copied().unwrap_or(0.0).clamp(1e-4, 0.98);
-        let (r, t) = (total(&slab.reflection), total(&slab.transmission));
+        let (r, t) = (total(&slab.reflection) * factor, total(&slab.transmission));
+        let r = r.min(0.98 - 0.5 * t);
         let alpha = ((1.0 + r * r - t * t) / (2.0 * r)).max(1.0 + 1e-6);
         let beta = (alpha * alpha - 1.0).sqrt();
         let scattering = (beta * r / t).asinh() / beta / slab.thickness_mm;
