@@ -16,6 +16,7 @@ mod resolved;
 mod target;
 #[cfg(test)]
 mod tests;
+mod texture;
 
 use std::fs::File;
 use std::io::Read;
@@ -32,7 +33,8 @@ pub use options::{
 };
 pub use paths::InputPath;
 pub use resolved::ResolvedJob;
-pub use target::{AlbedoSource, TargetSpec};
+pub use target::TargetSpec;
+pub use texture::{AlbedoSource, Projection, TextureTarget};
 
 pub use crate::{mesh::Unit, toml_reader::Place};
 
