@@ -22,6 +22,7 @@ mod progress;
 mod shell;
 mod simulate;
 mod slice;
+mod start;
 mod table;
 mod verify;
 
@@ -50,6 +51,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Init(start::InitArgs),
     Slice(slice::SliceArgs),
     Predict(predict::PredictArgs),
     Match(match_target::MatchArgs),
@@ -61,6 +63,7 @@ enum Command {
     Preview(preview::PreviewArgs),
     Verify(verify::VerifyArgs),
     Printers(printers::PrintersArgs),
+    Schema(start::SchemaArgs),
     Completions(shell::CompletionsArgs),
     Man(shell::ManArgs),
 }
@@ -93,6 +96,7 @@ pub fn run() -> ExitCode {
     };
     install_interrupt();
     let result = match &cli.command {
+        Command::Init(args) => start::init(args),
         Command::Slice(args) => slice::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Match(args) => match_target::run(args),
@@ -104,6 +108,7 @@ pub fn run() -> ExitCode {
         Command::Preview(args) => preview::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Printers(args) => printers::run(args),
+        Command::Schema(args) => start::schema(args),
         Command::Completions(args) => shell::completions(args),
         Command::Man(args) => shell::man(args),
     };

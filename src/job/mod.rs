@@ -2,6 +2,7 @@
 //!
 //! | room | request | record |
 //! | --- | --- | --- |
+//! | [`start`](mod@start) | a mesh alone | a job for it, as text |
 //! | [`file`](mod@file) | a job file, TOML | a [`Job`], checked, with every default filled in |
 //! | `plan`    | a [`Job`] | a [`Prepared`] job: resins, targets, stackings, fields on a lattice |
 //! | `rounds`  | a [`Prepared`] job as a draft | the same job, its targets corrected where its print would miss |
@@ -20,6 +21,7 @@ mod plan;
 mod rounds;
 mod run;
 mod run_error;
+pub mod start;
 pub mod verify;
 
 pub use file::{Job, JobError};

@@ -10,9 +10,11 @@ mod error;
 mod object;
 mod options;
 mod paths;
+mod quick;
 mod ranges;
 mod read;
 mod resolved;
+mod schema;
 mod target;
 #[cfg(test)]
 mod tests;
@@ -33,6 +35,7 @@ pub use options::{
 };
 pub use paths::InputPath;
 pub use resolved::ResolvedJob;
+pub use schema::schema;
 pub use target::TargetSpec;
 pub use texture::{AlbedoSource, Projection, TextureTarget};
 
