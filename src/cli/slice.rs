@@ -200,7 +200,7 @@ fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool, made_up
         print_json(&with_job(document, made_up))?;
         return Ok(answer);
     }
-    prepared.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    estimate.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     let [x, y, z] = estimate.dims;
     let size = estimate.size_mm;
     let mut text = format!(

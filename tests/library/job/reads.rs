@@ -125,16 +125,6 @@ fn shapes() -> Vec<String> {
         format!("{base}[target]\nkind = \"profile\"\nprofile = \"p.csv\"\n[field]\ndistance = \"lp\"\nlp-exponent = 4"),
         format!("{base}[target]\nkind = \"clusters\"\nlabels = \"labels.png\"\nprofiles = [\"a.csv\", \"b.csv\"]"),
         format!("{base}[target]\nkind = \"texture\"\nalbedo-value = 0.8\n[field]\ndistance = \"grid\""),
-        format!("{base}[target]\npreset = \"marble\"\nmax-albedo = 0.6"),
-        format!("{base}[target]\nkind = \"texture\"\nalbedo-colour = \"#c08040\"\nmean-free-path-mm = [1.0, 0.4, 0.2]"),
-        format!(
-            "{base}[target]\nkind = \"texture\"\nsubsurface-colour = [0.8, 0.5, 0.3]\nsubsurface-radius-mm = 2\n\
-             subsurface-scale = [1.0, 0.5, 0.25]\nsubsurface-anisotropy = 0.4"
-        ),
-        format!(
-            "{base}[target]\nkind = \"texture\"\nalbedo = \"marble-albedo.png\"\nprojection = \"triplanar\"\n\
-             tile-mm = 5"
-        ),
         format!("{base}scale = 1 # stands in [materials]").replace(
             "scale = 1 # stands in \
             [materials]",
@@ -166,6 +156,16 @@ fn shapes() -> Vec<String> {
         ),
         // Windows line ends, a byte order mark.
         format!("\u{feff}{}", MINIMAL.replace('\n', "\r\n")),
+        format!("{base}[target]\npreset = \"marble\"\nmax-albedo = 0.6"),
+        format!("{base}[target]\nkind = \"texture\"\nalbedo-colour = \"#c08040\"\nmean-free-path-mm = [1.0, 0.4, 0.2]"),
+        format!(
+            "{base}[target]\nkind = \"texture\"\nsubsurface-colour = [0.8, 0.5, 0.3]\nsubsurface-radius-mm = 2\n\
+             subsurface-scale = [1.0, 0.5, 0.25]\nsubsurface-anisotropy = 0.4"
+        ),
+        format!(
+            "{base}[target]\nkind = \"texture\"\nalbedo = \"marble-albedo.png\"\nprojection = \"triplanar\"\n\
+             tile-mm = 5"
+        ),
     ]
 }
 
