@@ -180,7 +180,7 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-fn summary(look: &Look) -> String {
+pub(super) fn summary(look: &Look) -> String {
     let against = |name: &str, fits: &[Fit]| -> Vec<Vec<String>> {
         let row = |(channel, fit): (&String, &Fit)| {
             vec![
