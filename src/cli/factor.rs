@@ -98,6 +98,7 @@ fn warn(factored: &Factored) {
             let rounds = fit.rounds.len();
             say(&format!("warning: {channel}: the fit was still moving after {rounds} rounds (--rounds)"));
         }
+        fit.doubts.iter().for_each(|doubt| say(&format!("warning: {channel}: {doubt}")));
         if fit.missing_values > 0 {
             say(&format!("warning: {channel}: {} values are missing and were left out", fit.missing_values));
         }
@@ -140,12 +141,13 @@ fn summary(factored: &Factored, folder: &str) -> String {
     for fit in &factored.fits {
         let (tail, percent) = (&fit.tail, |share: f64| 100.0 * share);
         text += &format!(
-            "  {}: equation 7 misses {:.2}% of the data in {}, {:.2}% beyond the lit texel (noise {:.2}%)",
+            "  {}: equation 7 misses {:.2}% of the data in {}, {:.2}% beyond the lit texel (noise {:.2}%{})",
             fit.channel,
             percent(fit.relative_error),
             counted(fit.rounds.len(), "round"),
             percent(fit.relative_error_beyond_centre),
-            percent(fit.noise_beyond_centre)
+            percent(fit.noise_beyond_centre),
+            fit.reciprocity.map_or(String::new(), |both| format!(", both ways differ by {:.2}%", percent(both)))
         );
         for simpler in &fit.simpler {
             let (all, beyond) = (percent(simpler.relative_error), percent(simpler.relative_error_beyond_centre));

@@ -3,13 +3,16 @@
 use super::bracket::Sensor;
 use super::capture::{Albedo, Rect};
 use super::frame::{self, ColourPlane, Plane};
-use super::{MeasureError, Series};
+use super::{Finding, MeasureError, Series};
 
 /// A sample or card of fewer pixels, or darker than so many standard errors, says nothing.
 const MIN_PIXELS: usize = 64;
 const MIN_SIGNAL: f64 = 20.0;
 /// A region brighter by this share on one side than on the other is lit unevenly; this much of it goes into the error.
 const UNEVEN_SHARE: f64 = 0.1;
+
+/// Light that differs between card and sample by this share, as their own slopes tell, is named.
+const NAMED_UNEVEN: f64 = 0.005;
 
 /// Share of the light, and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +30,7 @@ pub(super) fn albedo(
     index: usize,
     sensor: &Sensor,
     what: &str,
+    findings: &mut Vec<Finding>,
 ) -> Result<MeasuredAlbedo, MeasureError> {
     let read = |file: &std::path::Path| {
         let planes = frame::planes(file, &[plane])?;
@@ -42,9 +46,14 @@ pub(super) fn albedo(
                 let black = dark.as_ref().map_or(sensor.black, |dark| average(dark, *rect).0);
                 lit.above(black, &picture.file, name)
             };
+            let (card_rect, sample_rect) = (card, sample);
             let (card, sample) = (mean(card, "card")?, mean(sample, "sample")?);
             let value = card_albedo * sample.value / card.value;
-            let relative = (card_error / card_albedo).hypot(card.relative()).hypot(sample.relative());
+            let uneven = uneven_light(&lit, *card_rect, *sample_rect, sensor.black);
+            if uneven > NAMED_UNEVEN {
+                findings.push(Finding::UnevenCard { share: uneven });
+            }
+            let relative = (card_error / card_albedo).hypot(card.relative()).hypot(sample.relative()).hypot(uneven);
             MeasuredAlbedo { value, error: value * relative }
         }
         Albedo::Screen { with, without, region } => {
@@ -61,7 +70,15 @@ pub(super) fn albedo(
         }
     };
     if !(measured.value > 0.0 && measured.value <= 1.0) {
-        let expected = "a share of the light, above 0 and at most 1";
+        let expected = match &series.albedo {
+            Albedo::Screen { .. } if measured.value > 1.0 => {
+                "a share of the light, above 0 and at most 1; are `with` and `without`, or their times, exchanged?"
+            }
+            Albedo::GreyCard { .. } if measured.value > 1.0 => {
+                "a share of the light, above 0 and at most 1; are `card` and `sample` exchanged, and is `card-albedo` right?"
+            }
+            _ => "a share of the light, above 0 and at most 1",
+        };
         return Err(MeasureError::scene(format!("{what}: albedo"), format!("{:.4}", measured.value), expected));
     }
     Ok(measured)
@@ -104,12 +121,12 @@ fn patch(
         let found = format!("a {name} with {saturated} of {} pixels saturated or no number", values.len());
         return Err(MeasureError::frame(file, found, "a shorter exposure"));
     }
-    let (value, error) = average(plane, rect);
+    let (value, error, _) = average(plane, rect);
     Ok(Patch { value, error })
 }
 
-/// Mean of a region and its standard error: noise, and a share of the difference between its halves.
-fn average(plane: &Plane, rect: Rect) -> (f64, f64) {
+/// Mean of a region, its standard error (noise, and a share of the difference between its halves), and noise alone.
+fn average(plane: &Plane, rect: Rect) -> (f64, f64, f64) {
     let mean = |part: Rect| {
         let values = plane.crop(part.x, part.y, part.width, part.height).values;
         let (sum, squares) = values
@@ -128,5 +145,29 @@ fn average(plane: &Plane, rect: Rect) -> (f64, f64) {
     };
     let (first, second) = (halves(false), halves(true));
     let uneven = (first[0] - second[0]).hypot(first[1] - second[1]);
-    (value, variance.sqrt().hypot(UNEVEN_SHARE * uneven))
+    (value, variance.sqrt().hypot(UNEVEN_SHARE * uneven), variance.sqrt())
+}
+
+/// Difference of the light between two regions as a share of it, by the slopes of both along the line between them;
+/// 0 where it is no more than their noise.
+fn uneven_light(plane: &Plane, a: Rect, b: Rect, black: f64) -> f64 {
+    let centre = |rect: Rect| [rect.x as f64 + 0.5 * rect.width as f64, rect.y as f64 + 0.5 * rect.height as f64];
+    let (from, to) = (centre(a), centre(b));
+    let step = [to[0] - from[0], to[1] - from[1]];
+    let along = |rect: Rect| {
+        let (half_width, half_height) = ((rect.width / 2).max(1), (rect.height / 2).max(1));
+        let left = average(plane, Rect { width: half_width, ..rect });
+        let right = average(plane, Rect { x: rect.x + rect.width - half_width, width: half_width, ..rect });
+        let upper = average(plane, Rect { height: half_height, ..rect });
+        let lower = average(plane, Rect { y: rect.y + rect.height - half_height, height: half_height, ..rect });
+        let level = average(plane, rect).0 - black;
+        let across = step[0] / (rect.width - half_width).max(1) as f64 / level;
+        let down = step[1] / (rect.height - half_height).max(1) as f64 / level;
+        let value = (right.0 - left.0) * across + (lower.0 - upper.0) * down;
+        let noise = (right.2.hypot(left.2) * across).hypot(lower.2.hypot(upper.2) * down);
+        (value, noise)
+    };
+    let ((first, first_noise), (second, second_noise)) = (along(a), along(b));
+    let (mean, noise) = (0.5 * (first + second), 0.5 * first_noise.hypot(second_noise));
+    if mean.abs() > 4.0 * noise { mean.abs() } else { 0.0 }
 }

@@ -38,6 +38,75 @@ pub enum Finding {
         /// What was used, s.
         measured_s: f64,
     },
+    /// An exposure with light of its own in every pixel, as a door lets in; left out.
+    LitUp {
+        /// The picture.
+        file: PathBuf,
+        /// That light, DN.
+        level_dn: f64,
+    },
+    /// The numbers of no light are others than the black level that was used.
+    BlackOff {
+        /// Black level that was used, DN.
+        used_dn: f64,
+        /// What the exposures say together, DN.
+        seen_dn: f64,
+    },
+    /// Numbers pile up below the saturation level that was stated; what is there is taken for saturated.
+    SaturationBelow {
+        /// Stated, DN.
+        stated: f64,
+        /// Where they end, DN.
+        seen: f64,
+    },
+    /// No flat field: what the lens' shading takes off is not given back.
+    NoFlatField,
+    /// The spot is so near the border that whole rings end where there still is light.
+    NearBorder {
+        /// Radius of the last whole ring, mm.
+        reach_mm: f64,
+        /// Radius that the pictures reach to in the other direction, mm.
+        farthest_mm: f64,
+        /// Light of the last rings over that of the largest.
+        share: f64,
+    },
+    /// Rings whose light differs from direction to direction by more than noise, tilt or a gradient make it.
+    Uneven {
+        /// From this radius, mm.
+        from_mm: f64,
+        /// To this one.
+        to_mm: f64,
+        /// Scatter of eight directions, as a share of the light.
+        share: f64,
+    },
+    /// Lopsided rings that no tilt explains.
+    Lopsided {
+        /// First harmonic over the mean where it is largest, as a share.
+        share: f64,
+        /// At this radius, mm.
+        at_mm: f64,
+    },
+    /// Light on the grey card's picture is uneven: sample and card have not the same.
+    UnevenCard {
+        /// By how much, as a share of the albedo.
+        share: f64,
+    },
+    /// An albedo that the profiles' shapes contradict.
+    AlbedoContradicted {
+        /// "reflection" or "transmission".
+        series: &'static str,
+        /// As measured.
+        measured: f64,
+        /// What coefficients say that fit the shapes alone, and their uncertainty.
+        fitted: f64,
+        /// Uncertainty of that.
+        error: f64,
+    },
+    /// Coefficients that fit worse than photographs of a slab should.
+    PoorFit {
+        /// Root mean square of what they leave.
+        residual: f64,
+    },
     /// An exposure that is shifted against the others; left out.
     Misaligned {
         /// The picture.
@@ -59,7 +128,7 @@ pub enum Finding {
         /// Pixels in all.
         pixels: usize,
     },
-    /// The sample is tilted against the camera.
+    /// Rings are lopsided as a tilt of the sample against the camera makes them; shading and flare can look alike.
     Tilt {
         /// Angle in degrees.
         degrees: f64,
@@ -128,6 +197,58 @@ impl fmt::Display for Finding {
             Self::Misaligned { file, shift_px: [x, y] } => {
                 write!(f, "{} is shifted by {x:+.2}, {y:+.2} pixels against the others; left out", name(file))
             }
+            Self::LitUp { file, level_dn } => write!(
+                f,
+                "{} has light of its own, {level_dn:.0} DN in every pixel, or less if below 0 (a door, a lamp, another \
+                 black level); left out",
+                name(file)
+            ),
+            Self::BlackOff { used_dn, seen_dn } => write!(
+                f,
+                "the exposures together say that no light is {seen_dn:.0} DN, where {used_dn:.0} is used: is black-level \
+                 right, and are the values linear?"
+            ),
+            Self::SaturationBelow { stated, seen } => write!(
+                f,
+                "values end at {seen:.0}, below the saturation level of {stated:.0}; from there on they count as \
+                 saturated"
+            ),
+            Self::NoFlatField => write!(f, "no flat field: the lens' shading is not corrected"),
+            Self::NearBorder { reach_mm, farthest_mm, share } => write!(
+                f,
+                "the spot is {reach_mm:.1} mm from the border, {farthest_mm:.1} mm from the farthest one: whole rings end \
+                 at {} of the brightest, and stray light and the fall beyond are known poorly",
+                percent(*share)
+            ),
+            Self::Uneven { from_mm, to_mm, share } => write!(
+                f,
+                "rings between {from_mm:.2} and {to_mm:.2} mm are uneven by {} from direction to direction: something \
+                 lies on the sample or in the way (hair, dust, a scratch), the spot is uneven, or light is reflected",
+                percent(*share)
+            ),
+            Self::Lopsided { share, at_mm } => write!(
+                f,
+                "rings are lopsided by {} at {at_mm:.2} mm, and no tilt makes them so: shading of the lens, flare, a \
+                 reflection, uneven light; averaged over",
+                percent(*share)
+            ),
+            Self::UnevenCard { share } => write!(
+                f,
+                "light on the grey card's picture is uneven: by the slopes over card and sample the albedo may be off by \
+                 {}, which its error has in it; exchange the two and photograph again",
+                percent(*share)
+            ),
+            Self::AlbedoContradicted { series, measured, fitted, error } => write!(
+                f,
+                "the albedo of {series}, {measured:.4}, contradicts the profiles, whose shapes fit {}: are card and \
+                 sample (or with and without) exchanged, is their light even, and is the thickness right?",
+                plus_minus(*fitted, *error)
+            ),
+            Self::PoorFit { residual } => write!(
+                f,
+                "coefficients leave {residual:.1e} rms, where a slab's photographs leave 1e-4 at most: a profile, an \
+                 albedo, the thickness or the refractive index is not the slab's"
+            ),
             Self::HotPixels { count, first } => {
                 let list: Vec<String> = first.iter().take(SHOWN).map(|[x, y]| format!("({x}, {y})")).collect();
                 let more = if *count > list.len() { ", …" } else { "" };
@@ -137,7 +258,12 @@ impl fmt::Display for Finding {
                 write!(f, "{count} blemishes of {pixels} pixels in all masked")
             }
             Self::Tilt { degrees, error } => {
-                write!(f, "sample tilted by {} degrees against the camera; averaged over", plus_minus(*degrees, *error))
+                write!(
+                    f,
+                    "rings are lopsided as a tilt of {} degrees makes them (shading of the lens or flare can look alike); \
+                     averaged over",
+                    plus_minus(*degrees, *error)
+                )
             }
             Self::StrayLight { share, error } => {
                 write!(f, "stray light, {}% of the light, subtracted", plus_minus(100.0 * share, 100.0 * error))
@@ -152,7 +278,8 @@ impl fmt::Display for Finding {
             Self::Ellipticity { share, error } => {
                 write!(
                     f,
-                    "rings are ellipses: axes differ by {}%; averaged over",
+                    "rings are ellipses: axes differ by {}% (a stretched picture, a strong tilt, or something across the \
+                     spot); averaged over",
                     plus_minus(100.0 * share, 100.0 * error)
                 )
             }

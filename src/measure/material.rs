@@ -9,13 +9,18 @@ use super::scan::{ScannedProfile, scan};
 use super::{Capture, Finding, MeasureError, ResinFacts, Series};
 use crate::optics::{
     CoefficientFit, FitRefusal, FrequencyGrid, Interface, MeasuredSlab, ProfileFile, RadialProfile, ResinSpectrum,
-    Tail, fit_coefficients,
+    Tail, fit_coefficients, fit_shapes,
 };
 use crate::watch::{Thousandths, Watch};
 
 const REFLECTION: &str = "reflection";
 const TRANSMISSION: &str = "transmission";
 const SERIES: [&str; 2] = [REFLECTION, TRANSMISSION];
+/// Coefficients that leave more are noted: captures that were sound left 1e-5 to 1e-4.
+const NOTED_RESIDUAL: f64 = 5e-4;
+/// An albedo contradicts the profiles' shapes if it is off by this share, and by so many standard deviations.
+const CONTRADICTED_SHARE: f64 = 0.03;
+const CONTRADICTED_SIGMAS: f64 = 4.0;
 
 /// A resin, measured.
 #[derive(Debug, Clone)]
@@ -49,7 +54,7 @@ pub struct SeriesMeasurement {
     pub scan: ScannedProfile,
     /// What it was scaled to.
     pub albedo: MeasuredAlbedo,
-    /// Scaled, per mm²; standard errors are those of the shape, the albedo's comes on top for all values alike.
+    /// Scaled, per mm²; standard errors cover noise, scatter, exposure times, stray light and the albedo.
     pub profile: RadialProfile,
 }
 
@@ -68,9 +73,9 @@ pub fn measure(capture: Capture, watch: &dyn Watch) -> Result<Measurement, Measu
             let of = format!("{what} ({} of {count})", 2 * index + number + 1);
             watch.stage(&of, Thousandths::STEPS);
             let plane = capture.planes[index];
-            let scan = scan(series, &capture.camera, plane, capture.bin_mm, centre, &what, watch)?;
-            let albedo = albedo(series, plane, index, &scan.sensor, &what)?;
-            let shape = scan.profile().map_err(|error| {
+            let mut scan = scan(series, &capture.camera, plane, capture.bin_mm, centre, &what, watch)?;
+            let albedo = albedo(series, plane, index, &scan.sensor, &what, &mut scan.findings)?;
+            let shape = scan.profile(albedo.error / albedo.value).map_err(|error| {
                 MeasureError::scene(format!("{what}: ring {}", error.index), error.found, error.expected)
             })?;
             let integral = shape.hankel(&FrequencyGrid::default()).values.first().copied().unwrap_or(0.0);
@@ -82,7 +87,7 @@ pub fn measure(capture: Capture, watch: &dyn Watch) -> Result<Measurement, Measu
         };
         let reflection = series(&capture.reflection, REFLECTION, Centre::Pole, 0)?;
         let transmission = series(&capture.transmission, TRANSMISSION, Centre::Flat, 1)?;
-        let unfitted = Err(FitRefusal { residual: f64::INFINITY });
+        let unfitted = Err(FitRefusal::Residual { residual: f64::INFINITY });
         let mut channel = ChannelMeasurement { name, reflection, transmission, findings: Vec::new(), fit: unfitted };
         channel.check_energy(&capture.resin)?;
         channel.fit(&capture.resin);
@@ -135,6 +140,31 @@ impl ChannelMeasurement {
             transmission: &self.transmission.profile,
         };
         self.fit = fit_coefficients(&[slab], resin.refractive_index);
+        let residual = match &self.fit {
+            Ok(fit) => fit.residual,
+            Err(FitRefusal::Residual { residual }) => *residual,
+            Err(FitRefusal::KnowsNothing { .. }) => 0.0,
+        };
+        if residual > NOTED_RESIDUAL && self.fit.is_ok() {
+            self.findings.push(Finding::PoorFit { residual });
+        }
+        let slab = MeasuredSlab {
+            thickness_mm: resin.thickness_mm,
+            reflection: &self.reflection.profile,
+            transmission: &self.transmission.profile,
+        };
+        if let Some(shapes) =
+            fit_shapes(&slab, resin.refractive_index).filter(|shapes| shapes.residual < 0.5 * residual)
+        {
+            let both = [(REFLECTION, self.reflection.albedo), (TRANSMISSION, self.transmission.albedo)];
+            for ((series, albedo), (fitted, error)) in both.into_iter().zip(shapes.totals) {
+                let off = (albedo.value - fitted).abs();
+                if off > CONTRADICTED_SHARE * fitted && off > CONTRADICTED_SIGMAS * error.hypot(albedo.error) {
+                    let measured = albedo.value;
+                    self.findings.push(Finding::AlbedoContradicted { series, measured, fitted, error });
+                }
+            }
+        }
         if let Err(refusal) = &self.fit {
             self.findings.push(Finding::Remark(format!("{refusal}; only the model km will know this resin")));
         }
@@ -206,7 +236,8 @@ impl Measurement {
         let resin = &self.capture.resin;
         let mut text = format!(
             "measured {} of {}, {} mm thick, channel {}, on {} with {}\n\
-             integral {}; means over rings; standard errors are those of the shape\n\
+             integral {}; means over rings; standard errors cover noise, scatter, exposure times, stray light and \
+             the albedo\n\
              centre {:.2}, {:.2}, each ± {:.4} pixels\n",
             word,
             resin.name,

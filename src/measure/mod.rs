@@ -27,6 +27,7 @@ mod bracket;
 mod capture;
 mod centre;
 mod error;
+mod evenness;
 mod figures;
 mod finding;
 mod frame;

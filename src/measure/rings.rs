@@ -150,6 +150,22 @@ struct Sums {
     variance: f64,
     square: f64,
     harmonics: [f64; 4],
+    /// Weight and difference to the model, by direction.
+    sectors: [[f64; 2]; SECTORS],
+}
+
+/// Directions that are told apart: octants, the first from the right towards down.
+pub(super) const SECTORS: usize = 8;
+
+fn sector(dx: f64, dy: f64) -> usize {
+    let half = if dy < 0.0 || (dy == 0.0 && dx < 0.0) { 4 } else { 0 };
+    let (x, y) = if half == 4 { (-dx, -dy) } else { (dx, dy) };
+    half + match (x >= 0.0, x.abs() > y) {
+        (true, true) => 0,
+        (true, false) => 1,
+        (false, false) => 2,
+        (false, true) => 3,
+    }
 }
 
 /// What the rings hold.
@@ -162,6 +178,8 @@ pub(super) struct Rings {
     pub error: Vec<f64>,
     /// Amplitudes about the model: cos θ, sin θ, cos 2θ, sin 2θ. x and θ = 0 point right, y down.
     pub harmonics: Vec<[f64; 4]>,
+    /// Mean difference to the model in each octant, NaN where it has less than half of its pixels.
+    pub sectors: Vec<[f64; SECTORS]>,
 }
 
 impl Rings {
@@ -192,7 +210,12 @@ impl Rings {
         let mean = total.iter().map(|s| pixels(s).map_or(f64::NAN, |n| s.value / n)).collect();
         let error = total.iter().map(|s| pixels(s).map_or(f64::NAN, |n| s.variance.max(s.square).sqrt() / n));
         let harmonics = total.iter().map(|s| s.harmonics.map(|h| pixels(s).map_or(0.0, |n| 2.0 * h / n)));
-        Self { grid, mean, error: error.collect(), harmonics: harmonics.collect() }
+        let sector = |s: &Sums| {
+            let least = 0.5 * s.weight / SECTORS as f64;
+            s.sectors.map(|[weight, difference]| if weight > least { difference / weight } else { f64::NAN })
+        };
+        let sectors = total.iter().map(sector).collect();
+        Self { grid, mean, error: error.collect(), harmonics: harmonics.collect(), sectors }
     }
 }
 
@@ -203,6 +226,9 @@ impl Sums {
         self.variance += other.variance;
         self.square += other.square;
         self.harmonics.iter_mut().zip(other.harmonics).for_each(|(sum, other)| *sum += other);
+        for (sum, other) in self.sectors.iter_mut().flatten().zip(other.sectors.iter().flatten()) {
+            *sum += other;
+        }
     }
 }
 
@@ -223,6 +249,7 @@ fn add_pixel(sums: &mut [Sums], picture: &Radiance, grid: &Grid, model: Option<&
         }
         _ => (0.0, [0.0; 4]),
     };
+    let sector = sector(dx, dy);
     let scatter = if r < SCATTER_PX { 0.0 } else { difference * difference };
     grid.shares(dx, dy, |bin, share| {
         let Some(sums) = sums.get_mut(bin) else { return };
@@ -231,6 +258,9 @@ fn add_pixel(sums: &mut [Sums], picture: &Radiance, grid: &Grid, model: Option<&
         sums.variance += share * share * variance;
         sums.square += share * share * scatter;
         sums.harmonics.iter_mut().zip(harmonics).for_each(|(sum, harmonic)| *sum += share * harmonic);
+        let [weight, sum] = &mut sums.sectors[sector];
+        *weight += share;
+        *sum += share * difference;
     });
 }
 

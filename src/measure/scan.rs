@@ -3,9 +3,10 @@
 use super::aperture::{Centre, deblur};
 use super::background::{self, Level};
 use super::bracket::{self, Radiance, Sensor};
-use super::capture::Series;
+use super::capture::{Exposure, Series};
 use super::centre::{self, Asymmetry, filled};
-use super::frame::ColourPlane;
+use super::evenness::{self, Band};
+use super::frame::{self, ColourPlane, Plane};
 use super::outliers::Outliers;
 use super::rings::{Grid, Model, Rings};
 use super::{Camera, Finding, MeasureError};
@@ -24,6 +25,21 @@ const NAMED_TILT: f64 = 0.2;
 const NAMED_ELLIPTICITY: f64 = 0.005;
 /// …a gradient if it changes the outermost ring by this many of its standard errors.
 const NAMED_GRADIENT: f64 = 3.0;
+/// Octants scatter by this share (and so many times their noise) before a ring is called uneven…
+const NAMED_UNEVEN: f64 = 0.03;
+const UNEVEN_NOISE: f64 = 5.0;
+/// …and no profile is made of rings of which a band with light scatters by this one.
+const REFUSED_UNEVEN: f64 = 0.35;
+/// A tilt from this angle on foreshortens enough to be checked, degrees: 1 − cos is 1%.
+const CHECKED_TILT: f64 = 8.0;
+/// Foreshortening seen and expected agree to this share.
+const SAME_FORESHORTENING: f64 = 0.5;
+/// A harmonic counts from so many of its standard errors on.
+const LOPSIDED_SIGMAS: f64 = 6.0;
+/// A spot is near the border where whole rings reach less than this share of the way to the farthest border…
+const NEAR_BORDER: f64 = 0.6;
+/// …and end at more than this share of the brightest.
+const LIGHT_AT_BORDER: f64 = 1e-3;
 /// More masked pixels than this share are no outliers but another scene.
 const MAX_MASKED: f64 = 0.05;
 
@@ -54,6 +70,10 @@ pub struct ScannedProfile {
     pub gain_e_per_dn: f64,
     /// Exposures that were merged, s, the shortest first.
     pub exposures_s: Vec<f64>,
+    /// What exposure times leave uncertain of all values, as a share of each.
+    pub time_share: f64,
+    /// What stray light leaves uncertain, DN/s: of the level that was subtracted it is in the errors already.
+    pub level_error: f64,
     /// What was noticed.
     pub findings: Vec<Finding>,
     /// The picture about the centre.
@@ -117,6 +137,10 @@ pub(super) fn scan(
         outliers.add_hot(&dark);
         picture.subtract(&dark);
     }
+    match &series.flat {
+        None => findings.push(Finding::NoFlatField),
+        Some(flat) => picture.divide(&flat_field(flat, plane, checked.sensor.black)?),
+    }
     outliers.mask(&mut picture);
     let coarse = centre::coarse(&picture, checked.brightest);
     let grid = Grid::whole(coarse, picture.width, picture.height, series.mm_per_pixel, bin_mm);
@@ -135,8 +159,10 @@ pub(super) fn scan(
     let rings = Rings::of(&picture, grid, Some(&Model::through(&grid, &filled(&first.mean))));
     let mut profile = ProfileEstimate { grid, mean: filled(&rings.mean), error: filled(&rings.error) };
     let seen = profile.mean.clone();
-    profile.subtract_level(series.dark.is_empty(), &mut findings);
+    let level_error = profile.subtract_level(series.dark.is_empty(), &mut findings);
     let tilt = name_asymmetry(&rings, &profile, series.camera_distance_mm, &mut findings);
+    require_even(&rings, &mut findings, what)?;
+    name_border(&profile, picture.width, picture.height, &mut findings);
     let mut blur_bound = 0.0;
     if let Some(sharp) = deblur(&picture, &grid, series.aperture, centre_kind, &profile.mean, &profile.error) {
         profile.mean[..sharp.mean.len()].copy_from_slice(&sharp.mean);
@@ -166,6 +192,8 @@ pub(super) fn scan(
         blur_bound,
         gain_e_per_dn: checked.sensor.gain_e_per_dn,
         exposures_s,
+        time_share: checked.time_share,
+        level_error,
         findings,
         preview: preview(&picture, &grid),
         sensor: checked.sensor,
@@ -173,9 +201,13 @@ pub(super) fn scan(
 }
 
 impl ScannedProfile {
-    /// As a profile, still in DN/s.
-    pub(super) fn profile(&self) -> Result<RadialProfile, ProfileError> {
-        RadialProfile::from_rings(self.edges_mm.clone(), self.value.clone(), Some(self.error.clone()))
+    /// As a profile, still in DN/s; its errors cover the rings' own, exposure times, stray light, and that of the albedo
+    /// it will be scaled to, a share of each value.
+    pub(super) fn profile(&self, albedo_share: f64) -> Result<RadialProfile, ProfileError> {
+        let common = self.time_share.hypot(albedo_share);
+        let all = self.value.iter().zip(&self.error);
+        let errors = all.map(|(value, error)| error.hypot(self.level_error).hypot(common * value)).collect();
+        RadialProfile::from_rings(self.edges_mm.clone(), self.value.clone(), Some(errors))
     }
 }
 
@@ -191,10 +223,11 @@ impl ProfileEstimate {
         self.mean.iter().copied().fold(0.0, f64::max)
     }
 
-    fn subtract_level(&mut self, whatever: bool, findings: &mut Vec<Finding>) {
-        let Some(Level { value, error }) = background::level(&self.grid, &self.mean, &self.error) else { return };
+    /// Takes stray light off; returns what it leaves uncertain beyond the rings' own errors.
+    fn subtract_level(&mut self, whatever: bool, findings: &mut Vec<Finding>) -> f64 {
+        let Some(Level { value, error }) = background::level(&self.grid, &self.mean, &self.error) else { return 0.0 };
         if value.abs() < LEVEL_SIGMAS * error && !whatever {
-            return;
+            return value.hypot(error);
         }
         self.mean.iter_mut().for_each(|mean| *mean -= value);
         // All rings are off together by the level's error; each carries it.
@@ -202,6 +235,7 @@ impl ProfileEstimate {
         let light: f64 = self.mean.iter().enumerate().map(|(bin, mean)| mean * self.grid.area(bin)).sum();
         let area: f64 = (0..self.grid.bins).map(|bin| self.grid.area(bin)).sum();
         findings.push(Finding::StrayLight { share: value * area / light, error: error * area / light });
+        0.0
     }
 
     /// Puts the diffuse tail in place of rings lost in noise; says from where.
@@ -236,7 +270,15 @@ fn name_asymmetry(
         SeenTilt { degrees: degrees(asymmetry.perspective.length()), error: degrees(asymmetry.perspective.error) }
     });
     if let Some(SeenTilt { degrees, error }) = tilt.filter(SeenTilt::is_seen) {
-        findings.push(Finding::Tilt { degrees, error });
+        let foreshortened = 1.0 - libm::cos(degrees.to_radians());
+        let seen = asymmetry.ellipticity.length();
+        if degrees > CHECKED_TILT && (seen / foreshortened - 1.0).abs() > SAME_FORESHORTENING {
+            if let Some((bin, share)) = largest_first_harmonic(rings) {
+                findings.push(Finding::Lopsided { share, at_mm: profile.grid.radius(bin) });
+            }
+        } else {
+            findings.push(Finding::Tilt { degrees, error });
+        }
     }
     let gradient = asymmetry.gradient;
     let edge = profile.grid.bins.saturating_sub(1);
@@ -250,6 +292,83 @@ fn name_asymmetry(
         findings.push(Finding::Ellipticity { share: ellipticity.length(), error: ellipticity.error });
     }
     tilt
+}
+
+/// The ring of the largest first harmonic over its mean, of those that are well above the harmonic's own noise.
+fn largest_first_harmonic(rings: &Rings) -> Option<(usize, f64)> {
+    let size = |bin: usize| rings.harmonics[bin][0].hypot(rings.harmonics[bin][1]);
+    let clear = (1..rings.mean.len()).filter(|&bin| {
+        let error = rings.error[bin];
+        rings.mean[bin] > 20.0 * error && size(bin) > LOPSIDED_SIGMAS * std::f64::consts::SQRT_2 * error
+    });
+    clear.map(|bin| (bin, size(bin) / rings.mean[bin])).max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// Names rings that differ from direction to direction, and refuses those of which nothing can be told.
+fn require_even(rings: &Rings, findings: &mut Vec<Finding>, what: &str) -> Result<(), MeasureError> {
+    let uneven = |band: &Band| band.share > NAMED_UNEVEN.max(UNEVEN_NOISE * band.noise);
+    let worst = evenness::bands(rings).into_iter().filter(uneven).max_by(|a, b| a.share.total_cmp(&b.share));
+    let Some(Band { from_mm, to_mm, share, .. }) = worst else { return Ok(()) };
+    let uneven = Finding::Uneven { from_mm, to_mm, share };
+    if share > REFUSED_UNEVEN {
+        let expected = "a clean sample under one round spot";
+        return Err(MeasureError::scene(format!("{what}: symmetry"), uneven.to_string(), expected));
+    }
+    findings.push(uneven);
+    Ok(())
+}
+
+/// Names a spot so near the border that whole rings end in its light.
+fn name_border(profile: &ProfileEstimate, width: usize, height: usize, findings: &mut Vec<Finding>) {
+    let grid = &profile.grid;
+    let far = |at: f64, length: usize| (at + 0.5).max(length as f64 - 0.5 - at);
+    let farthest_mm = far(grid.centre[0], width).max(far(grid.centre[1], height)) * grid.mm_per_pixel;
+    let reach_mm = grid.bins as f64 * grid.bin_mm;
+    let last = &profile.mean[grid.bins.saturating_sub(5)..];
+    let share = last.iter().sum::<f64>() / last.len().max(1) as f64 / profile.peak();
+    if reach_mm < NEAR_BORDER * farthest_mm && share > LIGHT_AT_BORDER {
+        findings.push(Finding::NearBorder { reach_mm, farthest_mm, share });
+    }
+}
+
+/// The lens' shading by a picture of an even surface: 1 in the mean.
+fn flat_field(flat: &Exposure, plane: ColourPlane, black: f64) -> Result<Plane, MeasureError> {
+    let mut planes = frame::planes(&flat.file, &[plane])?;
+    let Some(mut picture) = planes.pop() else { return Err(MeasureError::frame(&flat.file, "no plane", "one")) };
+    // Means over small blocks: shading is smooth, and a pixel's noise is no shading.
+    smooth(&mut picture);
+    let mean = picture.values.iter().map(|value| f64::from(*value) - black).sum::<f64>() / picture.values.len() as f64;
+    let least = picture.values.iter().map(|value| f64::from(*value) - black).fold(f64::INFINITY, f64::min);
+    if !(mean > 0.0 && least > LEAST_FLAT * mean) {
+        let found = format!("a flat field whose darkest part is {least:.0} and whose mean {mean:.0} above black");
+        return Err(MeasureError::frame(&flat.file, found, "an even surface under even light that fills the picture"));
+    }
+    picture.values.iter_mut().for_each(|value| *value = ((f64::from(*value) - black) / mean) as f32);
+    Ok(picture)
+}
+
+/// A flat field darker than this share of its mean anywhere is none.
+const LEAST_FLAT: f64 = 0.1;
+/// Pixels about a pixel, in each direction, that a flat field is averaged over.
+const FLAT_REACH: usize = 4;
+
+/// Running means along rows, then columns.
+fn smooth(picture: &mut Plane) {
+    let means = |values: &[f32]| -> Vec<f32> {
+        let mean = |i: usize| {
+            let near = &values[i.saturating_sub(FLAT_REACH)..(i + FLAT_REACH + 1).min(values.len())];
+            near.iter().sum::<f32>() / near.len() as f32
+        };
+        (0..values.len()).map(mean).collect()
+    };
+    for row in picture.values.chunks_mut(picture.width) {
+        let smoothed = means(row);
+        row.copy_from_slice(&smoothed);
+    }
+    for x in 0..picture.width {
+        let column: Vec<f32> = (0..picture.height).map(|y| picture.at(x, y)).collect();
+        means(&column).into_iter().enumerate().for_each(|(y, mean)| picture.values[y * picture.width + x] = mean);
+    }
 }
 
 /// The whole rings, brought down to a small picture by averaging blocks.

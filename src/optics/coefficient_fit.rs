@@ -43,12 +43,38 @@ pub struct CoefficientFit {
 
 /// A fit that is not worth using.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error(
-    "no coefficients fit the profiles: found a residual of {residual:.1e} rms, expected at most {MAX_FIT_RESIDUAL:.0e}"
-)]
-pub struct FitRefusal {
-    /// Residual of the best coefficients.
+pub enum FitRefusal {
+    /// Nothing fits.
+    #[error(
+        "no coefficients fit the profiles: found a residual of {residual:.1e} rms, expected at most {MAX_FIT_RESIDUAL:.0e}"
+    )]
+    Residual {
+        /// Residual of the best coefficients.
+        residual: f64,
+    },
+    /// Everything fits: the profiles leave a coefficient open.
+    #[error(
+        "the profiles do not tell the coefficients: found {what} {value:.3} ± {uncertainty:.3}, expected an uncertainty \
+         below the value's own size; a slab of another thickness tells more"
+    )]
+    KnowsNothing {
+        /// Which one, with its unit.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// And its uncertainty.
+        uncertainty: f64,
+    },
+}
+
+/// What the shapes of a slab's profiles say by themselves.
+#[cfg(feature = "measure")]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ShapeFit {
+    /// Root mean square of what R̂ and T̂ are off by, each with a factor of its own.
     pub residual: f64,
+    /// R and T in total by the coefficients that fit, each with its uncertainty.
+    pub totals: [(f64, f64); 2],
 }
 
 /// A fit with a larger residual is refused: Kubelka–Munk, read off the same slab, errs by 6e-3 where it is at its worst
@@ -73,6 +99,11 @@ const DIFFERENCE: f64 = 1e-3;
 const DESCENT: Descent = Descent { first_damping: 1e-2, most_damping: 1e6, least_gain: 1e-4 };
 /// Errors below this are the model's own (docs/accuracy.md).
 const MODEL_ERROR: f64 = 1e-4;
+/// Factors that the reflection may be wrong by.
+#[cfg(feature = "measure")]
+const WRONG_BY: [f64; 4] = [0.03, 0.1, 0.3, 3.0];
+/// Absorption counts from this share of a thickness on.
+const LEAST_ABSORBED: f64 = 0.02;
 /// Least σa and σs′ per mm a fit tells from none.
 const LEAST_PER_MM: f64 = 1e-6;
 
@@ -81,27 +112,80 @@ const LEAST_PER_MM: f64 = 1e-6;
 /// # Errors
 /// [`FitRefusal`] if the best coefficients leave a residual above [`MAX_FIT_RESIDUAL`].
 pub fn fit_coefficients(slabs: &[MeasuredSlab<'_>], refractive_index: f64) -> Result<CoefficientFit, FitRefusal> {
-    let data = Data::new(slabs, refractive_index);
-    let starts = STARTS.map(|g| data.descend(data.guess(g), COARSE, COARSE_STEPS));
-    let best = starts.into_iter().min_by(|a, b| a.objective().total_cmp(&b.objective()));
-    let Some(best) = best else { return Err(FitRefusal { residual: f64::INFINITY }) };
-    let found = data.descend(best.at, FINE, FINE_STEPS);
+    let data = Data::new(slabs, refractive_index, false);
+    let nothing = Err(FitRefusal::Residual { residual: f64::INFINITY });
+    let Some(found) = data.best(&STARTS.map(|g| data.guess(g))) else { return nothing };
     let count = found.residuals.len() as f64;
     let residual = (found.objective() / count).sqrt();
     if !(residual <= MAX_FIT_RESIDUAL) {
-        return Err(FitRefusal { residual });
+        return Err(FitRefusal::Residual { residual });
     }
     let inverse = inverse(&curvature(&data.slopes(&found, FINE)));
     let size = count.sqrt() * residual.hypot(MODEL_ERROR);
     let uncertainty = |i: usize| inverse.map_or(f64::INFINITY, |inverse| size * inverse[i][i].max(0.0).sqrt());
+    let coefficients = data.volume(found.at);
+    let [reduced_scattering_share, absorption_share, g_uncertainty] = [uncertainty(0), uncertainty(1), uncertainty(2)];
+    let reduced = coefficients.sigma_s * (1.0 - coefficients.g);
+    let thickest = slabs.iter().map(|slab| slab.thickness_mm).fold(0.0, f64::max);
+    // Of next to no absorption nothing need be known but that.
+    let absorbs = coefficients.sigma_a * thickest > LEAST_ABSORBED;
+    for (what, value, uncertainty, limit, counts) in [
+        ("scattering (1 - g) per mm", reduced, reduced * reduced_scattering_share, reduced, true),
+        (
+            "absorption per mm",
+            coefficients.sigma_a,
+            coefficients.sigma_a * absorption_share,
+            coefficients.sigma_a,
+            absorbs,
+        ),
+        ("g", coefficients.g, g_uncertainty, 1.0, true),
+    ] {
+        if counts && !(uncertainty < limit) {
+            return Err(FitRefusal::KnowsNothing { what, value, uncertainty });
+        }
+    }
     Ok(CoefficientFit {
-        coefficients: data.volume(found.at),
+        coefficients,
         residual,
         slabs: slabs.len(),
-        reduced_scattering_share: uncertainty(0),
-        absorption_share: uncertainty(1),
-        g_uncertainty: uncertainty(2),
+        reduced_scattering_share,
+        absorption_share,
+        g_uncertainty,
     })
+}
+
+/// Fits the coefficients of a slab to the shapes of its profiles, whatever they integrate to: what an albedo is held
+/// against. `None` where the shapes leave it open.
+#[cfg(feature = "measure")]
+pub fn fit_shapes(slab: &MeasuredSlab<'_>, refractive_index: f64) -> Option<ShapeFit> {
+    let data = Data::new(&[*slab], refractive_index, true);
+    // The totals may be wrong, and guesses rest on them: a card for a sample is off by a factor of ten.
+    let near = STARTS.map(|g| data.guess(g));
+    let far = WRONG_BY.map(|factor| data.guess_with(factor, STARTS[1]));
+    let found = data.best(&[near.as_slice(), &far].concat())?;
+    let count = found.residuals.len() as f64;
+    let residual = (found.objective() / count).sqrt();
+    let inverse = inverse(&curvature(&data.slopes(&found, FINE)))?;
+    let size = count.sqrt() * residual.hypot(MODEL_ERROR);
+    let totals = |at: Parameters| {
+        let spectra = data.spectra(data.slabs.first()?, data.volume(at), FINE);
+        Some([*spectra.reflection.first()?, *spectra.transmission.first()?])
+    };
+    let here = totals(found.at)?;
+    let mut slopes = [[0.0; 3]; 2];
+    for i in 0..3 {
+        let mut at = found.at;
+        let step = data.step(i, &at);
+        at[i] += step;
+        let there = totals(at)?;
+        (0..2).for_each(|which| slopes[which][i] = (there[which] - here[which]) / step);
+    }
+    let error = |which: usize| {
+        let slope = &slopes[which];
+        let variance: f64 = (0..3).map(|i| (0..3).map(|j| slope[i] * inverse[i][j] * slope[j]).sum::<f64>()).sum();
+        size * variance.max(0.0).sqrt()
+    };
+    Some(ShapeFit { residual, totals: [0, 1].map(|which| (here[which], error(which))) })
 }
 
 /// ln σs′, ln σa, g.
@@ -112,6 +196,8 @@ struct Data {
     grid: FrequencyGrid,
     refractive_index: f64,
     slabs: Vec<Slab>,
+    /// Whether R̂ and T̂ of each slab may be off by a factor.
+    shapes_only: bool,
 }
 
 struct Slab {
@@ -133,7 +219,7 @@ impl Point {
 }
 
 impl Data {
-    fn new(slabs: &[MeasuredSlab<'_>], refractive_index: f64) -> Self {
+    fn new(slabs: &[MeasuredSlab<'_>], refractive_index: f64, shapes_only: bool) -> Self {
         let default = FrequencyGrid::default();
         let pick = |values: &[f64]| NODES.iter().map(|&i| values[i]).collect::<Vec<f64>>();
         let slab = |slab: &MeasuredSlab<'_>| {
@@ -153,14 +239,28 @@ impl Data {
             grid: FrequencyGrid::of(pick(default.as_slice())),
             refractive_index,
             slabs: slabs.iter().map(slab).collect(),
+            shapes_only,
         }
+    }
+
+    /// The best of several starts.
+    fn best(&self, starts: &[Parameters]) -> Option<Point> {
+        let ends = starts.iter().map(|start| self.descend(*start, COARSE, COARSE_STEPS));
+        let best = ends.min_by(|a, b| a.objective().total_cmp(&b.objective()))?;
+        Some(self.descend(best.at, FINE, FINE_STEPS))
     }
 
     /// From the first slab's totals by Kubelka and Munk's theory, with K = 2σa and S = ¾σs′ (Klier 1972).
     fn guess(&self, g: f64) -> Parameters {
+        self.guess_with(1.0, g)
+    }
+
+    /// The same if its reflection were another by a factor.
+    fn guess_with(&self, factor: f64, g: f64) -> Parameters {
         let Some(slab) = self.slabs.first() else { return [0.0, 0.0, g] };
         let total = |values: &[f64]| values.first().copied().unwrap_or(0.0).clamp(1e-4, 0.98);
-        let (r, t) = (total(&slab.reflection), total(&slab.transmission));
+        let (r, t) = (total(&slab.reflection) * factor, total(&slab.transmission));
+        let r = r.min(0.98 - 0.5 * t);
         let alpha = ((1.0 + r * r - t * t) / (2.0 * r)).max(1.0 + 1e-6);
         let beta = (alpha * alpha - 1.0).sqrt();
         let scattering = (beta * r / t).asinh() / beta / slab.thickness_mm;
@@ -181,10 +281,10 @@ impl Data {
         let volume = self.volume(at);
         let mut residuals = Vec::with_capacity(2 * self.grid.len() * self.slabs.len());
         for slab in &self.slabs {
-            let stack = Stack::new([(volume, slab.thickness_mm)]);
-            let found = Transport { stack: &stack, light: Light::Diffuse, options }.spectra(&self.grid);
+            let found = self.spectra(slab, volume, options);
             let off = |found: Vec<f64>, measured: &[f64]| {
-                found.into_iter().zip(measured).map(|(found, measured)| found - measured).collect::<Vec<_>>()
+                let factor = if self.shapes_only { dot(&found, measured) / dot(&found, &found) } else { 1.0 };
+                found.into_iter().zip(measured).map(|(found, measured)| found * factor - measured).collect::<Vec<_>>()
             };
             residuals.extend(off(found.reflection, &slab.reflection));
             residuals.extend(off(found.transmission, &slab.transmission));
@@ -192,12 +292,26 @@ impl Data {
         Point { at, residuals }
     }
 
+    fn spectra(
+        &self,
+        slab: &Slab,
+        volume: VolumeCoefficients,
+        options: TransportOptions,
+    ) -> super::transport::TransportSpectra {
+        let stack = Stack::new([(volume, slab.thickness_mm)]);
+        Transport { stack: &stack, light: Light::Diffuse, options }.spectra(&self.grid)
+    }
+
+    /// Step of a difference in a parameter: away from the end of g's range.
+    fn step(&self, i: usize, at: &Parameters) -> f64 {
+        if i == 2 && at[i] > 0.5 * (G.start() + G.end()) { -DIFFERENCE } else { DIFFERENCE }
+    }
+
     /// ∂ residual / ∂ parameter, parameter after parameter.
     fn slopes(&self, here: &Point, options: TransportOptions) -> [Vec<f64>; 3] {
         [0, 1, 2].map(|i| {
             let mut at = here.at;
-            // Away from the end of g's range.
-            let step = if i == 2 && at[i] > 0.5 * (G.start() + G.end()) { -DIFFERENCE } else { DIFFERENCE };
+            let step = self.step(i, &at);
             at[i] += step;
             let there = self.point(at, options).residuals;
             there.iter().zip(&here.residuals).map(|(there, here)| (there - here) / step).collect()

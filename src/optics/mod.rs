@@ -67,10 +67,10 @@ pub use volume::VolumeCoefficients;
 // Within the crate.
 #[cfg(any(test, feature = "measure"))]
 pub(crate) use materials::ResinSpectrum;
-#[cfg(feature = "measure")]
-pub(crate) use materials::resin_table;
 #[cfg(test)]
 pub(crate) use stack::LAYER;
+#[cfg(feature = "measure")]
+pub(crate) use {coefficient_fit::fit_shapes, materials::resin_table};
 pub(crate) use {
     coefficient_fit::{MeasuredSlab, fit_coefficients},
     composite::Composite,

@@ -31,6 +31,7 @@ mod slice_resume;
 mod slice_rounds;
 mod slice_says;
 mod slice_union;
+mod start;
 mod support;
 mod usage;
 mod verify;

@@ -3,8 +3,9 @@
 use crate::support::{keys, run};
 
 /// Every command with the flags that scripts may use.
-const COMMANDS: [(&str, &[&str]); 16] = [
-    ("slice", &["--output", "--overwrite", "--slices <A..B>", "--dry-run", "--json"]),
+const COMMANDS: [(&str, &[&str]); 18] = [
+    ("init", &["MESH", "--printer", "--height-mm", "--look", "--materials"]),
+    ("slice", &["--output", "--overwrite", "--slices <A..B>", "--dry-run", "--quick", "--json", "--height-mm"]),
     (
         "predict",
         &["--materials", "--stack", "--core", "--model", "--light", "--photons", "--seed", "--csv", "--plot", "--json"],
@@ -74,6 +75,7 @@ const COMMANDS: [(&str, &[&str]); 16] = [
     ("preview", &["OUT"]),
     ("verify", &["OUT", "--json"]),
     ("printers", &["--json"]),
+    ("schema", &[]),
     ("completions", &["bash", "zsh", "fish"]),
     ("man", &["COMMAND"]),
 ];

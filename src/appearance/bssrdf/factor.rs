@@ -17,11 +17,12 @@
 //! is the floor if not known.
 
 use super::{
-    BssrdfError, Dataset,
+    BssrdfError, Dataset, belief,
     kernel::{Residual, Variance},
     operator::{Operator, Prior},
     passes::{Misses, Model, Source, Survey},
     planes::Planes,
+    reciprocity::{Breach, Reciprocity, reciprocity},
     responses::Channel,
     rings::Rings,
 };
@@ -93,6 +94,10 @@ pub struct Factors {
     pub energy: Vec<f64>,
     /// Share of each texel's window that was measured, by ring.
     pub availability: Planes,
+    /// How far light goes both ways.
+    pub reciprocity: Reciprocity,
+    /// What makes the data hard to believe, in words.
+    pub doubts: Vec<String>,
 }
 
 /// First differences along r are expected below this: a ring is allowed to be e times its neighbour.
@@ -143,8 +148,28 @@ pub fn factor(
     let rings = dataset.rings();
     let source = Source { dataset, rings: &rings, channel, watch };
     let survey = source.survey()?;
-    check(dataset, channel, &survey)?;
+    let mut doubts = check(dataset, channel, &survey)?;
     let global = global_profile(&rings, &survey);
+    let reciprocity = reciprocity(dataset, channel, &rings, &global, survey.least, watch)?;
+    if let Some(breach) = reciprocity.breaches.iter().find(|breach| breach.is_no_data()) {
+        let expected = match breach {
+            Breach::Zeros { .. } => "light both ways, and NaN where a value is missing",
+            _ => "windows as pictures are, row 0 on top, with the lit texel in the middle",
+        };
+        return Err(BssrdfError::Entry {
+            file: dataset.responses.path().to_path_buf(),
+            place: place(dataset, channel),
+            found: breach.to_string(),
+            expected: expected.into(),
+        });
+    }
+    doubts.extend(reciprocity.breaches.iter().map(Breach::to_string));
+    if let Some((level, at)) = belief::level(&rings, &survey) {
+        doubts.push(format!(
+            "the mean response levels off at {level:.1e} per mm², {at:.2} mm from the lit texel: an offset (black level, \
+             stray light) that is not the sample's"
+        ));
+    }
     let between = between(&rings);
     let means = rings.means(&global.iter().map(|g| f64::from(*g)).collect::<Vec<_>>());
     let present = |texel: usize| if dataset.is_present(texel) { 1.0 } else { 0.0 };
@@ -204,7 +229,17 @@ pub fn factor(
     }
     let model = Model { global: &global, root: &root, between: &between };
     let misses = source.residual(&model)?;
+    if let Some(off) = belief::out_of_round(&misses) {
+        doubts.push(format!(
+            "light goes farther along {} than the other way: {:.1}% more beyond the lit texel than a round response has; \
+             are pixels square, and is the material the same in all directions?",
+            if off > 0.0 { "rows" } else { "columns" },
+            100.0 * off.abs()
+        ));
+    }
     Ok(Factors {
+        reciprocity,
+        doubts,
         ring_means: means,
         rounds,
         converged,
@@ -228,12 +263,17 @@ impl Factors {
     }
 }
 
-/// Data that no surface gives.
-fn check(dataset: &Dataset, channel: Channel, survey: &Survey) -> Result<(), BssrdfError> {
-    let place = match (channel, dataset.channels.as_slice()) {
+/// Where a channel's values are.
+fn place(dataset: &Dataset, channel: Channel) -> String {
+    match (channel, dataset.channels.as_slice()) {
         (Channel::Stored(index), names @ [_, _, ..]) => format!("responses, channel {}", names[index]),
         _ => "responses".to_owned(),
-    };
+    }
+}
+
+/// Refuses data that no surface gives; the answer is what can be doubted.
+fn check(dataset: &Dataset, channel: Channel, survey: &Survey) -> Result<Vec<String>, BssrdfError> {
+    let place = place(dataset, channel);
     let fault = |found: String, expected: &str| BssrdfError::Entry {
         file: dataset.responses.path().to_path_buf(),
         place: place.clone(),
@@ -257,7 +297,29 @@ fn check(dataset: &Dataset, channel: Channel, survey: &Survey) -> Result<(), Bss
         let found = format!("windows that hold {mean:.3} times the light sent in, on the mean");
         return Err(fault(found, "at most 1: values per mm² and unit flux, and a pitch in mm"));
     }
-    Ok(())
+    let mut doubts = Vec::new();
+    let index = if let Channel::Stored(index) = channel { index } else { 0 };
+    match belief::per_pixel(dataset, survey, index) {
+        Some((area, true)) => {
+            let found = format!(
+                "windows that hold {mean:.2e} of the light, and {:.3} if values are light per pixel",
+                mean / area
+            );
+            return Err(fault(found, "values per mm²: light per pixel over a pixel's area; or is the pitch in mm?"));
+        }
+        Some((area, false)) => doubts.push(format!(
+            "windows hold {mean:.1e} of the light sent in, and {:.2} if values were light per pixel: are they per mm²?",
+            mean / area
+        )),
+        None => {}
+    }
+    if let Some((texels, ceiling)) = belief::clipped(survey) {
+        doubts.push(format!(
+            "{texels} windows have {ceiling:.4} at the lit texel, the largest value there is: was it cut off? P(x, 0) is \
+             too small there"
+        ));
+    }
+    Ok(doubts)
 }
 
 /// Mean response per distance. Where it sinks into its own noise it goes on falling as before.

@@ -9,6 +9,7 @@
 //!                             └──► gradient ◄── model √(P/g) ◄── conjugate gradients
 //! ```
 
+mod belief;
 mod dataset;
 mod error;
 mod exr_rows;
@@ -22,6 +23,7 @@ mod npz;
 mod operator;
 mod passes;
 mod planes;
+mod reciprocity;
 mod responses;
 mod rings;
 mod tail;
@@ -34,6 +36,7 @@ pub use kernel::Variance;
 pub use npy::{NpyHeader, write_npy};
 pub use passes::{Misses, Sums};
 pub use planes::Planes;
+pub use reciprocity::{Breach, Reciprocity};
 pub use responses::{Channel, Responses};
 pub use rings::{Offset, Rings, areas};
 pub use tail::{TailKind, TailRings};

@@ -92,6 +92,8 @@ impl Source<'_> {
             counts: vec![0; distances],
             availability: Planes::new(rings.len(), width, height, 0.0),
             energy: vec![0.0; width * height],
+            centres: vec![f32::NAN; width * height],
+            least: f64::INFINITY,
             missing: 0,
             negative: 0.0,
             positive: 0.0,
@@ -103,6 +105,8 @@ impl Source<'_> {
             counts: vec![0; distances],
             availability: Planes::new(rings.len(), width, band.len(), 0.0),
             energy: vec![0.0; width * band.len()],
+            centres: vec![f32::NAN; width * band.len()],
+            least: f64::INFINITY,
             missing: 0,
             negative: 0.0,
             positive: 0.0,
@@ -116,11 +120,17 @@ impl Source<'_> {
                     if value.is_finite() {
                         survey.negative -= value.min(0.0);
                         survey.positive += value.max(0.0);
+                        if value > 0.0 {
+                            survey.least = survey.least.min(value);
+                        }
                     } else if self.dataset.is_present(y * width + x) {
                         survey.missing += 1;
                     }
                 }
             }
+            let middle = pixels / 2;
+            survey.centres[local * width..(local + 1) * width]
+                .copy_from_slice(&windows[middle * width..(middle + 1) * width]);
             for ring in 0..rings.len() {
                 let share = 1.0 / rings.ring(ring).len() as f32;
                 let availability = survey.availability.row_mut(ring, local);
@@ -141,6 +151,8 @@ impl Source<'_> {
         };
         self.pass("reading", empty, row, |band, part| {
             survey.energy[band.start * width..band.end * width].copy_from_slice(&part.energy);
+            survey.centres[band.start * width..band.end * width].copy_from_slice(&part.centres);
+            survey.least = survey.least.min(part.least);
             for ring in 0..rings.len() {
                 for (local, y) in band.clone().enumerate() {
                     survey.availability.row_mut(ring, y).copy_from_slice(part.availability.row(ring, local));
@@ -254,6 +266,17 @@ impl Source<'_> {
                     let (lit, seen) = (&scratch.to_lit[texels.clone()], &scratch.outside[moved(&texels, offset.dx)]);
                     let global = model.global[offset.distance];
                     kernel::differences(data, lit, seen, global, texels.start, &mut scratch.sums);
+                    if (offset.dx == 0) != (offset.dy == 0)
+                        && offset.dx.unsigned_abs() + offset.dy.unsigned_abs() >= AXIS_FROM
+                    {
+                        let axis = &mut misses.axes[usize::from(offset.dx == 0)];
+                        for ((data, lit), seen) in
+                            data.iter().zip(lit).zip(seen).filter(|((data, _), _)| data.is_finite())
+                        {
+                            axis[0] += f64::from(*data);
+                            axis[1] += f64::from(global * lit * seen);
+                        }
+                    }
                 }
                 misses.add(ring, &scratch.sums);
                 misses.add_places((y % BAND_ROWS) * width, &scratch.sums);
@@ -298,6 +321,10 @@ pub struct Survey {
     pub availability: Planes,
     /// Σ D · area over the rings of each texel's window.
     pub energy: Vec<f64>,
+    /// D at the lit texel itself.
+    pub centres: Vec<f32>,
+    /// The smallest value above 0.
+    pub least: f64,
     /// Values missing in windows that should be there.
     pub missing: u64,
     /// −Σ of what is negative.
@@ -359,11 +386,16 @@ pub struct Misses {
     pub rings: Vec<Sums>,
     /// Per lit texel: Σ (D − R̂)² and Σ D².
     pub places: Vec<[f64; 2]>,
+    /// Σ D and Σ R̂ along rows, and along columns, from [`AXIS_FROM`] pixels on.
+    pub axes: [[f64; 2]; 2],
 }
+
+/// Nearer, a pixel is too large to tell a direction.
+const AXIS_FROM: usize = 2;
 
 impl Misses {
     fn new(rings: usize, places: usize) -> Self {
-        Self { rings: vec![Sums::default(); rings], places: vec![[0.0; 2]; places] }
+        Self { rings: vec![Sums::default(); rings], places: vec![[0.0; 2]; places], axes: [[0.0; 2]; 2] }
     }
 
     fn add(&mut self, ring: usize, row: &RowSums) {
@@ -392,6 +424,9 @@ impl Misses {
             sums.model_square += other.model_square;
             sums.model += other.model;
             sums.bias += other.bias;
+        }
+        for (sum, other) in self.axes.iter_mut().flatten().zip(other.axes.iter().flatten()) {
+            *sum += other;
         }
     }
 

@@ -31,6 +31,8 @@ use texels::Texels;
 
 /// Per-texel profiles, float32, rows × columns × channels × rings.
 pub const PROFILES: &str = "profiles.npy";
+/// How far light goes both ways, per texel: float32, rows × columns, of the first channel.
+pub const RECIPROCITY: &str = "reciprocity.npy";
 /// Cluster of every texel, 16-bit grey.
 pub const LABELS: &str = "labels.png";
 
@@ -128,6 +130,8 @@ pub fn factor_into(
         fits.push(ChannelFit::new(&dataset.channels[channel], &factors, &rings, tail, &simpler));
         if channel == 0 {
             files.push(("residual.png".into(), pictures::residual(&factors.misses, &dataset)?));
+            let shape = [dataset.height, dataset.width];
+            files.push((RECIPROCITY.into(), write_npy(&shape, &factors.reciprocity.places)));
         }
     }
     let adopted = profiles.adopt_missing(&dataset);
@@ -213,6 +217,7 @@ pub const OWNER: Owner = Owner {
         "clusters.png",
         "palette.png",
         "residual.png",
+        RECIPROCITY,
         slab::MESH,
         slab::JOB,
         slab::REFINED,

@@ -152,6 +152,12 @@ pub struct ChannelFit {
     pub relative_error_beyond_centre: f64,
     /// The part of that which is noise, by the floor and gain of the dataset or the estimated floor.
     pub noise_beyond_centre: f64,
+    /// √(Σ(D − D′)² / ½Σ(D² + D′²)) of pairs of texels a few pixels apart, D′ the other way; noise makes √2 times itself.
+    #[serde(default)]
+    pub reciprocity: Option<f64>,
+    /// What makes the data hard to believe.
+    #[serde(default)]
+    pub doubts: Vec<String>,
     /// The errors of simpler models, if asked for.
     pub simpler: Vec<Simpler>,
     /// Standard deviation of the measurements where there is no light, per mm²: the dataset's, or estimated.
@@ -282,6 +288,8 @@ impl ChannelFit {
             relative_error: factors.misses.relative(),
             relative_error_beyond_centre: factors.misses.relative_beyond_centre(),
             noise_beyond_centre: factors.misses.noise_beyond_centre(factors.variance),
+            reciprocity: Some(factors.reciprocity.relative).filter(|relative| relative.is_finite()),
+            doubts: factors.doubts.clone(),
             simpler: simpler
                 .iter()
                 .map(|(freedom, misses)| Simpler {

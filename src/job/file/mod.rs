@@ -10,12 +10,15 @@ mod error;
 mod object;
 mod options;
 mod paths;
+mod quick;
 mod ranges;
 mod read;
 mod resolved;
+mod schema;
 mod target;
 #[cfg(test)]
 mod tests;
+mod texture;
 
 use std::fs::File;
 use std::io::Read;
@@ -32,7 +35,9 @@ pub use options::{
 };
 pub use paths::InputPath;
 pub use resolved::ResolvedJob;
-pub use target::{AlbedoSource, TargetSpec};
+pub use schema::schema;
+pub use target::TargetSpec;
+pub use texture::{AlbedoSource, Projection, TextureTarget};
 
 pub use crate::{mesh::Unit, toml_reader::Place};
 

@@ -26,6 +26,12 @@ pub(super) const ALBEDO: Range = Range::new("an albedo", 0.0, 1.0);
 pub(super) const MAX_ALBEDO: Range = Range::new("an albedo", 0.001, 1.0);
 /// From well below a voxel to well above a tray's depth.
 pub(super) const MEAN_FREE_PATH: Range = Range::new("a mean free path in mm", 1e-4, 1000.0);
+/// What radii are multiplied by.
+pub(super) const SUBSURFACE_SCALE: Range = Range::new("a factor", 1e-4, 1000.0);
+/// At either end no light would ever turn round.
+pub(super) const ANISOTROPY: Range = Range::new("a mean cosine", -0.99, 0.99);
+/// A tile smaller than a voxel or two shows nothing.
+pub(super) const TILE: Range = Range::new("a width in mm", 0.1, MAX_EXTENT_MM);
 /// Stacking ids are 16-bit.
 pub(super) const CLUSTERS: IntRange = IntRange { noun: "a number of clusters", min: 1, max: 65_535 };
 /// TOML's integers are signed 64-bit.

@@ -12,6 +12,7 @@
 //! | `checks`   | what will print badly |
 
 mod answers;
+mod appearance;
 mod asked;
 mod checks;
 mod context;

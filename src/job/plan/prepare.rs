@@ -19,8 +19,8 @@ use crate::{
     job::{
         Job, RunError,
         file::{
-            AlbedoSource, DepthFrom, Distance, InputPath, MaterialSource, ObjectJob, OutputFormat, Overlap, Scaling,
-            StackingModel, TargetSpec,
+            AlbedoSource, DepthFrom, Distance, InputPath, MaterialSource, ObjectJob, OutputFormat, Overlap, Projection,
+            Scaling, StackingModel, TargetSpec,
         },
     },
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
@@ -362,7 +362,8 @@ fn load_solid(
     warnings: &mut Vec<String>,
 ) -> Result<(Solid, DMat4, Vec<PathBuf>), RunError> {
     let loaded = mesh::load(object.mesh.as_ref(), &LoadOptions { unit: object.unit })?;
-    let own_color = matches!(&object.target, TargetSpec::Texture { albedo: AlbedoSource::MeshBaseColor, .. });
+    let own_color =
+        matches!(&object.target, TargetSpec::Texture(texture) if texture.albedo == AlbedoSource::MeshBaseColor);
     if let Some(lost) = loaded.lost_color.filter(|_| own_color) {
         let found = format!("{}: {lost}", object.mesh.shown());
         return Err(job
@@ -398,8 +399,21 @@ fn load_solid(
 pub(super) fn complete_uvs(solid: &mut Solid, target: &TargetSpec) -> Result<bool, RunError> {
     let had = !solid.mesh.uvs.is_empty();
     solid.mesh.uvs.resize(solid.mesh.triangles.len(), Default::default());
-    if let TargetSpec::Texture { albedo: AlbedoSource::MeshBaseColor, mean_free_path, .. } = target {
-        let detail = mean_free_path.as_ref().map(|path| picture_size(path.as_ref())).transpose()?;
+    let TargetSpec::Texture(texture) = target else { return Ok(had) };
+    let size = |path: &InputPath| picture_size(path.as_ref());
+    let detail = texture.mean_free_path.as_ref().map(size).transpose()?;
+    if let Projection::Triplanar { tile_mm } = texture.projection {
+        let albedo = if let AlbedoSource::Texture(path) = &texture.albedo { Some(size(path)?) } else { None };
+        let widest = detail.into_iter().chain(albedo).map(|(width, _)| width).max();
+        let has_albedo = texture.albedo != AlbedoSource::MeshBaseColor || !solid.mesh.materials.is_empty();
+        if let Some(widest) = widest.filter(|_| has_albedo) {
+            let [low, high] = bounds(solid);
+            let tile_mm = tile_mm.unwrap_or((high - low).max_element());
+            solid.mesh.bake_projection(tile_mm, f64::from(widest) / tile_mm);
+            return Ok(had);
+        }
+    }
+    if texture.albedo == AlbedoSource::MeshBaseColor {
         solid.mesh.bake_base_color(detail);
     }
     Ok(had)
@@ -425,9 +439,9 @@ impl TargetSpec {
         match self {
             Self::Stacking { .. } => Vec::new(),
             Self::Profile { paths } => paths.iter().collect(),
-            Self::Texture { albedo, mean_free_path, .. } => {
-                let albedo = if let AlbedoSource::Texture(path) = albedo { Some(path) } else { None };
-                albedo.into_iter().chain(mean_free_path).collect()
+            Self::Texture(texture) => {
+                let albedo = if let AlbedoSource::Texture(path) = &texture.albedo { Some(path) } else { None };
+                albedo.into_iter().chain(&texture.mean_free_path).collect()
             }
             Self::Clusters { labels, profiles } => std::iter::once(labels).chain(profiles.iter().flatten()).collect(),
             Self::Bssrdf { .. } => Vec::new(), // a folder; see [`read_inputs`]

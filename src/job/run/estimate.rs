@@ -1,13 +1,10 @@
 //! What a job would take, without writing anything.
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
-    job::{Prepared, RunError, manifest::MaterialRecord},
-    sdf::SliceRuns,
-    slice::ObjectField,
+    job::{Prepared, RunError, manifest::MaterialRecord, printable::Printable},
     voxel::{BlockShape, Lattice, Slab},
     watch::Watch,
 };
@@ -29,6 +26,8 @@ pub struct Estimate {
     pub misfits: Vec<String>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// What of it will break, fall off or wash away.
+    pub printable: Printable,
 }
 
 /// Voxels of the coarse lattice that stands for the job's. At 4 M a 60 mm object is sampled every 0.4 mm, and volumes
@@ -63,7 +62,9 @@ impl Prepared {
             watch.go_on()
         };
         self.slicer().resampled(coarse).for_each_slab(0..coarse.dims[2], &mut count)?;
-        let warnings = self.warnings.iter().cloned().chain(self.lost_volume(self.inside_voxels(watch)?));
+        let printable = self.printable(watch)?;
+        let lost = self.lost_volume(printable.inside_voxels);
+        let warnings = self.warnings.iter().cloned().chain(lost).chain(printable.warnings());
         let per_voxel = coarse.voxel_volume() / lattice.voxel_volume();
         let counts = counts.map(|count| (count as f64 * per_voxel).round() as u64);
         Ok(Estimate {
@@ -74,27 +75,8 @@ impl Prepared {
             materials: self.material_records(&counts, lattice.voxel_volume()),
             misfits: self.misfits(),
             warnings: warnings.collect(),
+            printable,
         })
-    }
-
-    /// Voxels of the job's own size that its objects hold, each counted for itself.
-    fn inside_voxels(&self, watch: &dyn Watch) -> Result<u64, RunError> {
-        let height = BlockShape::for_lattice(&self.lattice).voxels()[2];
-        let slabs: Vec<u32> = (0..self.lattice.dims[2]).step_by(height as usize).collect();
-        let mut voxels = 0;
-        for slabs in slabs.chunks(SLABS_AT_ONCE) {
-            watch.go_on()?;
-            let count = |(&first, object): (&u32, &ObjectField)| -> u64 {
-                let mut runs = vec![SliceRuns::default(); height.min(self.lattice.dims[2] - first) as usize];
-                object.fill_inside(first, &mut runs);
-                let rows = |runs: &SliceRuns| (0..self.lattice.dims[1]).map(|j| row_voxels(runs.row(j))).sum::<u64>();
-                runs.iter().map(rows).sum()
-            };
-            let pairs =
-                slabs.iter().flat_map(|first| self.slicer().objects().iter().map(move |object| (first, object)));
-            voxels += pairs.collect::<Vec<_>>().into_par_iter().map(count).sum::<u64>();
-        }
-        Ok(voxels)
     }
 
     /// Memory that slicing needs, roughly.
@@ -119,13 +101,6 @@ impl Prepared {
             _ => Ok(()),
         }
     }
-}
-
-/// Slabs between two looks at the watch.
-const SLABS_AT_ONCE: usize = 8;
-
-fn row_voxels(runs: &[[u32; 2]]) -> u64 {
-    runs.iter().map(|[start, end]| u64::from(end.saturating_sub(*start))).sum()
 }
 
 /// Memory of the machine, bytes, where the system tells it as Linux does.

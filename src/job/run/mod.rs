@@ -36,6 +36,7 @@ use crate::{
         file::{OutputFormat, Overlap},
         look::{LOOK, Look, LookError, LookOptions, look_at},
         manifest::{Manifest, MeshRecord, Outcome, STACKINGS, json},
+        printable::Printable,
         verify::read_manifest,
     },
     output::{
@@ -150,11 +151,15 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     if slices == (0..prepared.lattice.dims[2]) {
         warnings.extend(prepared.lost_volume(counts[1..].iter().sum()));
     }
+    // Pictures take longer than this; slices alone are not kept waiting.
+    let checked = pictures.is_some().then(|| prepared.printable(watch)).transpose()?;
+    warnings.extend(checked.iter().flat_map(Printable::warnings));
     let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
     let mut manifest = Manifest::new(prepared, outcome);
     if let Some(builder) = pictures {
         watch.stage("pictures", 0);
         let mut pictures = builder.finish(volume.as_ref())?;
+        pictures.extend(checked.map(|found| prepared.printable_picture(&found)).transpose()?.flatten());
         let volume = volume.filter(|_| prepared.materials.has_coefficients());
         if let Some(mut look) = volume.map(|volume| prepared.quick_look(volume, watch)).transpose()? {
             output.write(LOOK, &pretty(&look))?;

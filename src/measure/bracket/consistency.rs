@@ -1,6 +1,7 @@
 //! Do the exposures fit together? For every two, the pixels well exposed in both tell the true ratio of their times and
 //! the shift between them; a network of such links tells which exposure is odd.
 
+use super::own_light::Line;
 use super::{Sensor, Survey};
 use crate::measure::frame::Plane;
 
@@ -21,8 +22,8 @@ const MISALIGNED_PX: f64 = 0.3;
 
 /// Two exposures that share well-exposed pixels; `i` is the shorter.
 pub(in crate::measure) struct Link {
-    i: usize,
-    j: usize,
+    pub(super) i: usize,
+    pub(super) j: usize,
     /// Light of i over that of j, by its pixels.
     ratio: f64,
     /// ln of the true ratio of times over that of the labels, and its variance.
@@ -33,6 +34,8 @@ pub(in crate::measure) struct Link {
     shift_variance: [f64; 2],
     /// Indices of the shared pixels.
     shared: Vec<usize>,
+    /// i as a straight line over j.
+    pub(super) line: Option<Line>,
 }
 
 /// An exposure against the majority.
@@ -40,7 +43,8 @@ pub(in crate::measure) struct Link {
 pub(super) struct Offset {
     /// ln of its true time over its label.
     pub log_time: f64,
-    log_error: f64,
+    /// Standard error of it; infinite for an exposure without links.
+    pub log_error: f64,
     /// Shift, pixels.
     pub shift_px: [f64; 2],
     shift_error: f64,
@@ -87,9 +91,16 @@ impl Link {
         let error = 1.4826 * 1.2533 * median(&mut spread) / (shared.len() as f64).sqrt();
         let ratio = log_ratio.exp();
         let (shift, shift_variance) = shift(&a.plane, &b.plane, ratio, &shared, sensor)?;
+        let values = |plane: &Plane| shared.iter().map(|&k| light(plane, k)).collect::<Vec<f64>>();
+        let line = Line::through(&values(&b.plane), &values(&a.plane), ratio, sensor);
         let log_time = log_ratio - (a.exposure.seconds / b.exposure.seconds).ln();
         let log_variance = error * error + LINK_FLOOR * LINK_FLOOR;
-        Some(Self { i, j, ratio, log_time, log_variance, shift, shift_variance, shared })
+        Some(Self { i, j, ratio, log_time, log_variance, shift, shift_variance, shared, line })
+    }
+
+    /// Whether it links an exposure.
+    pub(super) fn joins(&self, k: usize) -> bool {
+        self.i == k || self.j == k
     }
 
     /// Electrons per DN by the scatter between the two; read noise does not count in well-exposed pixels.
@@ -191,7 +202,7 @@ fn network(count: usize, links: &[Link], read: impl Fn(&Link) -> (f64, f64)) -> 
     (0..count).map(settled).collect()
 }
 
-fn median(values: &mut [f64]) -> f64 {
+pub(super) fn median(values: &mut [f64]) -> f64 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::{Sensor, for_each};
 use crate::measure::MeasureError;
 use crate::measure::capture::Exposure;
-use crate::measure::frame::ColourPlane;
+use crate::measure::frame::{ColourPlane, Plane};
 use crate::watch::Watch;
 
 /// Radiance per pixel.
@@ -76,6 +76,15 @@ impl Radiance {
         let pairs = self.value.par_iter_mut().zip(&dark.value);
         pairs.for_each(|(value, dark)| *value -= dark);
         self.variance.par_iter_mut().zip(&dark.variance).for_each(|(variance, dark)| *variance += dark);
+    }
+
+    /// Divides by the lens' shading.
+    pub fn divide(&mut self, shading: &Plane) {
+        let pixels = self.value.par_iter_mut().zip(self.variance.par_iter_mut()).zip(&shading.values);
+        pixels.for_each(|((value, variance), shading)| {
+            *value /= shading;
+            *variance /= shading * shading;
+        });
     }
 
     pub fn at(&self, x: usize, y: usize) -> f32 {

@@ -4,13 +4,17 @@
 //! with what was noticed. Every picture is decoded twice: [`survey`] looks at a window around the light to check
 //! labels, alignment and noise, then [`merge`] adds all pixels up.
 
+mod ceiling;
 mod consistency;
 mod merge;
 mod noise;
+mod own_light;
 mod survey;
 
 use rayon::prelude::*;
 
+use self::consistency::{Link, Offset};
+use self::own_light::OwnLight;
 use super::capture::Exposure;
 use super::frame::{self, ColourPlane, Plane};
 use super::{Finding, MeasureError};
@@ -66,6 +70,8 @@ pub(super) struct Bracket {
     pub findings: Vec<Finding>,
     /// Column and row of the brightest spot.
     pub brightest: [usize; 2],
+    /// What the exposures' times leave uncertain of the ratio of bright to faint light, as a share.
+    pub time_share: f64,
 }
 
 /// Checks a bracket: which exposures fit the others, and what the sensor's noise is.
@@ -83,27 +89,90 @@ pub(super) fn check(
     let survey = Survey::take(frames, dark, plane, watch)?;
     let mut findings = Vec::new();
     let sensor = Sensor::of(&survey, camera, what, &mut findings)?;
+    survey.require_order(what, &sensor)?;
     survey.require_light(what, &sensor)?;
-    let links = consistency::links(&survey, &sensor);
-    let offsets = consistency::solve(survey.windows.len(), &links);
+    let mut links = consistency::links(&survey, &sensor);
+    let count = survey.windows.len();
+    let seconds = |offsets: &[Offset]| -> Vec<f64> {
+        survey
+            .windows
+            .iter()
+            .zip(offsets)
+            .map(|(window, offset)| window.exposure.seconds * offset.log_time.exp())
+            .collect()
+    };
+    let mut offsets = consistency::solve(count, &links);
+    let own = OwnLight::of(&survey, &sensor, &links, &seconds(&offsets));
+    for (lit, level) in &own.lit {
+        let file = survey.windows[*lit].exposure.file.clone();
+        findings.push(Finding::LitUp { file, level_dn: *level });
+    }
+    if !own.lit.is_empty() {
+        links.retain(|link| own.lit.iter().all(|(lit, _)| !link.joins(*lit)));
+        offsets = consistency::solve(count, &links);
+    }
+    require_proportion(what, &survey, &sensor, &links, &offsets, own.black_off)?;
+    if let Some(level_dn) = own.black_off {
+        findings.push(Finding::BlackOff { used_dn: sensor.black, seen_dn: sensor.black + level_dn });
+    }
     let mut used = Vec::new();
-    for (window, offset) in survey.windows.iter().zip(&offsets) {
+    let mut squares = Vec::new();
+    for (k, (window, offset)) in survey.windows.iter().zip(&offsets).enumerate() {
         let (file, label_s) = (window.exposure.file.clone(), window.exposure.seconds);
         let measured_s = label_s * offset.log_time.exp();
+        if own.lit.iter().any(|(lit, _)| *lit == k) {
+            continue;
+        }
         if offset.mislabelled() {
             findings.push(Finding::MislabelledExposure { file, label_s, measured_s });
-        } else if offset.misaligned() {
+            continue;
+        }
+        if offset.misaligned() {
             findings.push(Finding::Misaligned { file, shift_px: offset.shift_px });
-        } else if offset.off_label() {
+            continue;
+        }
+        let left = if offset.off_label() {
             findings.push(Finding::ExposureCorrected { file: file.clone(), label_s, measured_s });
             used.push(Exposure { file, seconds: measured_s });
+            0.0
         } else {
             used.push(window.exposure.clone());
+            offset.log_time
+        };
+        if offset.log_error.is_finite() {
+            squares.push(left * left + offset.log_error * offset.log_error);
         }
     }
-    if used.is_empty() {
-        return Err(MeasureError::scene(what, "no two exposures that agree", "a bracket whose exposures fit together"));
+    if 2 * used.len() < count || used.is_empty() {
+        let found = format!("{} of {count} exposures that do not fit the others", count - used.len());
+        let expected = "a bracket of which most fit together; are times, black level and saturation level right, and are \
+                        the pictures linear and of one scene?";
+        return Err(MeasureError::scene(format!("{what}: bracket"), found, expected));
     }
+    let time_share = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
     let sensor = sensor.with_gain_from(&survey, &links, camera, &mut findings);
-    Ok(Bracket { used, sensor, findings, brightest: survey.brightest })
+    Ok(Bracket { used, sensor, findings, brightest: survey.brightest, time_share })
+}
+
+/// Refuses numbers that were written through a curve: they grow like a power of the times.
+fn require_proportion(
+    what: &str,
+    survey: &Survey,
+    sensor: &Sensor,
+    links: &[Link],
+    offsets: &[Offset],
+    black_off: Option<f64>,
+) -> Result<(), MeasureError> {
+    let labels: Vec<f64> = survey.windows.iter().map(|window| window.exposure.seconds).collect();
+    let linked: Vec<bool> = (0..labels.len()).map(|k| links.iter().any(|link| link.joins(k))).collect();
+    let log_times: Vec<f64> = offsets.iter().map(|offset| offset.log_time).collect();
+    let Some(power) = own_light::power(&labels, &log_times, &linked) else { return Ok(()) };
+    let foot = match black_off {
+        Some(off) => format!(", over a black level {:+.0} from the {:.0} used", off, sensor.black),
+        None => String::new(),
+    };
+    let found = format!("values that grow like the exposure time to the power of {power:.2}{foot}");
+    let expected = "values proportional to light: were they written through a curve, such as sRGB's or a gamma (or are \
+                    all times wrong alike)?";
+    Err(MeasureError::scene(format!("{what}: exposure times"), found, expected))
 }

@@ -1,6 +1,7 @@
 //! How the sensor turns light into numbers: black level, full well, gain, read noise.
 
 use super::Survey;
+use super::ceiling::{Ceiling, ceiling};
 use super::consistency::Link;
 use crate::measure::frame::Plane;
 use crate::measure::{Camera, Finding, MeasureError};
@@ -38,15 +39,8 @@ impl Sensor {
         let quiet = survey.dark.as_ref().map(|plane| plane.values.as_slice()).or(border.as_deref()).unwrap_or(&[]);
         let rounding = if survey.whole_numbers() { ROUNDING } else { (FLOAT_STEP * f64::from(survey.top())).powi(2) };
         let (level, noise) = level_and_noise(quiet, survey.dark.as_ref().map_or(0, |plane| plane.width), rounding);
-        let mut estimated = |what, value: f64| {
-            findings.push(Finding::Estimated { what, value });
-            value
-        };
-        let black = camera.black_level.unwrap_or_else(|| estimated("black level (DN)", level));
-        let full = match camera.saturation_level {
-            Some(full) => full,
-            None => survey.ceiling(black).map_or(f64::INFINITY, |ceiling| estimated("saturation level (DN)", ceiling)),
-        };
+        let black = camera.black_level.unwrap_or_else(|| estimated(findings, "black level (DN)", level));
+        let full = full_at(survey, camera, black, what, findings)?;
         if !(full > black) {
             let expected = format!("more than the black level, {black}");
             return Err(MeasureError::scene(format!("{what}: saturation level"), full.to_string(), expected));
@@ -56,7 +50,7 @@ impl Sensor {
         let gain = camera.gain_e_per_dn.unwrap_or(typical);
         let read_noise_dn = match camera.read_noise_e {
             Some(electrons) => electrons / gain,
-            None => estimated("read noise (DN)", noise),
+            None => estimated(findings, "read noise (DN)", noise),
         };
         let clipped = black + CLIPPED_SHARE * (full - black);
         Ok(Self { black, clipped, gain_e_per_dn: gain, read_noise_dn, rounding })
@@ -85,6 +79,39 @@ impl Sensor {
     /// Variance of a value `signal` DN above black, DN².
     pub fn variance(&self, signal: f64) -> f64 {
         signal.max(0.0) / self.gain_e_per_dn + self.read_noise_dn * self.read_noise_dn + self.rounding
+    }
+}
+
+fn estimated(findings: &mut Vec<Finding>, what: &'static str, value: f64) -> f64 {
+    findings.push(Finding::Estimated { what, value });
+    value
+}
+
+/// Value at which the sensor is full: as stated, or where the pictures end if that is below.
+fn full_at(
+    survey: &Survey,
+    camera: &Camera,
+    black: f64,
+    what: &str,
+    findings: &mut Vec<Finding>,
+) -> Result<f64, MeasureError> {
+    match (camera.saturation_level, ceiling(survey, black)) {
+        (Some(stated), Ceiling::At(seen)) if seen < CLIPPED_SHARE * (stated - black) => {
+            findings.push(Finding::SaturationBelow { stated, seen: black + seen });
+            Ok(black + seen)
+        }
+        (Some(stated), _) => Ok(stated),
+        (None, Ceiling::At(seen)) => Ok(estimated(findings, "saturation level (DN)", black + seen)),
+        (None, Ceiling::None) => Ok(f64::INFINITY),
+        (None, Ceiling::Contradicted { seconds, share }) => {
+            let found = format!(
+                "none in the capture file, and brightest pixels at {seconds} s of {:.0}% of what the shorter exposure \
+                 and its time let expect",
+                100.0 * share
+            );
+            let expected = "`saturation-level` under [camera], and exposure times as they were";
+            Err(MeasureError::scene(format!("{what}: saturation level"), found, expected))
+        }
     }
 }
 

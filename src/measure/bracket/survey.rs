@@ -11,11 +11,6 @@ const WINDOW: usize = 512;
 /// The brightest spot is the brightest square of this side, so that a hot pixel is none.
 const SPOT: usize = 6;
 
-/// Largest values that agree to this share of the range are a ceiling, if one exposure is longer than the other by a
-/// factor.
-const SAME_CEILING: f64 = 0.02;
-const LONGER: f64 = 1.2;
-
 /// One exposure's window.
 pub(in crate::measure) struct Window {
     pub exposure: Exposure,
@@ -75,19 +70,29 @@ impl Survey {
         self.windows.iter().all(|window| window.plane.values.iter().all(|value| value.fract() == 0.0 || value.is_nan()))
     }
 
-    /// The value that lit exposures of different times end at; `None` if brighter ones still grow.
-    pub fn ceiling(&self, black: f64) -> Option<f64> {
-        let [.., shorter, longest] = self.windows.as_slice() else { return None };
-        let [low, high] = [shorter, longest].map(|window| f64::from(window.top) - black);
-        let same = (low / high - 1.0).abs() < SAME_CEILING;
-        if !same || longest.exposure.seconds < LONGER * shorter.exposure.seconds {
-            return None;
+    /// Refuses labels that rise while the pictures darken.
+    pub fn require_order(&self, what: &str, sensor: &Sensor) -> Result<(), MeasureError> {
+        let most = if sensor.clipped.is_finite() { sensor.clipped } else { f64::INFINITY };
+        let light = |window: &Window| {
+            let values = window.plane.values.iter().filter(|value| value.is_finite());
+            values.map(|value| f64::from(*value).min(most)).sum::<f64>()
+        };
+        let lights: Vec<f64> = self.windows.iter().map(light).collect();
+        let seconds = |i: usize| self.windows[i].exposure.seconds;
+        let pairs = (0..lights.len()).flat_map(|i| (i + 1..lights.len()).map(move |j| (i, j)));
+        let differ = pairs.filter(|&(i, j)| seconds(j) > 1.05 * seconds(i));
+        let (darker, all) =
+            differ.fold((0, 0), |(darker, all), (i, j)| (darker + usize::from(lights[j] < lights[i]), all + 1));
+        if all >= 3 && 4 * darker > 3 * all {
+            let found = format!(
+                "pictures that grow darker as their times grow, from {} s to {} s",
+                seconds(0),
+                seconds(lights.len() - 1)
+            );
+            let expected = "a time for each picture in the order of their names; the times are in reverse";
+            return Err(MeasureError::scene(format!("{what}: exposure times"), found, expected));
         }
-        // Reading scatters the ceiling: its middle is meant, not its top.
-        let from = black + (1.0 - SAME_CEILING) * low.max(high);
-        let pile = longest.plane.values.iter().map(|value| f64::from(*value)).filter(|value| *value >= from);
-        let (sum, count) = pile.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
-        (count > 0.0).then(|| sum / count)
+        Ok(())
     }
 
     /// Refuses a bracket whose shortest exposure is saturated at the light, or shows none.

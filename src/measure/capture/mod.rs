@@ -77,6 +77,8 @@ pub struct Series {
     pub frames: Vec<Exposure>,
     /// All projector pixels off; may be empty.
     pub dark: Vec<Exposure>,
+    /// An even surface under even light, through the same lens: what its shading is told from.
+    pub flat: Option<Exposure>,
     /// Shape of the light on the sample; `None` if it is not known.
     pub aperture: Option<Aperture>,
     /// Scale in the plane of the sample.

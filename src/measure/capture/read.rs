@@ -28,11 +28,12 @@ const CAMERA_KEYS: [&str; 9] = [
     "distance-mm",
 ];
 const PROFILE_KEYS: [&str; 1] = ["bin-mm"];
-const SERIES_KEYS: [&str; 11] = [
+const SERIES_KEYS: [&str; 12] = [
     "frames",
     "exposures-s",
     "dark",
     "dark-exposures-s",
+    "flat",
     "aperture-mm",
     "aperture",
     "mm-per-pixel",
@@ -158,6 +159,14 @@ impl Reader<'_> {
             return Err(self.keys.missing("frames", "the pictures of the bracket"));
         };
         let dark = self.exposures("dark", "dark-exposures-s", &mut all)?;
+        let flat = match self.keys.string("flat")? {
+            None => None,
+            Some(name) => {
+                let file = self.folder.join(name.value);
+                all.check(&file)?;
+                Some(Exposure { file, seconds: 1.0 })
+            }
+        };
         let shape = match self.keys.string("aperture")? {
             None => name == "transmission",
             Some(text) if text.value == "disc" => true,
@@ -176,6 +185,7 @@ impl Reader<'_> {
         let series = Series {
             frames,
             dark,
+            flat,
             aperture,
             mm_per_pixel: self.scale(camera_table)?,
             camera_distance_mm: distance,

@@ -24,6 +24,10 @@ pub struct Laboratory {
     pub leak_e_per_s: f64,
     /// Albedo of the grey card.
     pub card_albedo: f64,
+    /// Whether the capture file says what black level, saturation level, gain and read noise are.
+    pub camera_known: bool,
+    /// Whether both series have a flat field: an even surface under even light, by the same lens.
+    pub flat_field: bool,
     /// What is wrong, in both brackets.
     pub defects: Defects,
     /// Seed of all noise.
@@ -39,6 +43,8 @@ impl Default for Laboratory {
             filled: 0.6,
             leak_e_per_s: 1.5,
             card_albedo: 0.18,
+            camera_known: true,
+            flat_field: false,
             defects: Defects::default(),
             seed: 1,
         }
@@ -64,34 +70,49 @@ pub fn write_capture(
     let mut toml = format!(
         "# Simulated photographs, not a measurement.\n[resin]\nname = \"{}\"\nrgba = [{r}, {g}, {b}]\n\
          density-g-per-cm3 = {}\nthickness-mm = {}\n{}date = \"2010-05-01\"\nnotes = \"simulated photographs\"\n\n\
-         [camera]\nmodel = \"a simulated camera\"\nblack-level = {}\nsaturation-level = {}\ngain-e-per-dn = {}\n\
-         read-noise-e = {}\ndistance-mm = {}\n\n",
+         [camera]\nmodel = \"a simulated camera\"\ndistance-mm = {}\n",
         resin.name,
         resin.density_g_per_cm3,
         resin.thickness_mm,
         if resin.print_as_background { "print-as = \"background\"\n" } else { "" },
-        camera.black_level,
-        (camera.full_well_e / camera.gain_e_per_dn + camera.black_level).min(camera.largest_dn).floor(),
-        camera.gain_e_per_dn,
-        camera.read_noise_e,
         reflection.0.distance_mm,
     );
+    if laboratory.camera_known {
+        let _ = write!(
+            toml,
+            "black-level = {}\nsaturation-level = {}\ngain-e-per-dn = {}\nread-noise-e = {}\n",
+            camera.black_level,
+            (camera.full_well_e / camera.gain_e_per_dn + camera.black_level).min(camera.largest_dn).floor(),
+            camera.gain_e_per_dn,
+            camera.read_noise_e,
+        );
+    }
+    toml.push('\n');
     let card = laboratory.grey_card(reflection.1.integral(), &mut seeds, folder)?;
     let series = [("reflection", reflection, card)];
     let screen = laboratory.screen(transmission.1.integral(), &mut seeds, folder)?;
     for (name, (scene, truth), albedo) in series.into_iter().chain([("transmission", transmission, screen)]) {
         laboratory.bracket(scene, truth, name, &mut seeds, folder)?;
-        let times: Vec<String> = laboratory.exposures_s.iter().map(|time| format!("{time:.6}")).collect();
+        let mut times: Vec<String> = laboratory.exposures_s.iter().map(|time| format!("{time:.6}")).collect();
+        if laboratory.defects.labels_reversed {
+            times.reverse();
+        }
         let times = times.join(", ");
         let (shape, size) = match scene.spot {
             Aperture::Square { side_mm } => ("square", side_mm),
             Aperture::Disc { diameter_mm } => ("disc", diameter_mm),
         };
+        let flat = if laboratory.flat_field {
+            laboratory.flat(scene, &mut seeds, &folder.join(format!("{name}_flat.png")))?;
+            format!("flat = \"{name}_flat.png\"\n")
+        } else {
+            String::new()
+        };
         let _ = write!(
             toml,
             "[{name}]\nframes = [\"{name}-*.png\"]\nexposures-s = [{times}]\ndark = [\"{name}_dark-*.png\"]\n\
              dark-exposures-s = [{times}]\nmm-per-pixel = {}\naperture = \"{shape}\"\naperture-mm = {size}\n\
-             [{name}.albedo]\n{albedo}\n",
+             {flat}[{name}.albedo]\n{albedo}\n",
             scene.mm_per_pixel,
         );
     }
@@ -122,16 +143,35 @@ impl Laboratory {
                 Some((odd, shift)) if odd == i => Some(lit(&scene.picture(truth, &self.defects, shift))),
                 _ => None,
             };
-            let light = moved.as_ref().unwrap_or(&still_lit);
+            let mut light = moved.unwrap_or_else(|| still_lit.clone());
+            if let Some((odd, share)) = self.defects.lit_up
+                && odd == i
+            {
+                let own = (share * self.camera.full_well_e / seconds) as f32;
+                light.iter_mut().for_each(|light| *light += own);
+            }
             let mut take = |light: &[f32], name: &str, seconds: f64| {
                 *seeds += 1;
-                let values = self.camera.expose(light, width, seconds, *seeds);
+                let mut values = self.camera.expose(light, width, seconds, *seeds);
+                if self.defects.encoded {
+                    values.iter_mut().for_each(|value| *value = self.camera.encoded(*value));
+                }
                 write_png(&folder.join(format!("{name}-{i:02}.png")), &values, width)
             };
-            take(light, name, seconds)?;
+            take(&light, name, seconds)?;
             take(&dark, &format!("{name}_dark"), label)?;
         }
         Ok(())
+    }
+
+    /// An even surface through the same lens, two thirds full.
+    fn flat(&self, scene: &Scene, seeds: &mut u64, path: &Path) -> io::Result<()> {
+        let full = self.camera.full_well_e / 1.5;
+        let at = |i: usize| [i % scene.size[0], i / scene.size[0]];
+        let light = |i: usize| (full * self.defects.shading(at(i), scene.size)) as f32;
+        let light: Vec<f32> = (0..scene.size[0] * scene.size[1]).map(light).collect();
+        *seeds += 1;
+        write_png(path, &self.camera.expose(&light, scene.size[0], 1.0, *seeds), scene.size[0])
     }
 
     /// Places and electrons/s.
@@ -152,13 +192,19 @@ impl Laboratory {
             180..300 => albedo,
             _ => 0.04,
         };
-        let light: Vec<f32> = (0..SIZE[0] * SIZE[1]).map(|i| (full * albedo_at(i % SIZE[0])) as f32).collect();
+        let lit = |x: usize| {
+            let gradient = self.defects.card_gradient;
+            (1.0 + gradient * x as f64 / SIZE[0] as f64) / (1.0 + gradient)
+        };
+        let light: Vec<f32> =
+            (0..SIZE[0] * SIZE[1]).map(|i| (full * albedo_at(i % SIZE[0]) * lit(i % SIZE[0])) as f32).collect();
         *seeds += 1;
         let values = self.camera.expose(&light, SIZE[0], 1.0, *seeds);
         write_png(&folder.join("card.png"), &values, SIZE[0])?;
+        let (card, sample) = if self.defects.card_swapped { ("sample", "card") } else { ("card", "sample") };
         Ok(format!(
-            "picture = \"card.png\"\ncard = [30, 30, 100, 140]\nsample = [190, 30, 100, 140]\ncard-albedo = {}\n\
-             card-error = 0.0003\n",
+            "picture = \"card.png\"\n{card} = [30, 30, 100, 140]\n{sample} = [190, 30, 100, 140]\n\
+             card-albedo = {}\ncard-error = 0.0003\n",
             self.card_albedo
         ))
     }
@@ -175,9 +221,10 @@ impl Laboratory {
             let values = self.camera.expose(&vec![light as f32; SIZE[0] * SIZE[1]], SIZE[0], seconds, *seeds);
             write_png(&folder.join(format!("{name}.png")), &values, SIZE[0])?;
         }
+        let (with, without) = if self.defects.screen_swapped { ("without", "with") } else { ("with", "without") };
         Ok(format!(
-            "with = \"screen-with.png\"\nwith-exposure-s = {with_s:.6}\nwithout = \"screen-without.png\"\n\
-             without-exposure-s = {BARE_S:.6}\nregion = [40, 40, 120, 120]\n"
+            "{with} = \"screen-with.png\"\n{with}-exposure-s = {with_s:.6}\n{without} = \"screen-without.png\"\n\
+             {without}-exposure-s = {BARE_S:.6}\nregion = [40, 40, 120, 120]\n"
         ))
     }
 }

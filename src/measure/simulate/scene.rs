@@ -123,6 +123,26 @@ pub struct Defects {
     pub mislabelled: Option<(usize, f64)>,
     /// An exposure (by index) shifted by pixels.
     pub shifted: Option<(usize, [f64; 2])>,
+    /// The capture file lists the exposure times in reverse.
+    pub labels_reversed: bool,
+    /// Values are written through the curve of sRGB, over all 16 bits, and the file does not say so.
+    pub encoded: bool,
+    /// An exposure (by index) with light of its own in every pixel, as a share of the full well.
+    pub lit_up: Option<(usize, f64)>,
+    /// The corner farthest from the picture's middle is darker by this share, and all between by the square of their
+    /// distance.
+    pub vignetting: f64,
+    /// Share of the light that a lens throws into a ghost: a disc of a quarter of the picture's width, three tenths of
+    /// it to the right of the spot.
+    pub flare: f64,
+    /// Width of a hair across the spot, mm, that lets through a fifth of the light; it passes 0.15 mm below the centre.
+    pub hair_mm: f64,
+    /// Light on the grey card's picture grows by this share from its left edge to its right one.
+    pub card_gradient: f64,
+    /// The names of card and sample are exchanged.
+    pub card_swapped: bool,
+    /// The names of the screen with and without the sample are exchanged, with their times.
+    pub screen_swapped: bool,
 }
 
 impl Defects {
@@ -135,10 +155,20 @@ impl Defects {
             stray_gradient: 0.5,
             hot_pixels: 20,
             mislabelled: Some((7, 2.0)),
-            shifted: None,
+            ..Self::default()
         }
     }
+
+    /// What a lens leaves of the light of a pixel `[x, y]` of a picture of `size`.
+    pub(super) fn shading(&self, [x, y]: [usize; 2], size: [usize; 2]) -> f64 {
+        let [u, v] = [2.0 * x as f64 / size[0] as f64 - 1.0, 2.0 * y as f64 / size[1] as f64 - 1.0];
+        1.0 - self.vignetting * 0.5 * (u * u + v * v)
+    }
 }
+
+/// Direction of the hair, radians from the right towards down, how far it passes from the centre, and what it lets
+/// through.
+const HAIR: (f64, f64, f64) = (0.4, 0.15, 0.2);
 
 impl Scene {
     /// The paper's camera, 44 µm a pixel, over a square field that reaches to 1e-6 of the innermost light, but no
@@ -168,6 +198,13 @@ impl Scene {
         let tilt = Tilt::new(defects, self.distance_mm);
         let stray = defects.stray_share * truth.integral()
             / (self.size[0] as f64 * self.size[1] as f64 * self.mm_per_pixel * self.mm_per_pixel);
+        let ghost_mm = 0.125 * self.size[0] as f64 * self.mm_per_pixel;
+        let ghost = defects.flare * truth.integral() / (std::f64::consts::PI * ghost_mm * ghost_mm);
+        let through = |[x, y]: [f64; 2]| {
+            let (angle, passes, lets) = HAIR;
+            let off = y * angle.cos() - x * angle.sin() - passes;
+            if off.abs() < 0.5 * defects.hair_mm { lets } else { 1.0 }
+        };
         let row = |y: usize| {
             let pixel = move |x: usize| (x, y);
             (0..self.size[0]).map(pixel).map(|(x, y)| {
@@ -182,11 +219,13 @@ impl Scene {
                 for i in 0..points {
                     for j in 0..points {
                         let [u, v] = tilt.on_sample([from_centre[0] + offset(i), from_centre[1] + offset(j)]);
-                        sum += if near { near_value(u, v) } else { far.at(u.hypot(v)) };
+                        sum += if near { near_value(u, v) } else { far.at(u.hypot(v)) } * through([u, v]);
                     }
                 }
                 let across = 2.0 * x as f64 / self.size[0] as f64 - 1.0;
-                (sum / (points * points) as f64 + stray * (1.0 + defects.stray_gradient * across)) as f32
+                let light = sum / (points * points) as f64 + stray * (1.0 + defects.stray_gradient * across);
+                let in_ghost = (from_centre[0] - 2.4 * ghost_mm).hypot(from_centre[1]) < ghost_mm;
+                ((light + if in_ghost { ghost } else { 0.0 }) * defects.shading([x, y], self.size)) as f32
             })
         };
         let rows: Vec<Vec<f32>> = (0..self.size[1]).into_par_iter().map(|y| row(y).collect()).collect();

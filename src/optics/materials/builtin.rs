@@ -17,10 +17,11 @@ use crate::words::suggest;
 pub const BUILTIN_PHOTONS: u64 = 20_000_000;
 
 /// A set's TOML text.
-const SETS: [(&str, &str); 3] = [
+const SETS: [(&str, &str); 4] = [
     ("synthetic", include_str!("../data/synthetic.toml")),
     ("inks-rgb", include_str!("../data/inks-rgb.toml")),
     ("inks-rgb-7", include_str!("../data/inks-rgb-7.toml")),
+    ("vero-j850-provisional", include_str!("../data/vero-j850-provisional.toml")),
 ];
 
 macro_rules! profiles {
@@ -28,7 +29,7 @@ macro_rules! profiles {
 }
 
 /// The profiles the sets name, by file name; one named after another set is that set's, for a resin both have.
-const PROFILES: [(&str, &str); 24] = profiles![
+const PROFILES: [(&str, &str); 42] = profiles![
     "synthetic-white-y.csv",
     "synthetic-black-y.csv",
     "synthetic-support-y.csv",
@@ -53,6 +54,24 @@ const PROFILES: [(&str, &str); 24] = profiles![
     "inks-rgb-7-support-r.csv",
     "inks-rgb-7-support-g.csv",
     "inks-rgb-7-support-b.csv",
+    "vero-j850-provisional-white-r.csv",
+    "vero-j850-provisional-white-g.csv",
+    "vero-j850-provisional-white-b.csv",
+    "vero-j850-provisional-black-r.csv",
+    "vero-j850-provisional-black-g.csv",
+    "vero-j850-provisional-black-b.csv",
+    "vero-j850-provisional-clear-r.csv",
+    "vero-j850-provisional-clear-g.csv",
+    "vero-j850-provisional-clear-b.csv",
+    "vero-j850-provisional-cyan-r.csv",
+    "vero-j850-provisional-cyan-g.csv",
+    "vero-j850-provisional-cyan-b.csv",
+    "vero-j850-provisional-magenta-r.csv",
+    "vero-j850-provisional-magenta-g.csv",
+    "vero-j850-provisional-magenta-b.csv",
+    "vero-j850-provisional-yellow-r.csv",
+    "vero-j850-provisional-yellow-g.csv",
+    "vero-j850-provisional-yellow-b.csv",
 ];
 
 impl MaterialSet {

@@ -35,7 +35,9 @@ fn unknown_keys() {
             "albedo =",
             "profile =",
             "bad.toml:13:1: target.profile: found a key of kind = \"profile\", expected only keys of kind \
-                = \"texture\": albedo, albedo-value, mean-free-path, mean-free-path-mm, max-albedo, gamut-map",
+                = \"texture\": preset, albedo, albedo-value, albedo-colour, mean-free-path, mean-free-path-mm, \
+                subsurface-colour, subsurface-radius-mm, subsurface-scale, subsurface-anisotropy, projection, tile-mm, \
+                max-albedo, gamut-map",
         ),
         ("k = 100", "K = 100", "bad.toml:16:1: clusters.K: found an unknown key; did you mean `k`?"),
         ("units = 64", "unit = 64", "bad.toml:19:1: stacking.unit: found an unknown key; did you mean `units`?"),

@@ -1,9 +1,11 @@
 //! Photographs of resins whose profiles are known, measured: the round trip through files.
 
 mod asymmetry;
+mod faults;
 mod inputs;
 mod predictions;
 mod round_trips;
+mod sound;
 
 use std::path::Path;
 
