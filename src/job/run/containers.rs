@@ -107,7 +107,7 @@ fn failed(output: &OutputFolder, growing: &Growing, error: ContainerError) -> Ru
     }
 }
 
-/// Writes the small texts that go with formats: the mapping of colours, the list of bitmaps.
+/// Writes the small texts that go with the formats of a whole job: the mapping of colours, the list of bitmaps.
 pub(super) fn write_texts(
     output: &OutputFolder,
     content: &Content,

@@ -136,7 +136,10 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
         },
     )?;
     let content = containers.finish(&counts, watch)?;
-    write_texts(&output, &content, &prepared.bitmap_materials(), &prepared.job.output.formats, &counts)?;
+    // Their numbers are those of all slices, and a part has the same files as the whole.
+    if slices == (0..prepared.lattice.dims[2]) {
+        write_texts(&output, &content, &prepared.bitmap_materials(), &prepared.job.output.formats, &counts)?;
+    }
     let sliced = started.elapsed();
     let meshes = prepared.write_meshes(&output, watch)?;
     if prepared.job.wants(OutputFormat::Heights) {
