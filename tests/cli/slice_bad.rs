@@ -3,7 +3,7 @@
 use crate::support::{Bench, JOB, cube, stl};
 
 /// Replaced in the job; by what; parts of the one line.
-const CASES: [(&str, &str, &[&str]); 24] = [
+const CASES: [(&str, &str, &[&str]); 25] = [
     ("[[object]]", "[[objekt]]", &["job.toml:2", "objekt", "did you mean `object`?"]),
     ("mesh = ", "mesch = ", &["job.toml:3:1", "mesch", "did you mean `mesh`?"]),
     ("\"cube.stl\"", "\"none.stl\"", &["job.toml:3", "none.stl", "does not exist"]),
