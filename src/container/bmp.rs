@@ -1,8 +1,8 @@
-//! Slices as Objet and Connex printers take them: a bitmap of one bit per pixel for each material, and a text that names
-//! them.
+//! Slices as Objet and Connex printers take them: a bitmap of one bit per pixel for each material, and a text that
+//! names them.
 //!
-//! The bitmap method as it is publicly described: bitmaps of one size, their width divisible by 32, that do not overlap,
-//! for up to three materials, called `Mat1_0000.bmp` and so on, and a text file of three sections. Bitmaps have their
+//! The bitmap method as it is publicly described: bitmaps of one size, their width divisible by 32, that do not
+//! overlap, for up to three materials, called `Mat1_0000.bmp` and so on, and a text file of three sections. Bitmaps have their
 //! origin at the top left, so shown by any program they look like our PNG slices.
 
 use std::io::{self, Write};
@@ -97,7 +97,8 @@ pub fn encode_bmp(voxels: &dyn Voxels, k: u32, id: u8, mut out: impl Write) -> i
 pub fn text(content: &Content, materials: &[&ContentResin]) -> String {
     let slices = content.lattice.dims[2];
     let mut text = format!(
-        "[Build]\r\nFormat version = 1;\r\nLayer thickness = {};\r\nNumber of slices = {slices};\r\n\r\n[Resin Type]\r\n",
+        "[Build]\r\nFormat version = 1;\r\nLayer thickness = {};\r\nNumber of slices = {slices};\r\n\r\n\
+         [Resin Type]\r\n",
         content.lattice.pitch.z
     );
     if let Some(support) = content.resins.iter().find(|resin| resin.rgba[3] == 0) {

@@ -3,8 +3,8 @@
 //! Its parts are publicly known from files that others wrote and read: `ConfigFile.xml` (version 2) and slices of one
 //! prefix, numbered from `StartIndex`. Of `Mesh.stl`, `MeshBbx.ktn` and `Zbuffer.png` only their kinds are known: they
 //! are a surface, six little-endian numbers of its box and 16-bit heights, for the tray's picture and for placing. Ours
-//! are the coarse surface of the voxels, the box of the voxels in mm (least x, y, z, greatest x, y, z), and the number of
-//! slices up to the highest printed voxel of each column.
+//! are the coarse surface of the voxels, the box of the voxels in mm (least x, y, z, greatest x, y, z), and the number
+//! of slices up to the highest printed voxel of each column.
 
 use std::{
     fs::File,
@@ -66,8 +66,8 @@ impl Resolution {
     pub fn unknown(self) -> String {
         let Self { dpi: [x, y], slice_nm } = self;
         format!(
-            "gcvf: {x} × {y} dpi and slices of {} µm, where GrabCAD Voxel Print is known to take 600 × 300 dpi and 14 or \
-             27 µm",
+            "gcvf: {x} × {y} dpi and slices of {} µm, where GrabCAD Voxel Print is known to take 600 × 300 dpi and \
+             14 or 27 µm",
             f64::from(slice_nm) / 1e3
         )
     }
@@ -112,8 +112,8 @@ pub fn config(content: &Content, resolution: Resolution, counts: &Counts) -> Str
     for (resin, voxels) in content.occurring(counts) {
         let ([r, g, b, a], name) = (resin.rgba, escape(&resin.name));
         text += &format!(
-            "        <Material>\n            <Name>{name}</Name>\n            <RGBA>{r} {g} {b} {a}</RGBA>\n            \
-             <VoxelCount>{voxels}</VoxelCount>\n        </Material>\n"
+            "        <Material>\n            <Name>{name}</Name>\n            <RGBA>{r} {g} {b} {a}</RGBA>\n\
+             \x20           <VoxelCount>{voxels}</VoxelCount>\n        </Material>\n"
         );
     }
     text + "    </MaterialList>\n</GCVF>\n"

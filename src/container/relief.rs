@@ -177,8 +177,8 @@ impl Relief {
         let [nx, ny, nz] = self.cells.map(|n| n as i64);
         let inside = |cell: [i64; 3]| self.share(cell) >= HALF;
         let mut triangles = Vec::new();
-        // Every pair of neighbouring cells of which one is inside has a quad between them, its corners in the four cubes
-        // around the pair's edge. A cube bears the index of its least cell.
+        // Every pair of neighbouring cells of which one is inside has a quad between them, its corners in the four
+        // cubes around the pair's edge. A cube bears the index of its least cell.
         for z in -1..nz {
             for y in -1..ny {
                 for x in -1..nx {

@@ -32,7 +32,8 @@ pub fn preamble(content: &Content) -> String {
     format!(
         r#"<?xml version="1.0"?>
 <!-- {} by lumislice: ids of resins, lengths in mm -->
-<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64" compressor="vtkZLibDataCompressor">
+<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64"
+compressor="vtkZLibDataCompressor">
 <ImageData WholeExtent="{extent}" Origin="{ox} {oy} {oz}" Spacing="{px} {py} {pz}">
 <FieldData><Array type="String" Name="resins" NumberOfTuples="{}" format="ascii">{codes}</Array></FieldData>
 <Piece Extent="{extent}"><PointData></PointData>

@@ -116,8 +116,8 @@ impl OutputFolder {
         }
     }
 
-    /// Opens `root` for a run that reads `inputs`, creating it if need be. When an interrupted run is gone on with, also
-    /// tells the slices whose files may be whole: [`Self::keep`] says whether they are.
+    /// Opens `root` for a run that reads `inputs`, creating it if need be. When an interrupted run is gone on with,
+    /// also tells the slices whose files may be whole: [`Self::keep`] says whether they are.
     ///
     /// # Errors
     /// As [`Self::check`]; [`OutputError::AnotherJob`] when what was begun there is not `task`;

@@ -63,8 +63,8 @@ const CONNEX_BITMAPS: &str = "Connex data sheet; lattice by published uses of th
 
 /// J750: GrabCAD Voxel Print takes 600 × 300 dpi, layers of 14 µm (High Quality) or 27 µm (High Mix; in High Speed,
 /// also 27 µm, only 3 colours), 6 colours besides the background and 30 slices at least.
-/// J850 and J835: as the J750. Connex350 and 500: three materials. 600 × 600 dpi × 16 µm is its data sheet's word and not verified;
-/// 600 × 300 dpi × 30 µm is the digital-material bitmap method.
+/// J850 and J835: as the J750. Connex350 and 500: three materials. 600 × 600 dpi × 16 µm is their data sheet's word and
+/// not verified; 600 × 300 dpi × 30 µm is the digital-material bitmap method.
 const PRESETS: [Preset; 12] = [
     polyjet("j750-14um", 0.014, 6, TRAY_500_MM, J750),
     polyjet("j750-27um", 0.027, 6, TRAY_500_MM, J750),
@@ -138,8 +138,8 @@ impl Printer {
         let series = name.split('-').next().unwrap_or(name).to_ascii_lowercase();
         if UNPUBLISHED.contains(&series.as_str()) {
             return format!(
-                "the {} builds on a tray that turns, and the lattice of its voxels is not public: expected a pitch-mm in \
-                 place of a preset, from someone who knows it",
+                "the {} builds on a tray that turns, and the lattice of its voxels is not public: expected a pitch-mm \
+                 in place of a preset, from someone who knows it",
                 series.to_ascii_uppercase()
             );
         }

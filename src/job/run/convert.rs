@@ -75,8 +75,8 @@ const MAX_SLICE_BYTES: u64 = 1 << 30;
 /// Writes the finished job in `folder` in `format` too, and lists the new files in its manifest.
 ///
 /// # Errors
-/// [`ConvertError`]: a folder that is no whole finished job with slices, a format that cannot hold it, before anything is
-/// written.
+/// [`ConvertError`]: a folder that is no whole finished job with slices, a format that cannot hold it, before anything
+/// is written.
 pub fn convert(folder: &Path, format: OutputFormat, watch: &dyn Watch) -> Result<Converted, ConvertError> {
     let mut manifest = read_manifest(folder).map_err(RedrawError::from)?.map_err(RedrawError::Manifest)?;
     let output = OutputFolder::reopen(folder, &manifest.files)?;

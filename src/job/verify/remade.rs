@@ -142,7 +142,7 @@ impl Again<'_> {
         for file in &expected.files {
             findings.extend(self.entry(file));
         }
-        // `preview` adds pictures to a finished folder, `convert` the job in other formats, which `verify` reads itself.
+        // `preview` adds pictures to a finished folder, `convert` the job in other formats, which `exports` reads.
         let added = ["preview/", "exports/", "bmp/"];
         let drawn =
             |path: &str| added.iter().any(|folder| path.starts_with(folder)) || [REPORT, MAPPING].contains(&path);

@@ -124,7 +124,8 @@ fn names_and_stacks_and_what_is_not_built() {
             "[\"png\"]",
             "[\"png\", \"svx\"]",
             "bad.toml:25:19: output.formats[1]: found \"svx\", which is not built yet; expected one \
-                of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\", \"gcvf\", \"bmp\", \"vti\", \"nrrd\", \"vdb\"",
+                of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\", \"gcvf\", \"bmp\", \
+                \"vti\", \"nrrd\", \"vdb\"",
         ),
         (
             "= 30",
