@@ -33,5 +33,5 @@ pub use plan::{
     StackingReport, TransportEntry, VariantEntry, targets,
 };
 pub use rounds::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
-pub use run::{Estimate, Finished, OWNER, REPORT, RedrawError, RunOptions, redraw, run};
+pub use run::{Estimate, Finished, OWNER, ObjectPlace, REPORT, RedrawError, RunOptions, redraw, run};
 pub use run_error::RunError;

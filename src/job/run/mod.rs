@@ -17,7 +17,7 @@ use std::{
 use rayon::prelude::*;
 use serde_json::json;
 
-pub use estimate::Estimate;
+pub use estimate::{Estimate, ObjectPlace};
 pub use redraw::{RedrawError, redraw};
 pub use report::REPORT;
 use report::write_pictures;
@@ -147,6 +147,7 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     if let Some(builder) = pictures {
         watch.stage("pictures", 0);
         let mut pictures = builder.finish(volume.as_ref())?;
+        pictures.extend(prepared.tray_picture()?);
         pictures.extend(checked.map(|found| prepared.printable_picture(&found)).transpose()?.flatten());
         let volume = volume.filter(|_| prepared.materials.has_coefficients());
         if let Some(mut look) = volume.map(|volume| prepared.quick_look(volume, watch)).transpose()? {
