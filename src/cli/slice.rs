@@ -182,15 +182,24 @@ fn rounds(rounds: &[RoundRecord]) -> String {
 /// A line per resin that occurs.
 fn material_table(materials: &[MaterialRecord], about: &str) -> String {
     let width = materials.iter().map(|material| material.name.len()).max().unwrap_or(0);
-    let used = materials.iter().filter(|material| material.voxels > 0);
-    used.map(|material| {
-        let note = if material.rgba[3] == 0 { "  (background: the printer fills it)" } else { "" };
-        format!(
-            "  {:width$}  {about}{:>11.1} mm³  {about}{:>8.2} g{note}\n",
-            material.name, material.volume_mm3, material.mass_g
-        )
-    })
-    .collect()
+    let used = || materials.iter().filter(|material| material.voxels > 0);
+    let lines: String = used()
+        .map(|material| {
+            let note = if material.rgba[3] == 0 { "  (background: the printer fills it)" } else { "" };
+            let cost = material.cost.map(|cost| format!("  {about}{cost:>8.2}")).unwrap_or_default();
+            format!(
+                "  {:width$}  {about}{:>11.1} mm³  {about}{:>8.2} g{cost}{note}\n",
+                material.name, material.volume_mm3, material.mass_g
+            )
+        })
+        .collect();
+    let mass: f64 = used().map(|material| material.mass_g).sum();
+    let priced = used().filter_map(|material| material.cost);
+    let cost = match used().all(|material| material.cost.is_some()) {
+        true => format!(", {about}{:.2} by the prices of the material file", priced.sum::<f64>()),
+        false => String::new(),
+    };
+    if used().count() > 1 { format!("{lines}  together {about}{mass:.2} g{cost}\n") } else { lines }
 }
 
 fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool, made_up: Option<String>) -> Result<Answer> {
@@ -212,6 +221,10 @@ fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool, made_up
         voxels(estimate.voxels),
         estimate.memory_bytes >> 20,
     );
+    for object in estimate.objects.iter().filter(|_| estimate.objects.len() > 1) {
+        let ([x, y, z], [w, d, h]) = (object.position_mm, object.size_mm);
+        text += &format!("  {}: {w:.2} × {d:.2} × {h:.2} mm at ({x:.2}, {y:.2}, {z:.2}) mm\n", object.mesh);
+    }
     text += &material_table(&estimate.materials, "about ");
     for misfit in &estimate.misfits {
         text += &format!("does not fit: {misfit}\n");

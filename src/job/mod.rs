@@ -34,6 +34,7 @@ pub use plan::{
 };
 pub use rounds::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
 pub use run::{
-    ConvertError, Converted, Estimate, Finished, MAPPING, OWNER, REPORT, RedrawError, RunOptions, convert, redraw, run,
+    ConvertError, Converted, Estimate, Finished, MAPPING, OWNER, ObjectPlace, REPORT, RedrawError, RunOptions, convert,
+    redraw, run,
 };
 pub use run_error::RunError;

@@ -33,7 +33,7 @@ pub(crate) fn marked_sheet(
     legend: &[(Rgb, &str)],
     mark: &(dyn Fn(usize, DVec3, DVec3) -> Option<Rgb> + Sync),
 ) -> Result<PreviewFile, PreviewError> {
-    let panels: Vec<Vec<Rgb>> = VIEWS.par_iter().map(|&(view, _)| panel(triangles, view, mark)).collect();
+    let panels: Vec<Vec<Rgb>> = VIEWS.par_iter().map(|&(view, _)| panel(triangles, view, &[], mark)).collect();
     let top = MARGIN + Font::Title.height() + BLOCK_GAP;
     let foot = 10 + Font::Strong.height();
     let swatch = Font::Normal.height();
@@ -71,10 +71,42 @@ struct Hit {
     triangle: u32,
 }
 
-/// One view, orthographic, row 0 on top.
+/// Draws the tray from above, its objects in turns of two greys.
+///
+/// # Errors
+/// [`PreviewError::Encode`].
+pub(crate) fn tray_sheet(
+    path: String,
+    title: &str,
+    triangles: &[(usize, [DVec3; 3])],
+    tray: DVec3,
+) -> Result<PreviewFile, PreviewError> {
+    const GREYS: [Rgb; 2] = [[0x5b, 0x66, 0x74], [0x8f, 0x99, 0xa6]];
+    let corners = [DVec3::ZERO, DVec3::new(tray.x, tray.y, 0.0)];
+    let pixels = panel(triangles, [-90.0, 90.0], &corners, &|object, _, _| Some(GREYS[object % 2]));
+    let top = MARGIN + Font::Title.height() + BLOCK_GAP;
+    let mut canvas = Canvas::new(SIZE + 2 * MARGIN, top + SIZE + MARGIN, PAGE);
+    Font::Title.draw(&mut canvas, [MARGIN, MARGIN], title, INK);
+    for (row, pixels) in pixels.chunks(SIZE).enumerate() {
+        let start = MARGIN + canvas.width * (top + row);
+        canvas.pixels[start..start + SIZE].copy_from_slice(pixels);
+    }
+    // The tray fills 0.94 of the panel along its longer side.
+    let scale = 0.94 * SIZE as f64 / tray.x.max(tray.y);
+    let [width, height] = [tray.x, tray.y].map(|side| (side * scale) as usize);
+    let at = [MARGIN + (SIZE - width) / 2, top + (SIZE - height) / 2];
+    canvas.frame(Rect { x: at[0], y: at[1], width, height }, INK);
+    match canvas.png() {
+        Ok(png) => Ok(PreviewFile { path, png }),
+        Err(error) => Err(PreviewError::Encode { path, reason: error.to_string() }),
+    }
+}
+
+/// One view, orthographic, row 0 on top, that shows all triangles and `others`.
 fn panel(
     triangles: &[(usize, [DVec3; 3])],
     [azimuth, elevation]: [f64; 2],
+    others: &[DVec3],
     mark: &(dyn Fn(usize, DVec3, DVec3) -> Option<Rgb> + Sync),
 ) -> Vec<Rgb> {
     let (sin_a, cos_a) = (libm::sin(azimuth.to_radians()), libm::cos(azimuth.to_radians()));
@@ -85,7 +117,7 @@ fn panel(
     let corners = || triangles.iter().flat_map(|(_, corners)| corners);
     let flat = |p: &DVec3| [p.dot(right), p.dot(up)];
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for at in corners().map(flat) {
+    for at in corners().chain(others).map(flat) {
         for axis in 0..2 {
             low[axis] = low[axis].min(at[axis]);
             high[axis] = high[axis].max(at[axis]);
@@ -152,13 +184,13 @@ mod tests {
         let square = [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [-2.0, 1.0, 0.0], [-2.0, -1.0, 0.0]].map(DVec3::from);
         let triangles = [(0, [square[0], square[1], square[2]]), (0, [square[0], square[2], square[3]])];
         let red = [255, 0, 0];
-        let pixels = panel(&triangles, view, &|_, p, _| (p.x < -1.0).then_some(red));
+        let pixels = panel(&triangles, view, &[], &|_, p, _| (p.x < -1.0).then_some(red));
         let is_red = |pixel: &&Rgb| pixel[0] > 60 && pixel[1] == 0;
         let (marked, all) =
             (pixels.iter().filter(is_red).count(), pixels.iter().filter(|pixel| **pixel != PANEL).count());
         assert!(all > SIZE * SIZE / 8 && marked.abs_diff(all / 2) < all / 50, "{marked} of {all}");
         // From below it is not seen at all.
         let [.., (below, _)] = VIEWS;
-        assert!(panel(&triangles, below, &|_, _, _| None).iter().all(|pixel| *pixel == PANEL));
+        assert!(panel(&triangles, below, &[], &|_, _, _| None).iter().all(|pixel| *pixel == PANEL));
     }
 }

@@ -10,6 +10,7 @@
 //! | `preview/cutaway.png` | the object with a quarter taken out, shaded |
 //! | `preview/slice_K.png` | a few slices, large |
 //! | `preview/checks.png` | the objects from three sides, marked where they will not print well |
+//! | `preview/tray.png` | the tray from above, where objects are arranged on it |
 //! | `preview/film.png` | many slices, small, for the page to leaf through |
 //!
 //! Memory is bounded whatever the job: a [`volume`] of at most 12 M cells (24 MB), and at most 18 [`section`]s of at
@@ -47,7 +48,7 @@ pub use film::{FILM_STRIP, FilmStrip};
 pub use folder::from_folder;
 pub(crate) use folder::{SliceColours, decode_slice, read_slice};
 pub(crate) use look::{LookPanel, look_sheet};
-pub(crate) use marked::marked_sheet;
+pub(crate) use marked::{marked_sheet, tray_sheet};
 pub use report::{ReportData, ReportFilm, ReportHealth, ReportMaterial, ReportPicture, ReportStacking, report_html};
 
 use crate::{

@@ -20,6 +20,7 @@ mod matching;
 mod material;
 mod measure;
 mod predict;
+mod printable;
 mod slice_bad;
 mod slice_bssrdf;
 mod slice_bytes;

@@ -75,6 +75,8 @@ pub struct Job {
     pub output: OutputOptions,
     /// What becomes of objects that share space.
     pub overlap: Overlap,
+    /// Gap between objects that are set side by side on the tray, mm, 0 to 100; `None`: they stand where the job says.
+    pub arrange_gap_mm: Option<f64>,
     /// Where each key stands, for errors found later.
     places: Places,
 }
@@ -89,8 +91,20 @@ fn quoted(name: &str) -> String {
 }
 
 /// The tables of a job.
-const ROOT_KEYS: &[&str] =
-    &["object", "printer", "materials", "target", "clusters", "stacking", "appearance", "field", "output", "overlap"];
+const ROOT_KEYS: &[&str] = &[
+    "object",
+    "printer",
+    "materials",
+    "target",
+    "clusters",
+    "stacking",
+    "appearance",
+    "field",
+    "output",
+    "overlap",
+    "arrange",
+    "gap-mm",
+];
 
 impl Job {
     /// Reads and checks the job at `path`. Its paths are relative to its folder.
@@ -145,7 +159,8 @@ impl Job {
         let empty = toml::Spanned::new(0..0, DeTable::new());
         let table = |key: &str| root.get(key).map_or_else(|| Ok(read::Table::root(&source, &empty)), |t| t.table());
         let common = root.get("target").map(|target| target::read_with_map(&target.table()?)).transpose()?;
-        let objects = object::read_all(&root, common.as_ref())?;
+        let arrange_gap_mm = options::read_arrange(&root)?;
+        let objects = object::read_all(&root, common.as_ref(), arrange_gap_mm.is_some())?;
         let printer = options::read_printer(&root)?;
         let materials = options::read_materials(&root)?;
         let clusters = options::read_clusters(&table("clusters")?)?;
@@ -168,6 +183,7 @@ impl Job {
             field,
             output,
             overlap,
+            arrange_gap_mm,
             places,
         };
         job.check_mixtures()?;

@@ -423,6 +423,19 @@ pub(super) fn read_overlap(root: &Table<'_>) -> Result<Overlap> {
     root.get("overlap").map_or(Ok(Overlap::default()), |value| value.choice(&choices))
 }
 
+/// Gap between objects that are arranged, unless the job says otherwise, mm.
+const DEFAULT_GAP_MM: f64 = 2.0;
+
+/// The gap between objects where the job has them arranged.
+pub(super) fn read_arrange(root: &Table<'_>) -> Result<Option<f64>> {
+    let arrange = root.get("arrange").map_or(Ok(false), |value| value.truth())?;
+    match root.get("gap-mm") {
+        Some(value) if !arrange => Err(value.refuse_as("a gap that nothing uses", "arrange = true beside it")),
+        Some(value) => value.number(range::GAP).map(Some),
+        None => Ok(arrange.then_some(DEFAULT_GAP_MM)),
+    }
+}
+
 pub(super) const OUTPUT_KEYS: &[&str] = &["formats", "mesh-pitch-mm", "background-as"];
 
 pub(super) fn read_output(table: &Table<'_>) -> Result<OutputOptions> {

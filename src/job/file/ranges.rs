@@ -15,6 +15,10 @@ pub(super) const HEIGHT: Range = Range::new("a height in mm", 0.01, MAX_EXTENT_M
 pub(super) const SCALE: Range = Range::new("a factor", 1e-6, 1e6);
 pub(super) const ANGLE: Range = Range::new("an angle in degrees", -360.0, 360.0);
 pub(super) const POSITION: Range = Range::new("a position in mm", -MAX_EXTENT_MM, MAX_EXTENT_MM);
+/// As many as a tray of half a metre holds of what is a centimetre large.
+pub(super) const COUNT: IntRange = IntRange { noun: "a number of copies", min: 1, max: 1000 };
+/// Room to get a spatula between.
+pub(super) const GAP: Range = Range::new("a distance in mm", 0.0, 100.0);
 /// A voxel of 1 µm is finer than any printer; one of 10 mm is coarser than any preview.
 pub(super) const PITCH: Range = Range::new("a voxel size in mm", 0.001, 10.0);
 pub(super) const TRAY: Range = Range::new("a tray size in mm", 1.0, MAX_EXTENT_MM);

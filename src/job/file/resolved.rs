@@ -15,6 +15,10 @@ use super::{Job, Scaling};
 pub struct ResolvedJob {
     #[serde(skip_serializing_if = "Option::is_none")]
     overlap: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    arrange: Option<bool>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gap_mm: Option<f64>,
     object: Vec<Object>,
     printer: Printer,
     materials: Materials,
@@ -36,7 +40,8 @@ struct Object {
     #[serde(skip_serializing_if = "Option::is_none")]
     height_mm: Option<f64>,
     rotate_deg: [f64; 3],
-    position_mm: [f64; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    position_mm: Option<[f64; 3]>,
     depth_from: &'static str,
     target: MappedTarget,
 }
@@ -214,7 +219,9 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
     };
     ResolvedJob {
         overlap: (job.overlap == Overlap::Union).then_some("union"),
-        object: job.objects.iter().map(object).collect(),
+        arrange: job.arrange_gap_mm.map(|_| true),
+        gap_mm: job.arrange_gap_mm,
+        object: job.objects.iter().map(|it| object(it, job.arrange_gap_mm.is_some())).collect(),
         printer: Printer {
             name: job.printer.name.clone(),
             pitch_mm: job.printer.pitch_mm.to_array(),
@@ -259,7 +266,7 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
     }
 }
 
-fn object(object: &super::ObjectJob) -> Object {
+fn object(object: &super::ObjectJob, arranged: bool) -> Object {
     let (scale, height_mm) = match object.scaling {
         Scaling::Scale(factor) => (Some(factor), None),
         Scaling::HeightMm(height) => (None, Some(height)),
@@ -270,7 +277,7 @@ fn object(object: &super::ObjectJob) -> Object {
         scale,
         height_mm,
         rotate_deg: object.rotate_deg,
-        position_mm: object.position_mm,
+        position_mm: (!arranged).then_some(object.position_mm),
         depth_from: match object.depth_from {
             super::DepthFrom::Surface => "surface",
             super::DepthFrom::Top => "top",

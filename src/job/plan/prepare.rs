@@ -9,7 +9,9 @@ use glam::{DMat4, DVec3};
 use serde::Serialize;
 
 use super::{
-    AskedMap, CHANNELS, ObjectPlan, StackingReport, checks,
+    AskedMap, CHANNELS, ObjectPlan, StackingReport,
+    arrange::arrange,
+    checks,
     context::TargetContext,
     factored::FactoredMap,
     images::picture_size,
@@ -332,6 +334,9 @@ pub(super) fn load_solids(
         watch.advance(1);
         watch.go_on()?;
     }
+    if let Some(gap_mm) = job.arrange_gap_mm {
+        arrange(job, gap_mm, &mut loaded);
+    }
     let mut solids: Vec<&mut Solid> = loaded.iter_mut().map(|(solid, ..)| solid).collect();
     let shared = mesh::unite(&mut solids);
     let name = |index: usize| format!("object {} ({})", index + 1, job.objects[index].mesh.shown());
@@ -419,7 +424,7 @@ pub(super) fn complete_uvs(solid: &mut Solid, target: &TargetSpec) -> Result<boo
     Ok(had)
 }
 
-fn bounds(solid: &Solid) -> [DVec3; 2] {
+pub(super) fn bounds(solid: &Solid) -> [DVec3; 2] {
     let positions = || solid.mesh.triangles.iter().flatten().map(|&v| solid.mesh.positions[v as usize]);
     [positions().fold(DVec3::MAX, DVec3::min), positions().fold(DVec3::MIN, DVec3::max)]
 }

@@ -4,10 +4,21 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::{
-    job::{Prepared, RunError, manifest::MaterialRecord, printable::Printable},
+    job::{Prepared, PreparedObject, RunError, manifest::MaterialRecord, printable::Printable},
     voxel::{BlockShape, Lattice, Slab},
     watch::Watch,
 };
+
+/// Where an object stands.
+#[derive(Debug, Clone, Serialize)]
+pub struct ObjectPlace {
+    /// Its mesh as the job writes it.
+    pub mesh: String,
+    /// The least corner of its bounding box, mm.
+    pub position_mm: [f64; 3],
+    /// The size of that box, mm.
+    pub size_mm: [f64; 3],
+}
 
 /// What a job would take.
 #[derive(Debug, Clone, Serialize)]
@@ -20,6 +31,8 @@ pub struct Estimate {
     pub voxels: u64,
     /// Memory the job needs, bytes, roughly.
     pub memory_bytes: u64,
+    /// Where its objects stand.
+    pub objects: Vec<ObjectPlace>,
     /// Resins with their estimated volume (voxels of the job's own size) and mass.
     pub materials: Vec<MaterialRecord>,
     /// What does not fit the printer.
@@ -37,6 +50,13 @@ const SAMPLES: f64 = 4e6;
 const BASE_MEMORY: u64 = 24 << 20;
 /// Bytes per triangle in the mesh, the hierarchy and the sorted rows.
 const TRIANGLE_BYTES: u64 = 480;
+
+impl ObjectPlace {
+    fn of(object: &PreparedObject) -> Self {
+        let [low, high] = object.bounds;
+        Self { mesh: object.mesh.clone(), position_mm: low.to_array(), size_mm: (high - low).to_array() }
+    }
+}
 
 impl Prepared {
     /// Estimates volumes by slicing a coarse lattice, and memory from the size of a slab.
@@ -72,6 +92,7 @@ impl Prepared {
             dims: lattice.dims,
             voxels: lattice.voxels(),
             memory_bytes: self.memory_bytes(),
+            objects: self.objects.iter().map(ObjectPlace::of).collect(),
             materials: self.material_records(&counts, lattice.voxel_volume()),
             misfits: self.misfits(),
             warnings: warnings.collect(),

@@ -23,7 +23,7 @@ pub use containers::MAPPING;
 pub(crate) use containers::export_path;
 use containers::{Containers, write_texts};
 pub use convert::{ConvertError, Converted, convert};
-pub use estimate::Estimate;
+pub use estimate::{Estimate, ObjectPlace};
 pub use redraw::{RedrawError, redraw};
 pub use report::REPORT;
 use report::write_pictures;
@@ -162,6 +162,7 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     if let Some(builder) = pictures {
         watch.stage("pictures", 0);
         let mut pictures = builder.finish(volume.as_ref())?;
+        pictures.extend(prepared.tray_picture()?);
         pictures.extend(checked.map(|found| prepared.printable_picture(&found)).transpose()?.flatten());
         let volume = volume.filter(|_| prepared.materials.has_coefficients());
         if let Some(mut look) = volume.map(|volume| prepared.quick_look(volume, watch)).transpose()? {
