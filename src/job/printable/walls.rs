@@ -21,6 +21,9 @@ const MOST_POINTS: usize = 20_000;
 /// an edge of 90° it is 0.71.
 const OPPOSITE: f64 = 0.8;
 
+/// Of the limit: a ball that small lies on an edge.
+const ON_EDGE: f64 = 1e-3;
+
 /// Walls and wires of an object.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Walls {
@@ -89,7 +92,8 @@ impl Prepared {
         };
         let look = |point: &crate::appearance::PointOfSurface| -> Found {
             let ball = ball_inside(surface, point.point, point.normal, most);
-            let opposite = ball.cosine > OPPOSITE && ball.radius < most;
+            // A point on an edge touches the face beyond it, at no distance and in no direction.
+            let opposite = ball.cosine > OPPOSITE && (ON_EDGE * limit_mm..most).contains(&ball.radius);
             let wall_mm = opposite.then_some(2.0 * ball.radius);
             let shares = field.shares(point.triangle, point.point);
             let most_of =
