@@ -76,3 +76,39 @@ fn support_that_lies_bare_or_alone_is_said() {
         assert!(ran.stderr.contains(word), "{word}: {}", ran.stderr);
     }
 }
+
+#[test]
+fn copies_are_arranged_on_the_tray_and_cost_what_they_weigh() {
+    let bench = Bench::new();
+    bench.run(["material", "simulate", "synthetic", "--photons", "40000", "-o", "m"]).exits(0);
+    let resins = std::fs::read_to_string(bench.path("m/synthetic.toml")).unwrap();
+    bench.write("m/synthetic.toml", resins.replace("\nrgba", "\nprice-per-kg = 200\nrgba").as_bytes());
+    bench.job_with("set = \"synthetic\"", "file = \"m/synthetic.toml\"");
+    let job = std::fs::read_to_string(bench.path("job.toml")).unwrap();
+    let job = job.replace("mesh = \"cube.stl\"", "mesh = \"cube.stl\"\ncount = 3");
+    bench.write("job.toml", job.as_bytes());
+    bench
+        .run(["slice", "job.toml", "--dry-run"])
+        .refuses(2, &["object[0].count: found 3 at one place", "arrange = true"]);
+    let job = format!("arrange = true\ngap-mm = 1.5\n{job}").replace("[\"png\", \"masks\"]", "[\"png\", \"preview\"]");
+    let job = job.replace("pitch-mm = [0.2, 0.2, 0.2]", "pitch-mm = [0.2, 0.2, 0.2]\ntray-mm = [10, 10, 10]");
+    bench.write("job.toml", job.as_bytes());
+    let json = bench.run(["slice", "job.toml", "--dry-run", "--json"]).exits(0).json();
+    // Two fit beside each other on 10 mm; 4 + 1.5 mm is 5.6 mm in voxels of 0.2 mm.
+    let places: Vec<_> = json["objects"].as_array().unwrap().iter().map(|o| o["position_mm"].clone()).collect();
+    for (place, expected) in places.iter().zip([[0.0, 0.0], [5.6, 0.0], [0.0, 5.6]]) {
+        let found = [0, 1].map(|axis| place[axis].as_f64().unwrap());
+        assert!(found.iter().zip(expected).all(|(found, mm)| (found - mm).abs() < 1e-9), "{place} {expected:?}");
+    }
+    let white = &json["materials"][0];
+    assert!((white["cost"].as_f64().unwrap() - 0.2 * white["mass_g"].as_f64().unwrap()).abs() < 1e-9);
+    let ran = bench.run(["slice", "job.toml", "-o", "out"]).exits(0);
+    assert!(ran.stdout.contains("by the prices of the material file"), "{}", ran.stdout);
+    assert!(bench.path("out/preview/tray.png").is_file());
+    let voxels: u64 =
+        bench.manifest("out")["materials"].as_array().unwrap().iter().map(|m| m["voxels"].as_u64().unwrap()).sum();
+    assert_eq!(voxels, 3 * 8000);
+    let moved = job.replace("count = 3", "count = 3\nposition-mm = [1, 1, 0]");
+    bench.write("job.toml", moved.as_bytes());
+    bench.run(["slice", "job.toml", "--dry-run"]).refuses(2, &["object[0].position-mm", "the job finds one"]);
+}

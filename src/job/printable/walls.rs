@@ -5,10 +5,10 @@ use serde::Serialize;
 
 use super::position;
 use crate::{
-    appearance::SurfacePoints,
+    appearance::{PointOfSurface, SurfacePoints},
     job::{Prepared, RunError},
     optics::{Layer, mixture_parts},
-    sdf::ball_inside,
+    sdf::{Surface, ball_inside},
     watch::Watch,
 };
 
@@ -21,8 +21,14 @@ const MOST_POINTS: usize = 20_000;
 /// an edge of 90° it is 0.71.
 const OPPOSITE: f64 = 0.8;
 
-/// Of the limit: a ball that small lies on an edge.
-const ON_EDGE: f64 = 1e-3;
+/// Of the limit: nearer is there.
+const THERE: f64 = 1e-3;
+/// Cosine between a normal and that of what lies opposite, below which it is the other side of a wall.
+const FACING: f64 = -0.5;
+/// How far points are drawn from a triangle's edges to its middle, where edges would limit what is seen.
+const INWARD: f64 = 0.3;
+/// Steps of a way through a wall.
+const STEPS: usize = 64;
 
 /// Walls and wires of an object.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -72,6 +78,29 @@ struct Found {
     hollow: bool,
 }
 
+/// Length of the way from a point straight through the solid, where it is less than `limit` mm and what it meets faces the
+/// point: how thick a wall or a wire is there. The way is walked by distances, which never overleap a surface.
+fn through(surface: &Surface, point: &PointOfSurface, limit: f64) -> Option<f64> {
+    let [a, b, c] = surface.triangles()[point.triangle as usize];
+    let inward = (a + b + c) / 3.0 - point.point;
+    let from = point.point + inward * INWARD.min(limit / inward.length().max(limit));
+    let mut way = THERE * limit;
+    for _ in 0..STEPS {
+        let nearest = surface.closest(from - point.normal * way);
+        if nearest.distance < 0.5 * THERE * limit {
+            let [a, b, c] = surface.triangles()[nearest.triangle as usize];
+            if (b - a).cross(c - a).normalize_or_zero().dot(point.normal) < FACING {
+                return Some(way);
+            }
+        }
+        way += nearest.distance.max(0.5 * THERE * limit);
+        if way >= limit {
+            return None;
+        }
+    }
+    None
+}
+
 impl Prepared {
     /// Walls and wires of an object.
     pub(super) fn walls(&self, object: usize, watch: &dyn Watch) -> Result<Walls, RunError> {
@@ -90,11 +119,11 @@ impl Prepared {
             self.job.output.map_background.is_none()
                 && found.is_some_and(|(resin, _)| self.materials[resin].print_as_background)
         };
-        let look = |point: &crate::appearance::PointOfSurface| -> Found {
+        let look = |point: &PointOfSurface| -> Found {
             let ball = ball_inside(surface, point.point, point.normal, most);
             // A point on an edge touches the face beyond it, at no distance and in no direction.
-            let opposite = ball.cosine > OPPOSITE && (ON_EDGE * limit_mm..most).contains(&ball.radius);
-            let wall_mm = opposite.then_some(2.0 * ball.radius);
+            let opposite = ball.cosine > OPPOSITE && (THERE * limit_mm..most).contains(&ball.radius);
+            let wall_mm = through(surface, point, limit_mm);
             let shares = field.shares(point.triangle, point.point);
             let most_of =
                 shares.iter().fold(&shares[0], |best, next| if next.share > best.share { next } else { best });
@@ -109,7 +138,7 @@ impl Prepared {
             let void_at = |depth: f64| at(depth).is_some_and(|layer| is_void(&layer.resin));
             Found {
                 wall_mm,
-                thin: wall_mm.is_some_and(|mm| mm < limit_mm),
+                thin: wall_mm.is_some(),
                 shallow: asks_depth && opposite && ball.radius < thickness(layers),
                 bare: void_at(0.0),
                 hollow: asks_depth && opposite && void_at(ball.radius),
