@@ -12,6 +12,7 @@
 
 mod compare;
 mod containers;
+mod docs;
 mod factor;
 mod gamut;
 mod interrupt;
