@@ -21,7 +21,7 @@ fn pages() -> Vec<PathBuf> {
     pages
 }
 
-/// The words of a line of shell: quotes are taken off, and a comment is left out.
+/// The words of a line of shell: quotes are taken off; a comment, and where output goes, are left out.
 fn words(line: &str) -> Vec<String> {
     let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
     for sign in line.chars() {
@@ -31,7 +31,7 @@ fn words(line: &str) -> Vec<String> {
                 quote = Some(sign);
                 word.get_or_insert_default();
             }
-            (None, '#') if word.is_none() => break,
+            (None, '#' | '>' | '|') if word.is_none() => break,
             (None, ' ') => words.extend(word.take()),
             _ => word.get_or_insert_default().push(sign),
         }
