@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use super::context::TargetContext;
 use crate::{
     job::RunError,
+    numeric::rounding::rounded,
     optics::{
         Base as Bottom, Grains, LayeredReflection, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients,
     },
@@ -305,6 +306,8 @@ impl Answers {
                 None => {}
             }
         }
+        numbers.iter_mut().chain(&mut albedo).for_each(|value| *value = rounded(*value));
+        off = missing(&albedo);
         let layers = numbers.iter().zip(base.mixtures(&numbers)).map(|(mm, mixture)| (mixture, *mm));
         let stacking = Stack::new(layers).over(Mixture::from(self.core));
         (numbers, Answer { stacking, albedo, short: off })

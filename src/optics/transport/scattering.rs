@@ -142,7 +142,7 @@ impl Scattering {
 
 /// ρ: by how much azimuthal orders of light that goes straight fall from one to the next.
 pub(super) fn ratio(extinction: f64, kappa: f64) -> f64 {
-    if kappa > 0.0 { kappa / (extinction + extinction.hypot(kappa)) } else { 0.0 }
+    if kappa > 0.0 { kappa / (extinction + libm::hypot(extinction, kappa)) } else { 0.0 }
 }
 
 /// √((l − m)!/(l + m)!) P_l^m(μ) for l = m … terms − 1.
