@@ -18,6 +18,8 @@ const TRANSMISSION: &str = "transmission";
 const SERIES: [&str; 2] = [REFLECTION, TRANSMISSION];
 /// Coefficients that leave more are noted: captures that were sound left 1e-5 to 1e-4.
 const NOTED_RESIDUAL: f64 = 5e-4;
+/// Light beyond the field is named from this share on: it is extrapolated, and scaled with the rest to the albedo.
+const NAMED_BEYOND: f64 = 0.005;
 /// An albedo contradicts the profiles' shapes if it is off by this share, and by so many standard deviations.
 const CONTRADICTED_SHARE: f64 = 0.03;
 const CONTRADICTED_SIGMAS: f64 = 4.0;
@@ -125,6 +127,10 @@ impl ChannelMeasurement {
         }
         for (name, tail) in [(REFLECTION, spectrum.reflection_tail), (TRANSMISSION, spectrum.transmission_tail)] {
             if let Tail::Exponential { from_mm, share, .. } = tail {
+                if share > NAMED_BEYOND {
+                    self.findings.push(Finding::FieldEnds { series: name, reach_mm: from_mm, share });
+                    continue;
+                }
                 let share = percent(share);
                 let text = format!("{name}: {share} of the light is beyond {from_mm:.1} mm, out of the picture");
                 self.findings.push(Finding::Remark(text));

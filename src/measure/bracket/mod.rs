@@ -102,7 +102,9 @@ pub(super) fn check(
             .collect()
     };
     let mut offsets = consistency::solve(count, &links);
-    let own = OwnLight::of(&survey, &sensor, &links, &seconds(&offsets));
+    let mut own = OwnLight::of(&survey, &sensor, &links, &seconds(&offsets));
+    // Of two pictures that are shifted no line tells anything.
+    own.lit.retain(|(lit, _)| !offsets[*lit].misaligned());
     for (lit, level) in &own.lit {
         let file = survey.windows[*lit].exposure.file.clone();
         findings.push(Finding::LitUp { file, level_dn: *level });
