@@ -5,6 +5,8 @@
 
 use std::error::Error;
 
+use crate::watch::Stopped;
+
 /// Who is to blame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Blame {
@@ -38,4 +40,20 @@ pub trait Blamed: Error {
     fn remedy(&self) -> Option<Remedy> {
         None
     }
+}
+
+/// An error and its causes on one line. Some of our messages quote their cause, others leave it to the chain: none is
+/// said twice. What was stopped says so itself.
+pub fn one_line(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        let words = cause.to_string();
+        if !cause.is::<Stopped>() && !text.contains(&words) {
+            text += ": ";
+            text += &words;
+        }
+        next = cause.source();
+    }
+    text
 }

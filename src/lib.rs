@@ -117,6 +117,7 @@ pub use glam;
 pub mod appearance;
 pub mod blame;
 pub mod colour;
+pub mod container;
 mod disjoint_sets;
 pub mod job;
 pub mod look;

@@ -16,7 +16,8 @@ pub struct AppearancePage {
     pub height: u32,
     /// Diffuse albedo per texel and channel, linear, 0 to 1: `channels` values per texel.
     pub albedo: Vec<f32>,
-    /// Mean free path per texel in units of the target's, 0 to 1.
+    /// Mean free path per texel in units of the target's, 0 to 1: one value for all channels, or one for each; as many in
+    /// all pages.
     pub mean_free_path: Vec<f32>,
 }
 
@@ -25,8 +26,8 @@ pub struct AppearancePage {
 pub struct Appearance {
     /// Albedo per channel, 0 to 1.
     pub albedo: Vec<f64>,
-    /// Mean free path in units of the target's, 0 to 1.
-    pub mean_free_path: f64,
+    /// Mean free path in units of the target's, 0 to 1: one value for all channels, or one for each.
+    pub mean_free_path: Vec<f64>,
     /// Surface that has it, mm².
     pub area_mm2: f64,
 }
@@ -83,15 +84,20 @@ fn with_bits(
     let decode = |code: u16| (f64::from(code) / steps).powi(2);
     let mut codes: BTreeMap<Vec<u16>, (u32, f64)> = BTreeMap::new();
     let mut index = Vec::with_capacity(pages.len());
-    let mut code = vec![0_u16; channels + 1];
+    let texels = |page: &AppearancePage| page.width as usize * page.height as usize;
+    let paths = pages.iter().map(|page| page.mean_free_path.len() / texels(page).max(1)).max().unwrap_or(1);
+    let mut code = vec![0_u16; channels + paths];
     for ((map, page), areas) in atlas.pages().iter().zip(pages).zip(areas) {
-        let mut of_texel = vec![0_u32; page.mean_free_path.len()];
+        let mut of_texel = vec![0_u32; texels(page)];
         for texel in map.covered() {
             let albedo = &page.albedo[texel * channels..(texel + 1) * channels];
             for (code, &albedo) in code.iter_mut().zip(albedo) {
                 *code = encode(f64::from(albedo) * albedo_scale);
             }
-            code[channels] = encode(f64::from(page.mean_free_path[texel]));
+            let path = &page.mean_free_path[texel * paths..(texel + 1) * paths];
+            for (code, &path) in code[channels..].iter_mut().zip(path) {
+                *code = encode(f64::from(path));
+            }
             let next = codes.len() as u32;
             let entry = match codes.get_mut(&code) {
                 Some(entry) => entry,
@@ -108,7 +114,8 @@ fn with_bits(
     let mut distinct = Vec::with_capacity(codes.len());
     for (number, (code, (first_seen, area_mm2))) in (0..).zip(codes) {
         rank[first_seen as usize] = number;
-        let (mean_free_path, albedo) = (decode(code[channels]), code[..channels].iter().map(|&c| decode(c)).collect());
+        let [albedo, mean_free_path] =
+            [&code[..channels], &code[channels..]].map(|codes| codes.iter().map(|&code| decode(code)).collect());
         distinct.push(Appearance { albedo, mean_free_path, area_mm2 });
     }
     for (map, page) in atlas.pages().iter().zip(&mut index) {

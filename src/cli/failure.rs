@@ -1,11 +1,8 @@
 //! What a command fails with: words for stderr, and an exit code from who is to blame.
 
-use std::{error::Error, fmt::Display, io};
+use std::{fmt::Display, io};
 
-use lumislice::{
-    blame::{Blame, Blamed, Remedy},
-    watch::Stopped,
-};
+use lumislice::blame::{Blame, Blamed, Remedy, one_line};
 
 /// Exit code after Ctrl-C, as shells have it.
 pub const INTERRUPTED: u8 = 130;
@@ -69,29 +66,13 @@ impl<E: Blamed> From<E> for Failure {
     }
 }
 
-/// An error and its causes on one line. Some of our messages quote their cause, others leave it to the chain: none is
-/// said twice. What was stopped says so itself.
-fn one_line(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut next = error.source();
-    while let Some(cause) = next {
-        let words = cause.to_string();
-        if !cause.is::<Stopped>() && !text.contains(&words) {
-            text += ": ";
-            text += &words;
-        }
-        next = cause.source();
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::PathBuf;
 
     use lumislice::{
         appearance::bssrdf::BssrdfError, job::RunError, job::compare::CompareError, job::factor::FactorError,
-        job::verify::VerifyError, measure::MeasureError, optics::OpticsError, output::OutputError,
+        job::verify::VerifyError, measure::MeasureError, optics::OpticsError, output::OutputError, watch::Stopped,
     };
 
     use super::*;

@@ -7,7 +7,9 @@ use lumislice::{
     glam::DVec3,
     job::{
         Job, RunError,
-        look::{self, Fit, Look, LookError, LookOptions, PictureOptions, look_at, scene_for, write_mitsuba},
+        look::{
+            self, Differences, Fit, Look, LookError, LookOptions, PictureOptions, look_at, scene_for, write_mitsuba,
+        },
     },
     output::{Existing, OutputFolder},
 };
@@ -150,6 +152,7 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         at: args.at.clone(),
         walks: args.photons,
         seed: args.seed,
+        edges: true,
         pictures: args.output.is_some().then_some(pictures),
     };
     let result = prepared.map_err(LookError::from).and_then(|prepared| {
@@ -177,7 +180,7 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-fn summary(look: &Look) -> String {
+pub(super) fn summary(look: &Look) -> String {
     let against = |name: &str, fits: &[Fit]| -> Vec<Vec<String>> {
         let row = |(channel, fit): (&String, &Fit)| {
             vec![
@@ -192,8 +195,14 @@ fn summary(look: &Look) -> String {
     };
     let mut rows = look.against_asked.as_deref().map_or_else(Vec::new, |fits| against("asked", fits));
     rows.extend(against("predicted", &look.against_predicted));
+    rows.extend(
+        look.edges_against_asked.as_deref().map_or_else(Vec::new, |fits| against("asked, shadow's edge", fits)),
+    );
     let mut text = format!("{}: {} spots under even light\n", look.job, look.spots.len());
     text += &table(&["channel", "printed against", "bias", "rms", "relative"], &rows);
+    if let Some(Differences { median, ninety_percent, worst }) = look.delta_e_2000 {
+        text += &format!("ΔE2000 to asked: median {median:.2}, 90% below {ninety_percent:.2}, worst {worst:.2}\n");
+    }
     let numbers = |values: &[f64]| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(" ");
     let row = |index: &usize| {
         let spot = &look.spots[*index];

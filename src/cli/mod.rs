@@ -4,6 +4,7 @@
 //! writing the output failed; 130 interrupted.
 
 mod compare;
+mod convert;
 mod factor;
 mod failure;
 mod gamut;
@@ -22,6 +23,7 @@ mod progress;
 mod shell;
 mod simulate;
 mod slice;
+mod start;
 mod table;
 mod verify;
 
@@ -50,6 +52,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Init(start::InitArgs),
     Slice(slice::SliceArgs),
     Predict(predict::PredictArgs),
     Match(match_target::MatchArgs),
@@ -59,8 +62,10 @@ enum Command {
     Compare(compare::CompareArgs),
     Look(look::LookArgs),
     Preview(preview::PreviewArgs),
+    Convert(convert::ConvertArgs),
     Verify(verify::VerifyArgs),
     Printers(printers::PrintersArgs),
+    Schema(start::SchemaArgs),
     Completions(shell::CompletionsArgs),
     Man(shell::ManArgs),
 }
@@ -93,6 +98,7 @@ pub fn run() -> ExitCode {
     };
     install_interrupt();
     let result = match &cli.command {
+        Command::Init(args) => start::init(args),
         Command::Slice(args) => slice::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Match(args) => match_target::run(args),
@@ -102,8 +108,10 @@ pub fn run() -> ExitCode {
         Command::Compare(args) => compare::run(args),
         Command::Look(args) => look::run(args),
         Command::Preview(args) => preview::run(args),
+        Command::Convert(args) => convert::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Printers(args) => printers::run(args),
+        Command::Schema(args) => start::schema(args),
         Command::Completions(args) => shell::completions(args),
         Command::Man(args) => shell::man(args),
     };

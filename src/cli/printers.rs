@@ -26,6 +26,7 @@ pub fn run(args: &PrintersArgs) -> Result<Answer> {
                 "tray_mm": printer.tray_mm.map(|tray| tray.to_array()),
                 "max_colors": printer.max_colors,
                 "min_slices": printer.min_slices,
+                "source": printer.source(),
             })
         };
         print_json(&presets.iter().map(record).collect::<Vec<_>>())?;
@@ -43,9 +44,10 @@ pub fn run(args: &PrintersArgs) -> Result<Answer> {
             printer.tray_mm.map_or_else(|| "–".to_owned(), |tray| format!("{} × {} × {} mm", tray.x, tray.y, tray.z)),
             limit(printer.max_colors),
             limit(printer.min_slices),
+            printer.source().unwrap_or_default().to_owned(),
         ]
     };
-    let header = ["preset", "voxel", "dpi", "tray", "resins at most", "slices at least"];
+    let header = ["preset", "voxel", "dpi", "tray", "resins at most", "slices at least", "source"];
     print(&table(&header, &presets.iter().map(row).collect::<Vec<_>>()))?;
     Ok(Answer::Yes)
 }

@@ -6,28 +6,33 @@ use clap::Args;
 use lumislice::{
     job::{
         self, Estimate, Finished, Job, Manifest, Prepared, REPORT, RoundRecord, RunError, RunOptions,
+        look::{self, LookError, LookOptions, look_at, scene_for},
         manifest::MaterialRecord,
     },
     output::{Existing, OutputFolder},
     words::voxels,
 };
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{
     Answer, Result,
-    failure::refusal,
+    failure::{refusal, refuse},
     materials::{Corrected, prepared},
     print, print_json,
     progress::Bars,
     say,
+    start::{MeshArgs, is_mesh, job_for},
 };
 
 /// Slice a job into printer-ready files.
 #[derive(Debug, Args)]
 pub struct SliceArgs {
-    /// The job file, TOML.
+    /// The job file, TOML; or a mesh, for which a job is made up and printed.
+    #[arg(value_name = "JOB.toml|MESH")]
     job: PathBuf,
-    /// Folder to write; default ./<job name>-out.
+    #[command(flatten)]
+    mesh: MeshArgs,
+    /// Folder to write; default ./<job name>-out, with --quick ./<job name>-look.
     #[arg(short, long, value_name = "OUT", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Replace the files of an earlier job in OUT; only those its manifest lists.
@@ -46,6 +51,9 @@ pub struct SliceArgs {
     /// Check the job and print what it would take, writing nothing.
     #[arg(long, conflicts_with_all = ["overwrite", "resume", "slices"], help_heading = "Work")]
     dry_run: bool,
+    /// Only look at it, coarsely and soon: pictures and albedos of a print of larger voxels, no slices.
+    #[arg(long, conflicts_with_all = ["resume", "slices", "rounds_from", "dry_run"], help_heading = "Work")]
+    quick: bool,
     /// Print one JSON document instead of words.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -61,7 +69,17 @@ fn parse_range(text: &str) -> Result<Range<u32>, String> {
 
 /// Runs the command.
 pub fn run(args: &SliceArgs) -> Result<Answer> {
-    let job = Job::load(&args.job).map_err(RunError::from)?;
+    let (job, made_up) = match (is_mesh(&args.job), args.mesh.given()) {
+        (true, _) => job_for(&args.job, &args.mesh).map(|(job, text)| (job, Some(text)))?,
+        (false, Some(flag)) => refuse!("{flag}: found beside {}, expected a mesh: a job says it", args.job.display()),
+        (false, None) => (Job::load(&args.job).map_err(RunError::from)?, None),
+    };
+    if let Some(text) = made_up.as_ref().filter(|_| !args.json) {
+        print(text)?;
+    }
+    if args.quick {
+        return quick(args, job, made_up.as_deref());
+    }
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-out", job.name)));
     let existing = if args.resume { Existing::Resume } else { Existing::overwrite(args.overwrite) };
     if !args.dry_run {
@@ -75,7 +93,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
         let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars)?, prepared)));
         bars.finish();
         let (estimate, prepared) = result?;
-        return report_estimate(&prepared, &estimate, args.json);
+        return report_estimate(&prepared, &estimate, args.json, made_up);
     }
     let options = RunOptions { existing, slices: args.slices.clone() };
     let result = prepared.and_then(|prepared| job::run(&prepared, &folder, &options, &bars));
@@ -89,18 +107,52 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
         say(&format!("note: {kept} of {slices} slices were there and whole"));
     }
     if args.json {
-        print_json(&json!({
+        let document = json!({
             "output": folder.to_string_lossy(),
             "lattice": manifest.lattice,
             "slices": manifest.slices,
             "material_set": manifest.material_set,
             "materials": manifest.materials,
             "warnings": manifest.warnings,
-        }))?;
+        });
+        print_json(&with_job(document, made_up))?;
         return Ok(Answer::Yes);
     }
     manifest.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     print(&summary(&manifest, &folder.display().to_string()))?;
+    Ok(Answer::Yes)
+}
+
+/// A document with the job that was made up, if one was.
+fn with_job(mut document: Value, made_up: Option<String>) -> Value {
+    if let Some(text) = made_up {
+        document["job"] = text.into();
+    }
+    document
+}
+
+/// Looks at a coarse print of the job.
+fn quick(args: &SliceArgs, job: Job, made_up: Option<&str>) -> Result<Answer> {
+    let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-look", job.name)));
+    let existing = Existing::overwrite(args.overwrite);
+    OutputFolder::check(&folder, &look::OWNER, existing).map_err(RunError::from)?;
+    let bars = Bars::new(args.json);
+    let found = prepared(job.quick(), Corrected::Draft, &bars).map_err(LookError::from).and_then(|prepared| {
+        let scene = scene_for(&prepared, None, &bars)?;
+        let look = look_at(&prepared, &scene, &LookOptions::quick(), &bars)?;
+        look.write(&folder, existing, &prepared.files())?;
+        Ok((look, prepared.warnings))
+    });
+    bars.finish();
+    let (look, warnings) = found?;
+    if args.json {
+        let document = serde_json::to_value(&look).map_err(|error| refusal!("{error}"))?;
+        print_json(&with_job(document, made_up.map(str::to_owned)))?;
+        return Ok(Answer::Yes);
+    }
+    warnings.iter().chain(&look.warnings).for_each(|warning| say(&format!("warning: {warning}")));
+    print(&super::look::summary(&look))?;
+    print(&format!("\npictures of a coarse print: {}\n", folder.display()))?;
     Ok(Answer::Yes)
 }
 
@@ -130,24 +182,34 @@ fn rounds(rounds: &[RoundRecord]) -> String {
 /// A line per resin that occurs.
 fn material_table(materials: &[MaterialRecord], about: &str) -> String {
     let width = materials.iter().map(|material| material.name.len()).max().unwrap_or(0);
-    let used = materials.iter().filter(|material| material.voxels > 0);
-    used.map(|material| {
-        let note = if material.rgba[3] == 0 { "  (background: the printer fills it)" } else { "" };
-        format!(
-            "  {:width$}  {about}{:>11.1} mm³  {about}{:>8.2} g{note}\n",
-            material.name, material.volume_mm3, material.mass_g
-        )
-    })
-    .collect()
+    let used = || materials.iter().filter(|material| material.voxels > 0);
+    let lines: String = used()
+        .map(|material| {
+            let note = if material.rgba[3] == 0 { "  (background: the printer fills it)" } else { "" };
+            let cost = material.cost.map(|cost| format!("  {about}{cost:>8.2}")).unwrap_or_default();
+            format!(
+                "  {:width$}  {about}{:>11.1} mm³  {about}{:>8.2} g{cost}{note}\n",
+                material.name, material.volume_mm3, material.mass_g
+            )
+        })
+        .collect();
+    let mass: f64 = used().map(|material| material.mass_g).sum();
+    let priced = used().filter_map(|material| material.cost);
+    let cost = match used().all(|material| material.cost.is_some()) {
+        true => format!(", {about}{:.2} by the prices of the material file", priced.sum::<f64>()),
+        false => String::new(),
+    };
+    if used().count() > 1 { format!("{lines}  together {about}{mass:.2} g{cost}\n") } else { lines }
 }
 
-fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool) -> Result<Answer> {
+fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool, made_up: Option<String>) -> Result<Answer> {
     let answer = if estimate.misfits.is_empty() { Answer::Yes } else { Answer::No };
     if json {
-        print_json(estimate)?;
+        let document = serde_json::to_value(estimate).map_err(|error| refusal!("{error}"))?;
+        print_json(&with_job(document, made_up))?;
         return Ok(answer);
     }
-    prepared.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    estimate.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     let [x, y, z] = estimate.dims;
     let size = estimate.size_mm;
     let mut text = format!(
@@ -159,6 +221,10 @@ fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool) -> Resu
         voxels(estimate.voxels),
         estimate.memory_bytes >> 20,
     );
+    for object in estimate.objects.iter().filter(|_| estimate.objects.len() > 1) {
+        let ([x, y, z], [w, d, h]) = (object.position_mm, object.size_mm);
+        text += &format!("  {}: {w:.2} × {d:.2} × {h:.2} mm at ({x:.2}, {y:.2}, {z:.2}) mm\n", object.mesh);
+    }
     text += &material_table(&estimate.materials, "about ");
     for misfit in &estimate.misfits {
         text += &format!("does not fit: {misfit}\n");

@@ -108,6 +108,9 @@ pub struct MaterialRecord {
     pub volume_mm3: f64,
     /// Their mass, g.
     pub mass_g: f64,
+    /// What that costs, in the currency of the material file; `None` where it has no price.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cost: Option<f64>,
 }
 
 /// A material mesh.
@@ -189,13 +192,15 @@ impl Prepared {
             let id = crate::voxel::MaterialId::from_resin(index).0;
             let voxels = counts[usize::from(id)];
             let volume_mm3 = voxels as f64 * voxel_mm3;
+            let mass_g = volume_mm3 * 1e-3 * resin.density_g_per_cm3;
             MaterialRecord {
                 id,
                 name: resin.name.clone(),
                 rgba: self.palette[usize::from(id)],
                 voxels,
                 volume_mm3,
-                mass_g: volume_mm3 * 1e-3 * resin.density_g_per_cm3,
+                mass_g,
+                cost: resin.price_per_kg.map(|price| mass_g * 1e-3 * price),
             }
         };
         self.materials.resins.iter().enumerate().map(record).collect()

@@ -2,9 +2,11 @@
 //!
 //! | room | request | record |
 //! | --- | --- | --- |
+//! | [`start`](mod@start) | a mesh alone | a job for it, as text |
 //! | [`file`](mod@file) | a job file, TOML | a [`Job`], checked, with every default filled in |
 //! | `plan`    | a [`Job`] | a [`Prepared`] job: resins, targets, stackings, fields on a lattice |
 //! | `rounds`  | a [`Prepared`] job as a draft | the same job, its targets corrected where its print would miss |
+//! | [`printable`](mod@printable) | a [`Prepared`] job | what of it will break, fall off or wash away |
 //! | `run`     | a [`Prepared`] job | the output folder and its [`Manifest`] |
 //! | [`verify`](mod@verify) | a finished folder | what is not as its manifest has it |
 //! | [`factor`]  | a measured BSSRDF | a folder of profiles and clusters to print from |
@@ -17,9 +19,11 @@ pub mod file;
 pub mod look;
 pub mod manifest;
 mod plan;
+pub mod printable;
 mod rounds;
 mod run;
 mod run_error;
+pub mod start;
 pub mod verify;
 
 pub use file::{Job, JobError};
@@ -29,5 +33,8 @@ pub use plan::{
     StackingReport, TransportEntry, VariantEntry, targets,
 };
 pub use rounds::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
-pub use run::{Estimate, Finished, OWNER, REPORT, RedrawError, RunOptions, redraw, run};
+pub use run::{
+    ConvertError, Converted, Estimate, Finished, MAPPING, OWNER, ObjectPlace, REPORT, RedrawError, RunOptions, convert,
+    redraw, run,
+};
 pub use run_error::RunError;

@@ -41,7 +41,7 @@ pub use light::{Pattern, TexelGrid};
 pub use scene::Scene;
 pub use smooth::{Shown, smooth};
 pub use spectrum::ExitSpectrum;
-pub use spots::{Site, Spot};
+pub use spots::{Radiosity, Site, Spot};
 pub use tally::{ExitImage, Response};
 pub use volume::{Volume, VolumeTooLarge};
 

@@ -173,11 +173,20 @@ impl Scene {
     /// The first printed voxel on the way from `place` along `direction`, at most `reach` mm on: a place just
     /// inside of it.
     pub(super) fn first_printed(&self, place: Place, direction: DVec3, reach: f64) -> Option<Place> {
+        self.first(true, place, direction, reach)
+    }
+
+    /// Where the way from `place` along `direction` first leaves what is printed, at most `reach` mm on.
+    pub(super) fn first_void(&self, place: Place, direction: DVec3, reach: f64) -> Option<Place> {
+        self.first(false, place, direction, reach)
+    }
+
+    fn first(&self, printed: bool, place: Place, direction: DVec3, reach: f64) -> Option<Place> {
         let step = direction * self.per_mm;
         let mut cell = place.floor().to_array().map(|at| at as i64);
         let mut entered = 0.0;
         while entered <= reach {
-            if self.volume.voxel(cell).0 != 0 {
+            if (self.volume.voxel(cell).0 != 0) == printed {
                 return Some(place + step * (entered + NUDGE_MM));
             }
             let mut leaves = (f64::INFINITY, 0);
@@ -209,7 +218,9 @@ impl Scene {
             let edge = BRICK as f64;
             let radius = if class == 0.0 { radius } else { 0.0 };
             let far = DVec3::select(step.cmpgt(DVec3::ZERO), corner + edge * (radius + 1.0), corner - edge * radius);
-            let leaves = ((far - place) / step).min_element().max(0.0);
+            // A face along the way is never left by.
+            let ways = DVec3::select(step.cmpeq(DVec3::ZERO), DVec3::INFINITY, (far - place) / step);
+            let leaves = ways.min_element().max(0.0);
             if class > 0.0
                 && let Some(found) = self.first_printed(place, direction, leaves)
             {
@@ -331,10 +342,11 @@ impl<'a> Walker<'a> {
     pub fn fly(&self, place: &mut Place, direction: Direction, rng: &mut Xoshiro256PlusPlus) -> Option<u8> {
         let Self { scene, media } = self;
         let per_mm = scene.per_mm;
-        let step = DVec3::new(direction.x * per_mm.x, direction.y * per_mm.y, direction.z * per_mm.z);
+        // −0 + 0 = +0, so that the face ahead of a flight along it is infinitely far off, and not infinitely far behind.
+        let step = DVec3::new(direction.x * per_mm.x, direction.y * per_mm.y, direction.z * per_mm.z) + 0.0;
         let inverse = step.recip();
         // Which face of a cube of bricks is left, counted in bricks from its middle one.
-        let ahead = step.to_array().map(|step| if step > 0.0 { [BRICK as f64, 1.0] } else { [0.0, -1.0] });
+        let ahead = step.to_array().map(|step| if step >= 0.0 { [BRICK as f64, 1.0] } else { [0.0, -1.0] });
         let [nx, ny, _] = scene.volume.bricks();
         // The last class may be the first, that of air, which must be crossed.
         let last = if media.strides.sigma.len() > 1 { media.strides.sigma.len() - 1 } else { usize::MAX };
@@ -419,27 +431,47 @@ impl<'a> Walker<'a> {
         Some((direction.turned(self.media.phase[id].sample(uniform(rng)), azimuth(rng)), weight))
     }
 
-    /// Walks until the scene is left, and tells the weight that is left then; `normal` is the outward one where the
-    /// line of sight meets the surface.
+    /// Walks until the scene is left; `normal` is the outward one where the line of sight meets the surface.
     #[inline]
-    pub fn walk(&self, mut place: Place, mut direction: Direction, normal: DVec3, rng: &mut Xoshiro256PlusPlus) -> f64 {
+    pub fn walk(
+        &self,
+        mut place: Place,
+        mut direction: Direction,
+        normal: DVec3,
+        rng: &mut Xoshiro256PlusPlus,
+    ) -> WayOut {
         if let Some(skin) = &self.scene.skin {
             return self.walk_under(skin, place, direction, normal, rng);
         }
         let mut weight = 1.0;
-        while let Some(id) = self.fly(&mut place, direction, rng) {
+        loop {
+            let from = place;
+            let Some(id) = self.fly(&mut place, direction, rng) else { return WayOut { weight, from, direction } };
             match self.scatter(id, direction, weight, rng) {
                 Some(next) => (direction, weight) = next,
-                None => return 0.0,
+                None => return WayOut { weight: 0.0, from, direction },
             }
         }
-        weight
     }
+}
+
+/// How a walk ends.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WayOut {
+    /// What of it gets out.
+    pub weight: f64,
+    /// Where its last leg begins: in the print, or right over its surface.
+    pub from: Place,
+    /// Where to.
+    pub direction: Direction,
 }
 
 #[cfg(test)]
 mod tests {
+    use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
+
     use super::*;
+    use crate::voxel::Lattice;
 
     #[test]
     fn optical_depths_are_logarithms() {
@@ -448,6 +480,37 @@ mod tests {
         for n in numbers.chain([1, (1 << 53) - 1, 1 << 53]) {
             let exact = -libm::log(n as f64 / (1_u64 << 53) as f64);
             assert!((depths.minus_log(n) - exact).abs() < 1e-10, "{n}: {} instead of {exact}", depths.minus_log(n));
+        }
+    }
+    /// A small white cube in the middle of much air: flights along an axis, with zeros of either sign across, get there.
+    #[test]
+    fn flights_along_an_axis_meet_what_is_ahead() {
+        let lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(0.1), dims: [200; 3] };
+        let mut volume = Volume::new(lattice).unwrap();
+        let middle = 96..104;
+        for start in (0..200).step_by(8) {
+            volume.add_slices(start..start + 8, |j, k, row| {
+                let inside = |i: usize| [i, j as usize, k as usize].iter().all(|at| middle.contains(at));
+                row.iter_mut().enumerate().for_each(|(i, id)| *id = u8::from(inside(i)));
+            });
+        }
+        let void = VolumeCoefficients::new(0.0, 0.0, 0.0).unwrap();
+        let white = VolumeCoefficients::new(1e4, 0.0, 0.0).unwrap();
+        let scene = Scene::new(volume, &[vec![void, white]]).unwrap();
+        let walker = Walker::new(&scene, &scene.media()[0]);
+        for axis in 0..3 {
+            for (sign, zero) in [(1.0, 0.0), (1.0, -0.0), (-1.0, 0.0), (-1.0, -0.0)] {
+                let mut to = [zero; 3];
+                to[axis] = sign;
+                let [x, y, z] = to;
+                let from = DVec3::splat(10.0) - DVec3::from(to) * 5.0;
+                let mut place = scene.place(from);
+                let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
+                assert_eq!(walker.fly_in(&mut place, Direction { x, y, z }, &mut rng), Some(1), "{to:?}");
+                let reached = scene.position(place);
+                assert!((reached - (DVec3::splat(10.0) - DVec3::from(to) * 0.4)).length() < 2e-3, "{to:?}: {reached}");
+                assert!(scene.meets(from, to.into()).is_some(), "{to:?}");
+            }
         }
     }
 }

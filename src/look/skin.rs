@@ -17,7 +17,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 
 use super::{
     Volume,
-    scene::{NUDGE_MM, Place, Walker},
+    scene::{NUDGE_MM, Place, Walker, WayOut},
     strides::steps_to,
 };
 use crate::optics::{
@@ -55,6 +55,8 @@ pub(super) struct Ray {
     pub place: Place,
     pub direction: DVec3,
     pub medium: Medium,
+    /// Where it last scattered or left the print.
+    pub left: Place,
 }
 
 impl Skin {
@@ -134,12 +136,13 @@ impl Walker<'_> {
         direction: Direction,
         normal: DVec3,
         rng: &mut Xoshiro256PlusPlus,
-    ) -> f64 {
-        let mut ray = Ray { place, direction: as_vector(direction), medium: Medium::Resin };
+    ) -> WayOut {
+        let mut ray = Ray { place, direction: as_vector(direction), medium: Medium::Resin, left: place };
+        let out = |weight: f64, ray: &Ray| WayOut { weight, from: ray.left, direction: as_direction(ray.direction) };
         let mut weight = 1.0;
         let (cosine, index) = (-ray.direction.dot(normal), skin.index[usize::from(self.scene.id_at(place))]);
         if cosine > 0.0 && index != 1.0 {
-            let Some(found) = refraction(cosine.min(1.0), 1.0, index) else { return 0.0 };
+            let Some(found) = refraction(cosine.min(1.0), 1.0, index) else { return out(0.0, &ray) };
             weight = 1.0 - found.reflectance;
             // Bent for certain: what is mirrored is the glint.
             if let Met::Bent(bent) = meet(ray.direction, -normal, cosine, 1.0, index, || 1.0) {
@@ -151,10 +154,11 @@ impl Walker<'_> {
         while let Some(id) = self.fly_under(skin, &mut ray, rng) {
             match self.scatter(id, as_direction(ray.direction), weight, rng) {
                 Some((direction, left)) => (ray.direction, weight) = (as_vector(direction), left),
-                None => return 0.0,
+                None => return out(0.0, &ray),
             }
+            ray.left = ray.place;
         }
-        entered * weight
+        out(entered * weight, &ray)
     }
 
     /// Flies to the next event; `None` where the ray leaves the scene.
@@ -224,6 +228,7 @@ impl Walker<'_> {
         let Some(normal) = outward.filter(|_| cosine > 0.0) else {
             // A step of the voxels, or no boundary to light.
             ray.place = next;
+            ray.left = next;
             return;
         };
         match meet(ray.direction, normal, cosine, index, 1.0, || uniform(rng)) {
@@ -231,6 +236,7 @@ impl Walker<'_> {
             Met::Bent(direction) => {
                 ray.direction = direction;
                 ray.medium = Medium::Air;
+                ray.left = next;
                 // Over the steps that are still ahead.
                 let pitch = self.scene.volume().lattice().pitch;
                 let over = next + normal * pitch.length() / pitch;
@@ -261,5 +267,6 @@ impl Walker<'_> {
 fn way_out(place: Place, step: DVec3, low: [f64; 3], edge: f64) -> f64 {
     let low = DVec3::from(low);
     let far = DVec3::select(step.cmpgt(DVec3::ZERO), low + edge, low);
-    ((far - place) / step).min_element().max(0.0)
+    let ways = DVec3::select(step.cmpeq(DVec3::ZERO), DVec3::INFINITY, (far - place) / step);
+    ways.min_element().max(0.0)
 }

@@ -5,6 +5,10 @@
 //! again, whatever it met on its way. Directions are drawn with the cosine to the surface, so the mean share *is*
 //! radiosity per irradiance.
 //!
+//! A **shadow's edge** at a spot: the same, where light enters on one side of a plane only. The plane stands on the surface,
+//! x mm from the site, so that the site lies x mm inside of what is lit; a walk counts where it leaves the print on the lit
+//! side. On a flat slab that is L(x) of [`crate::optics::EdgeResponse`].
+//!
 //! A spot is a few sites on the mesh. A walk starts outside of the steps that voxels have, on the line through its site,
 //! and enters the first printed voxel there is near the site. A line that meets none, by the edge of a mesh that lies
 //! between voxels, shows no print and is drawn again.
@@ -15,7 +19,7 @@ use rayon::prelude::*;
 
 use super::{
     SEED_STEP, Scene,
-    scene::{Place, Walker},
+    scene::{Place, Walker, WayOut},
 };
 use crate::optics::{
     Estimate,
@@ -39,6 +43,22 @@ pub struct Spot {
     pub sites: Vec<Site>,
 }
 
+impl Spot {
+    /// The way into the light across a shadow's edge at this spot: a unit vector in the plane of its first site.
+    pub fn into_the_light(&self) -> DVec3 {
+        self.sites[0].normal.any_orthonormal_vector()
+    }
+}
+
+/// What a spot shows in one channel, per unit irradiance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Radiosity {
+    /// Under even light.
+    pub albedo: Estimate,
+    /// By a shadow's edge, for each distance that was asked for.
+    pub edge: Vec<Estimate>,
+}
+
 /// Walks of one piece of work: some ms.
 const BATCH: u64 = 4096;
 /// Half a voxel's diagonal is the most that voxels rise over the surface; along a flat line of sight that is farther,
@@ -60,6 +80,24 @@ impl Scene {
         seed: u64,
         watch: &dyn Watch,
     ) -> Result<Vec<Vec<Option<Estimate>>>, Stopped> {
+        let found = self.radiosity(spots, &[], walks, seed, watch)?;
+        let albedo = |channels: Vec<Option<Radiosity>>| channels.into_iter().map(|found| Some(found?.albedo)).collect();
+        Ok(found.into_iter().map(albedo).collect())
+    }
+
+    /// [`Self::printed_albedo`], and by the same walks what a shadow's edge shows at these distances from it, mm,
+    /// negative in the shadow.
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    pub fn radiosity(
+        &self,
+        spots: &[Spot],
+        edge_mm: &[f64],
+        walks: u64,
+        seed: u64,
+        watch: &dyn Watch,
+    ) -> Result<Vec<Vec<Option<Radiosity>>>, Stopped> {
         let batches = walks.div_ceil(BATCH).max(1);
         let mut found = Vec::with_capacity(spots.len());
         // Groups of spots between two looks at the watch: about a second of work.
@@ -72,18 +110,15 @@ impl Scene {
                 if watch.stop_requested() {
                     return Vec::new();
                 }
-                self.batch(&spots[spot as usize], range, seed.wrapping_add(stream))
+                self.batch(&spots[spot as usize], edge_mm, range, seed.wrapping_add(stream))
             });
-            let counted: Vec<Vec<(Moments, u64)>> = work.collect();
+            let counted: Vec<Vec<Sums>> = work.collect();
             watch.go_on()?;
             for batches in counted.chunks(batches as usize) {
                 let of_media = |media: usize| {
-                    let mut sum = (Moments::default(), 0);
-                    for batch in batches {
-                        sum.0.add(&batch[media].0);
-                        sum.1 += batch[media].1;
-                    }
-                    (sum.1 > 1).then(|| sum.0.estimate(sum.1))
+                    let mut sum = Sums::new(edge_mm.len());
+                    batches.iter().for_each(|batch| sum.add(&batch[media]));
+                    sum.radiosity()
                 };
                 found.push(self.distinct().iter().map(|&media| of_media(media)).collect());
             }
@@ -92,21 +127,34 @@ impl Scene {
         Ok(found)
     }
 
-    fn batch(&self, spot: &Spot, walks: std::ops::Range<u64>, seed: u64) -> Vec<(Moments, u64)> {
+    fn batch(&self, spot: &Spot, edge_mm: &[f64], walks: std::ops::Range<u64>, seed: u64) -> Vec<Sums> {
+        let across = spot.into_the_light();
         let count = |media| {
             let walker = Walker::new(self, media);
             let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-            let (mut sum, mut seen) = (Moments::default(), 0);
+            let mut sums = Sums::new(edge_mm.len());
             for walk in walks.clone() {
                 let site = &spot.sites[walk as usize % spot.sites.len()];
-                if let Some((place, direction)) = self.look_at(site, &mut rng) {
-                    sum.score(walker.walk(place, direction, site.normal, &mut rng));
-                    seen += 1;
+                let Some((place, direction)) = self.look_at(site, &mut rng) else { continue };
+                let out = walker.walk(place, direction, site.normal, &mut rng);
+                sums.albedo.score(out.weight);
+                sums.walks += 1;
+                if out.weight > 0.0 && !edge_mm.is_empty() {
+                    let inside = (self.left_at(&out) - site.point).dot(across);
+                    for (sum, x) in sums.edge.iter_mut().zip(edge_mm) {
+                        sum.score(if inside > -x { out.weight } else { 0.0 });
+                    }
                 }
             }
-            (sum, seen)
+            sums
         };
         self.media().iter().map(count).collect()
+    }
+
+    /// Where a walk leaves the print, mm.
+    fn left_at(&self, out: &WayOut) -> DVec3 {
+        let direction = DVec3::new(out.direction.x, out.direction.y, out.direction.z);
+        self.position(self.first_void(out.from, direction, f64::INFINITY).unwrap_or(out.from))
     }
 
     /// Whether light can leave the surface at a site: there is air over the steps that voxels make.
@@ -130,6 +178,31 @@ impl Scene {
             let place = self.first_printed(point + away * back, -outward, back + FLATTEST * step)?;
             Some((place, Direction { x: -outward.x, y: -outward.y, z: -outward.z }))
         })
+    }
+}
+
+/// What the walks of a spot came to, in one channel.
+struct Sums {
+    albedo: Moments,
+    edge: Vec<Moments>,
+    walks: u64,
+}
+
+impl Sums {
+    fn new(distances: usize) -> Self {
+        Self { albedo: Moments::default(), edge: vec![Moments::default(); distances], walks: 0 }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.albedo.add(&other.albedo);
+        self.edge.iter_mut().zip(&other.edge).for_each(|(sum, other)| sum.add(other));
+        self.walks += other.walks;
+    }
+
+    fn radiosity(&self) -> Option<Radiosity> {
+        let estimate = |sum: &Moments| sum.estimate(self.walks);
+        let edge = self.edge.iter().map(estimate).collect();
+        (self.walks > 1).then(|| Radiosity { albedo: estimate(&self.albedo), edge })
     }
 }
 

@@ -130,6 +130,11 @@ impl Volume {
         if tile & UNIFORM != 0 { Tile::Uniform(MaterialId(tile as u8)) } else { Tile::Dense(&self.pool[tile as usize]) }
     }
 
+    /// The content of the brick at `[x, y, z]`, x fastest.
+    pub(crate) fn tile_at(&self, at: [usize; 3]) -> Tile<'_> {
+        self.tile(self.brick(at))
+    }
+
     /// The id of voxel `[x, y, z]` of a brick.
     #[inline(always)]
     pub(super) fn id_in(&self, brick: usize, [x, y, z]: [usize; 3]) -> u8 {
@@ -156,6 +161,20 @@ impl Volume {
         self.tiles.iter().filter(|tile| *tile & UNIFORM != 0).for_each(|tile| present[usize::from(*tile as u8)] = true);
         self.pool.iter().flatten().for_each(|id| present[usize::from(*id)] = true);
         present
+    }
+
+    /// Voxels of an id within the lattice.
+    pub fn count(&self, id: MaterialId) -> u64 {
+        let [across, up, _] = self.bricks;
+        let within = |(brick, tile): (usize, &u32)| {
+            if tile & UNIFORM == 0 {
+                return self.pool[*tile as usize].iter().filter(|other| **other == id.0).count() as u64;
+            }
+            let at = [brick % across, brick / across % up, brick / (across * up)];
+            let inside = |axis: usize| BRICK.min(self.lattice.dims[axis] as usize - at[axis] * BRICK) as u64;
+            if *tile as u8 == id.0 { inside(0) * inside(1) * inside(2) } else { 0 }
+        };
+        self.tiles.iter().enumerate().map(within).sum()
     }
 
     /// Memory in use, bytes.

@@ -172,7 +172,15 @@ impl ChannelMeasurement {
             }
         }
         if let Err(refusal) = &self.fit {
-            self.findings.push(Finding::Remark(format!("{refusal}; only the model km will know this resin")));
+            let told = self.findings.iter().any(|finding| matches!(finding, Finding::AlbedoContradicted { .. }));
+            let why = match refusal {
+                FitRefusal::Residual { .. } if !told => {
+                    " (are card and sample, or with and without, exchanged, is their light even, are the card's albedo \
+                     and the thickness right?)"
+                }
+                _ => "",
+            };
+            self.findings.push(Finding::Remark(format!("{refusal}{why}; only the model km will know this resin")));
         }
     }
 

@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
-use super::{SurfaceMaterial, Texture, TriangleMesh, Wrap};
+use super::{Projected, SurfaceMaterial, Texture, TriangleMesh, Wrap, project::Projector};
 use crate::colour::{byte_to_linear, linear_to_byte, linear_to_srgb};
 
 /// Difference of encoded colours between neighbouring texels: 8 of 255 levels, a quarter of what the texels of a
@@ -82,7 +82,7 @@ impl TriangleMesh {
             blocks.extend(plain.into_values().flatten());
             blocks.sort_unstable();
         }
-        self.bake_blocks(&blocks, detail);
+        self.bake_by_path(&blocks, Detail::of(detail));
         self.corner_colors.clear();
         self.drop_unused_materials();
         true
@@ -113,7 +113,39 @@ impl TriangleMesh {
         self.material_of.get(t).copied().unwrap_or(0).into()
     }
 
-    fn bake_blocks(&mut self, triangles: &[usize], detail: Option<(u32, u32)>) {
+    /// Lays all triangles out anew, fine enough for images that are projected onto them: every texel gets its colour and
+    /// says where the images lie there ([`SurfaceMaterial::projected`]). An image is `tile_mm` wide; `texels_per_mm` are
+    /// those of the finest.
+    pub fn bake_projection(&mut self, tile_mm: f64, texels_per_mm: f64) {
+        let projector = Projector::new(self, tile_mm, texels_per_mm);
+        if self.materials.is_empty() {
+            self.materials.push(SurfaceMaterial::plain("projected", [1.0; 4]));
+        }
+        self.patch_of.clear();
+        self.uvs.resize(self.triangles.len(), [Vec2::ZERO; 3]);
+        self.material_of.resize(self.triangles.len(), 0);
+        self.bake_by_path(&(0..self.triangles.len()).collect::<Vec<_>>(), Detail::Projected(&projector));
+        self.corner_colors.clear();
+        self.drop_unused_materials();
+    }
+
+    /// Bakes triangles, those with the same mean free path on pages of their own.
+    fn bake_by_path(&mut self, triangles: &[usize], detail: Detail) {
+        let mut groups: BTreeMap<Option<[u64; 3]>, Vec<usize>> = BTreeMap::new();
+        for &t in triangles {
+            let material = self.materials.get(self.material_index(t));
+            let path = material.and_then(|material| material.mean_free_path_mm);
+            groups.entry(path.map(|path| path.map(f64::to_bits))).or_default().push(t);
+        }
+        for (path, triangles) in groups {
+            let first = self.materials.len();
+            self.bake_blocks(&triangles, detail);
+            let path = path.map(|path| path.map(f64::from_bits));
+            self.materials[first..].iter_mut().for_each(|material| material.mean_free_path_mm = path);
+        }
+    }
+
+    fn bake_blocks(&mut self, triangles: &[usize], detail: Detail) {
         if triangles.is_empty() {
             return;
         }
@@ -126,10 +158,10 @@ impl TriangleMesh {
             }
         }
         let sizes = pack(&mut blocks);
-        let mut pages: Vec<Page> = sizes.into_iter().map(|size| Page::new(size, detail.is_some())).collect();
+        let mut pages: Vec<Page> = sizes.into_iter().map(|size| Page::new(size, detail)).collect();
         let first = self.materials.len();
         for block in &blocks {
-            self.paint(block, &mut pages[block.page]);
+            self.paint(block, detail, &mut pages[block.page]);
         }
         for block in &blocks {
             self.uvs[block.triangle] = block.uvs(&pages[block.page]);
@@ -139,16 +171,20 @@ impl TriangleMesh {
     }
 
     /// How large a triangle's block is.
-    fn block(&self, t: usize, detail: Option<(u32, u32)>, fineness: f32) -> Block {
+    fn block(&self, t: usize, detail: Detail, fineness: f32) -> Block {
         let uvs = self.uvs[t];
         let texture = self.materials.get(self.material_index(t)).and_then(|m| m.base_color_texture.as_ref());
         let texels = texture.map(|texture| Vec2::new(texture.width as f32, texture.height as f32));
-        let detail = detail.map(|(width, height)| Vec2::new(width as f32, height as f32));
-        let fine = texels.into_iter().chain(detail).reduce(Vec2::max).unwrap_or(Vec2::ZERO);
+        let over = if let Detail::Coordinates(texels) = detail { Some(texels) } else { None };
+        let fine = texels.into_iter().chain(over).reduce(Vec2::max).unwrap_or(Vec2::ZERO);
+        let projected = |a: usize, b: usize| match detail {
+            Detail::Projected(projector) => projector.texels(self, t, [a, b]),
+            _ => 0.0,
+        };
         let colors = self.corner_colors.get(t).copied().unwrap_or([[1.0; 3]; 3]);
         let encoded = colors.map(|color| Vec3::from(color.map(encoded)));
         let difference = |a: usize, b: usize| (encoded[a] - encoded[b]).abs().max_element();
-        let length = |a: usize, b: usize| ((uvs[a] - uvs[b]) * fine).length();
+        let length = |a: usize, b: usize| ((uvs[a] - uvs[b]) * fine).length().max(projected(a, b));
         // The longest side lies across the block.
         let needs = |a: usize, b: usize| length(a, b) * fineness + difference(a, b) / STEP * fineness.min(1.0);
         let sides = [needs(1, 2), needs(2, 0), needs(0, 1)];
@@ -168,7 +204,7 @@ impl TriangleMesh {
     }
 
     /// Colours a block's texels, and those around it like the nearest inside.
-    fn paint(&self, block: &Block, page: &mut Page) {
+    fn paint(&self, block: &Block, detail: Detail, page: &mut Page) {
         let t = block.triangle;
         let material = self.materials.get(self.material_index(t));
         let [r, g, b, _] = material.map_or([1.0; 4], |material| material.base_color);
@@ -196,6 +232,9 @@ impl TriangleMesh {
                 if let Some(from) = page.from.get_mut(index) {
                     *from = uv;
                 }
+                if let (Some(at), Detail::Projected(projector)) = (page.projected.get_mut(index), detail) {
+                    *at = projector.at(self, t, corner_weights);
+                }
             }
         }
     }
@@ -215,6 +254,22 @@ impl TriangleMesh {
         self.material_of.iter_mut().for_each(|material| *material = renamed[usize::from(*material)]);
         let mut used = is_used.into_iter();
         self.materials.retain(|_| used.next() == Some(true));
+    }
+}
+
+/// What blocks are to be fine enough for besides colours.
+#[derive(Clone, Copy)]
+enum Detail<'a> {
+    Nothing,
+    /// An image of so many texels over the texture coordinates.
+    Coordinates(Vec2),
+    /// Images that are projected.
+    Projected(&'a Projector),
+}
+
+impl Detail<'_> {
+    fn of(size: Option<(u32, u32)>) -> Self {
+        size.map_or(Self::Nothing, |(width, height)| Self::Coordinates(Vec2::new(width as f32, height as f32)))
     }
 }
 
@@ -291,23 +346,25 @@ struct Page {
     texels: Vec<[u8; 4]>,
     /// Coordinates before, where they are asked for.
     from: Vec<Vec2>,
+    /// Where projected images lie, likewise.
+    projected: Vec<Projected>,
 }
 
 impl Page {
-    fn new(size: [usize; 2], keeps_coordinates: bool) -> Self {
+    fn new(size: [usize; 2], detail: Detail) -> Self {
         let texels = size[0] * size[1];
-        let from = if keeps_coordinates { vec![Vec2::ZERO; texels] } else { Vec::new() };
-        Self { size, texels: vec![[0, 0, 0, 255]; texels], from }
+        let from = if let Detail::Coordinates(_) = detail { vec![Vec2::ZERO; texels] } else { Vec::new() };
+        let projected = if let Detail::Projected(_) = detail { vec![Projected::default(); texels] } else { Vec::new() };
+        Self { size, texels: vec![[0, 0, 0, 255]; texels], from, projected }
     }
 
     fn finished(self) -> SurfaceMaterial {
         let [width, height] = self.size.map(|side| side as u32);
         SurfaceMaterial {
-            name: "baked colours".to_owned(),
-            base_color: [1.0; 4],
             base_color_texture: Some(Arc::new(Texture { width, height, texels: self.texels })),
-            wrap: [Wrap::Repeat; 2],
             baked_from: if self.from.is_empty() { None } else { Some(self.from.into()) },
+            projected: if self.projected.is_empty() { None } else { Some(self.projected.into()) },
+            ..SurfaceMaterial::plain("baked colours", [1.0; 4])
         }
     }
 }
@@ -370,11 +427,9 @@ mod tests {
 
     fn material(texture: Option<Texture>, wrap: Wrap) -> SurfaceMaterial {
         SurfaceMaterial {
-            name: String::new(),
-            base_color: [1.0; 4],
             base_color_texture: texture.map(Arc::new),
             wrap: [wrap; 2],
-            baked_from: None,
+            ..SurfaceMaterial::plain("", [1.0; 4])
         }
     }
 

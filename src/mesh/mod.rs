@@ -18,6 +18,7 @@ mod bake;
 mod error;
 mod heal;
 mod place;
+mod project;
 mod read;
 
 use std::sync::Arc;
@@ -64,6 +65,35 @@ pub struct SurfaceMaterial {
     /// For a texture that [`TriangleMesh::bake_base_color`] made: the texture coordinates that each of its texels had
     /// before.
     pub baked_from: Option<Arc<[Vec2]>>,
+    /// For a texture that [`TriangleMesh::bake_projection`] laid out: where each of its texels lies.
+    pub projected: Option<Arc<[Projected]>>,
+    /// Mean free path of red, green and blue light within, mm: 1/σt of the isotropic medium that looks alike; `None`
+    /// where the file says nothing of what is below the surface. It grows with the mesh.
+    pub mean_free_path_mm: Option<[f64; 3]>,
+}
+
+impl SurfaceMaterial {
+    /// One colour all over, linear RGBA.
+    pub fn plain(name: impl Into<String>, base_color: [f32; 4]) -> Self {
+        Self {
+            name: name.into(),
+            base_color,
+            base_color_texture: None,
+            wrap: [Wrap::Repeat; 2],
+            baked_from: None,
+            projected: None,
+            mean_free_path_mm: None,
+        }
+    }
+}
+
+/// A texel on the surface, as images are projected onto it along the axes.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Projected {
+    /// Coordinates of the images that come along x, y and z, in their widths; v grows downwards.
+    pub uvs: [Vec2; 3],
+    /// Share of each in what is seen; together 1.
+    pub shares: [f32; 3],
 }
 
 /// How a texture goes on beyond its edges.

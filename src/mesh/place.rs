@@ -72,6 +72,9 @@ pub fn place(mut mesh: TriangleMesh, placement: &Placement) -> Result<(TriangleM
     for p in &mut mesh.positions {
         *p = linear * *p;
     }
+    for path in mesh.materials.iter_mut().filter_map(|material| material.mean_free_path_mm.as_mut()) {
+        *path = path.map(|length| length * scale.abs());
+    }
     let (low, high) = bounds(&mesh.positions);
     let extent = (high - low).max_element();
     if !mesh.positions.is_empty() && !(MIN_EXTENT_MM..=MAX_EXTENT_MM).contains(&extent) {

@@ -67,6 +67,20 @@ pub struct Owner {
 /// Name of the list of all files.
 pub const MANIFEST: &str = "manifest.json";
 
+/// A file that grows while a job runs, out of sight until [`OutputFolder::place`] puts it under its name.
+#[derive(Debug)]
+pub struct Growing {
+    relative: String,
+    partial: PathBuf,
+}
+
+impl Growing {
+    /// The name it is to have, relative to the folder.
+    pub fn relative(&self) -> &str {
+        &self.relative
+    }
+}
+
 /// An output folder being written, held for this process alone.
 #[derive(Debug)]
 pub struct OutputFolder {
@@ -102,8 +116,8 @@ impl OutputFolder {
         }
     }
 
-    /// Opens `root` for a run that reads `inputs`, creating it if need be. When an interrupted run is gone on with, also
-    /// tells the slices whose files may be whole: [`Self::keep`] says whether they are.
+    /// Opens `root` for a run that reads `inputs`, creating it if need be. When an interrupted run is gone on with,
+    /// also tells the slices whose files may be whole: [`Self::keep`] says whether they are.
     ///
     /// # Errors
     /// As [`Self::check`]; [`OutputError::AnotherJob`] when what was begun there is not `task`;
@@ -266,12 +280,7 @@ impl OutputFolder {
     fn put(&self, relative: &str, content: &[u8], durable: Durable) -> Result<(), OutputError> {
         let path = self.root.join(relative);
         let writing = |source| io_error("writing", &path, source);
-        make_folder_of(&self.root, relative)?;
-        let ours = lock(&self.replaceable).remove(relative).is_some();
-        // A file with the very bytes is of this job's: an earlier run ended before it could note that.
-        if !ours && lies_at(&self.root, relative)?.is_some() && !FileEntry::of(relative, content).is_whole(&self.root) {
-            return Err(OutputError::Foreign { path });
-        }
+        self.make_room(relative, || FileEntry::of(relative, content))?;
         let (partial, mut file) = self.scratch.file().map_err(writing)?;
         file.write_all(content).map_err(writing)?;
         if durable == Durable::Now {
@@ -279,6 +288,50 @@ impl OutputFolder {
         }
         drop(file);
         fs::rename(&partial, &path).map_err(writing)
+    }
+
+    /// Makes the folder that a file is to lie in, and sees that nothing of somebody else's lies under its name.
+    fn make_room(&self, relative: &str, entry: impl FnOnce() -> FileEntry) -> Result<(), OutputError> {
+        make_folder_of(&self.root, relative)?;
+        let ours = lock(&self.replaceable).remove(relative).is_some();
+        // A file with the very bytes is of this job's: an earlier run ended before it could note that.
+        if !ours && lies_at(&self.root, relative)?.is_some() && !entry().is_whole(&self.root) {
+            return Err(OutputError::Foreign { path: self.root.join(relative) });
+        }
+        Ok(())
+    }
+
+    /// Begins a file that is too large to be made in memory: what is written to it lies out of sight.
+    ///
+    /// # Errors
+    /// [`OutputError::Io`].
+    pub fn grow(&self, relative: &str) -> Result<(Growing, fs::File), OutputError> {
+        let path = self.root.join(relative);
+        let (partial, file) = self.scratch.seekable_file().map_err(|source| io_error("writing", &path, source))?;
+        Ok((Growing { relative: relative.to_owned(), partial }, file))
+    }
+
+    /// Puts a file that has grown under its name, as [`Self::write`] does, and lists it. It must be closed.
+    ///
+    /// # Errors
+    /// As [`Self::write`].
+    pub fn place(&self, grown: Growing) -> Result<(), OutputError> {
+        let Growing { relative, partial } = grown;
+        let path = self.root.join(&relative);
+        let failed = |action| {
+            let path = path.clone();
+            move |source| io_error(action, &path, source)
+        };
+        let bytes = fs::metadata(&partial).map_err(failed("reading"))?.len();
+        let sha256 = digest(&partial).map_err(failed("reading"))?;
+        let entry = FileEntry { path: relative.clone(), bytes, sha256 };
+        if let Some(journal) = &self.journal {
+            journal.file(&entry).map_err(|source| io_error("writing", &self.root.join(JOURNAL), source))?;
+        }
+        self.make_room(&relative, || entry.clone())?;
+        fs::rename(&partial, &path).map_err(failed("writing"))?;
+        lock(&self.written).insert(relative, entry);
+        Ok(())
     }
 
     /// Ends a run: removes the files of the replaced job that were not written again, writes the manifest, then drops

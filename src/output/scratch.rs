@@ -34,6 +34,13 @@ impl Scratch {
         Ok((path, file))
     }
 
+    /// A new file, which may be written anywhere.
+    pub(super) fn seekable_file(&self) -> io::Result<(PathBuf, File)> {
+        let path = self.folder.path().join(self.next.fetch_add(1, Ordering::Relaxed).to_string());
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path)?;
+        Ok((path, file))
+    }
+
     /// Removes what runs that were killed left in `root`. Nothing else bears such names, so that a folder with other
     /// things in it stays.
     pub(super) fn sweep(root: &Path) {

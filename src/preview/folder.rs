@@ -1,6 +1,10 @@
 //! Pictures of a finished folder, from its slices.
 
-use std::{io::BufReader, ops::Range, path::Path};
+use std::{
+    io::{BufRead, BufReader, Seek},
+    ops::Range,
+    path::Path,
+};
 
 use rayon::prelude::*;
 
@@ -137,14 +141,27 @@ pub(crate) fn read_slice(
     colours: &SliceColours,
 ) -> Result<Vec<u8>, PreviewError> {
     let path = out.join("slices").join(format!("slice_{k}.png"));
-    let decode = |reason: String| PreviewError::Decode { path: path.clone(), reason };
     let file = crate::regular_file::open(&path).map_err(|source| PreviewError::Read { path: path.clone(), source })?;
-    let mut reader = png::Decoder::new(BufReader::new(file)).read_info().map_err(|error| decode(error.to_string()))?;
+    decode_slice(&path, BufReader::new(file), lattice, colours)
+}
+
+/// The ids of the slice that `png` is an image of, row 0 = largest j; `path` names it in errors.
+///
+/// # Errors
+/// As [`read_slice`].
+pub(crate) fn decode_slice(
+    path: &Path,
+    png: impl BufRead + Seek,
+    lattice: &Lattice,
+    colours: &SliceColours,
+) -> Result<Vec<u8>, PreviewError> {
+    let decode = |reason: String| PreviewError::Decode { path: path.to_owned(), reason };
+    let mut reader = png::Decoder::new(png).read_info().map_err(|error| decode(error.to_string()))?;
     let info = reader.info();
     let found = [info.width, info.height];
     let expected = [lattice.dims[0], lattice.dims[1]];
     if found != expected {
-        return Err(PreviewError::Size { path, found, expected });
+        return Err(PreviewError::Size { path: path.to_owned(), found, expected });
     }
     let kind = (info.color_type, info.bit_depth);
     if kind != (png::ColorType::Rgba, png::BitDepth::Eight) {
@@ -158,7 +175,7 @@ pub(crate) fn read_slice(
         for (column, pixel) in pixels.data().as_chunks::<4>().0.iter().enumerate() {
             if *pixel != last.0 {
                 let Some(known) = colours.known.iter().find(|(rgba, _)| rgba == pixel) else {
-                    return Err(PreviewError::Colour { path, column, row, found: *pixel });
+                    return Err(PreviewError::Colour { path: path.to_owned(), column, row, found: *pixel });
                 };
                 last = *known;
             }

@@ -9,6 +9,8 @@
 //! | `preview/cuts.png`    | three orthogonal cuts through one point |
 //! | `preview/cutaway.png` | the object with a quarter taken out, shaded |
 //! | `preview/slice_K.png` | a few slices, large |
+//! | `preview/checks.png` | the objects from three sides, marked where they will not print well |
+//! | `preview/tray.png` | the tray from above, where objects are arranged on it |
 //! | `preview/film.png` | many slices, small, for the page to leaf through |
 //!
 //! Memory is bounded whatever the job: a [`volume`] of at most 12 M cells (24 MB), and at most 18 [`section`]s of at
@@ -26,6 +28,7 @@ mod legend;
 mod light;
 mod look;
 mod march;
+mod marked;
 mod report;
 mod sampling;
 mod section;
@@ -43,8 +46,9 @@ use thiserror::Error;
 pub use collect::PreviewBuilder;
 pub use film::{FILM_STRIP, FilmStrip};
 pub use folder::from_folder;
-pub(crate) use folder::{SliceColours, read_slice};
+pub(crate) use folder::{SliceColours, decode_slice, read_slice};
 pub(crate) use look::{LookPanel, look_sheet};
+pub(crate) use marked::{marked_sheet, tray_sheet};
 pub use report::{ReportData, ReportFilm, ReportHealth, ReportMaterial, ReportPicture, ReportStacking, report_html};
 
 use crate::{

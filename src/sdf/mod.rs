@@ -44,6 +44,6 @@ pub use lp::{LpField, LpOffsets, LpScratch, RELATIVE_ERROR};
 pub use parts::{PART_COLUMNS, PART_SLICES, Part};
 pub use surface::{Surface, SurfacePoint};
 pub use surface_voxels::SurfaceVoxels;
-pub use thickness::half_thickness;
+pub use thickness::{BallInside, ball_inside, half_thickness};
 pub use triangle::{ClosestPoint, closest_point};
 pub use voxelize::{Cells, cell_centre, for_cells};

@@ -27,10 +27,26 @@ const TOUCHES: f64 = 0.02;
 /// Balls that are tried; five is much.
 const TRIES: usize = 24;
 
+/// A ball inside of a solid that touches its surface at a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BallInside {
+    /// Its radius, mm.
+    pub radius: f64,
+    /// Cosine between the normal at the point and the way from where the ball is limited: 1 where that is right
+    /// opposite, 0 where nothing limits it.
+    pub cosine: f64,
+}
+
 /// Radius in mm, at most `most`, of the largest ball inside of `surface` that touches it at `point`, whose outward unit
 /// normal is `normal`.
 pub fn half_thickness(surface: &Surface, point: DVec3, normal: DVec3, most: f64) -> f64 {
-    let mut radius = most;
+    ball_inside(surface, point, normal, most).radius
+}
+
+/// The largest ball inside of `surface`, at most of radius `most` mm, that touches it at `point`, whose outward unit normal
+/// is `normal`.
+pub fn ball_inside(surface: &Surface, point: DVec3, normal: DVec3, most: f64) -> BallInside {
+    let (mut radius, mut cosine) = (most, 0.0);
     for _ in 0..TRIES {
         let centre = point - normal * radius;
         let nearest = surface.closest(centre);
@@ -47,8 +63,9 @@ pub fn half_thickness(surface: &Surface, point: DVec3, normal: DVec3, most: f64)
             break;
         }
         radius = smaller;
+        cosine = along / chord.length();
     }
-    radius
+    BallInside { radius, cosine }
 }
 
 #[cfg(test)]

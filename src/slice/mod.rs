@@ -24,4 +24,5 @@ mod tests;
 pub use depth::{DistanceKind, SlabField};
 pub use engine::Slicer;
 pub use fill::ObjectField;
-pub use png::{Palette, RowBuffers, encode_mask, encode_rgba};
+pub(crate) use png::encoder;
+pub use png::{Palette, RowBuffers, count_voxels, encode_mask, encode_rgba};

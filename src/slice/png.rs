@@ -52,6 +52,21 @@ pub fn encode_rgba(
     Ok(())
 }
 
+/// Adds to `counts` how often every id occurs in slice `k` of `slab`, as [`encode_rgba`] does.
+pub fn count_voxels(slab: &Slab, k: u32, buffers: &mut RowBuffers, counts: &mut [u64; 256]) {
+    let [width, height, _] = slab.lattice().dims;
+    buffers.ids.resize(width as usize, 0);
+    for j in 0..height {
+        slab.read_row(j, k, &mut buffers.ids);
+        let mut rest = buffers.ids.as_slice();
+        while let Some(&id) = rest.first() {
+            let length = run_length(rest, id);
+            counts[usize::from(id)] += length as u64;
+            rest = &rest[length..];
+        }
+    }
+}
+
 /// Encodes the voxels of slice `k` that are of material `id` as a 1-bit PNG, white where they are.
 pub fn encode_mask(slab: &Slab, k: u32, id: u8, buffers: &mut RowBuffers, out: &mut Vec<u8>) -> io::Result<()> {
     let lattice = slab.lattice();
@@ -78,7 +93,8 @@ pub fn encode_mask(slab: &Slab, k: u32, id: u8, buffers: &mut RowBuffers, out: &
 /// Bytes the encoder gathers before a chunk is written.
 const STREAM_BUFFER: usize = 1 << 16;
 
-fn encoder<'a>(
+/// An encoder of images of a slice's size, with its resolution.
+pub(crate) fn encoder<'a>(
     out: &'a mut Vec<u8>,
     lattice: &Lattice,
     color: ColorType,

@@ -14,12 +14,21 @@ fn the_job_and_its_slices_look_the_same() {
     assert_eq!(spots.len(), 9);
     assert_eq!(
         keys(&spots[8]),
-        ["object", "position_mm", "normal", "asked", "predicted", "sky", "printed", "standard_error"]
+        ["object", "position_mm", "normal", "asked", "predicted", "sky", "printed", "standard_error", "edge"]
     );
+    assert_eq!(field["edge_mm"].as_array().unwrap().len(), 11);
     assert_eq!(spots[8]["normal"], serde_json::json!([0.0, 0.0, 1.0]));
     for spot in spots {
         let [printed, predicted] = ["printed", "predicted"].map(|name| spot[name][0].as_f64().unwrap());
-        assert!(spot["asked"].is_null(), "a stacking is given, nothing is asked for");
+        assert!(
+            spot["asked"].is_null() && spot["edge"]["asked"].is_null(),
+            "a stacking is given, nothing is asked for"
+        );
+        // From the shadow into the light, as on a sheet: next to nothing, some half on the edge, nearly all.
+        let edge: Vec<f64> =
+            spot["edge"]["printed"][0].as_array().unwrap().iter().map(|at| at.as_f64().unwrap() / printed).collect();
+        assert!(edge.is_sorted() && edge[0] < 0.2 && edge[10] > 0.8, "{edge:?}");
+        assert!((0.3..0.7).contains(&edge[5]), "{edge:?}");
         // Light comes through the sides too, and a flat slab has none.
         assert!(printed > 0.9 * predicted && printed < 0.95, "{spot}");
         assert!(spot["standard_error"][0].as_f64().unwrap() < 0.005);
@@ -31,7 +40,8 @@ fn the_job_and_its_slices_look_the_same() {
 #[test]
 fn the_numbers_are_written_and_summed_up() {
     let bench = Bench::new();
-    let ran = bench.run(["look", "job.toml", "--spots", "4", "--photons", "500", "-o", "seen"]).exits(0);
+    let ran =
+        bench.run(["look", "job.toml", "--spots", "4", "--photons", "500", "--size", "64", "-o", "seen"]).exits(0);
     assert!(ran.stdout.contains("4 spots under even light") && ran.stdout.contains("worst spots"), "{}", ran.stdout);
     let written = std::fs::read_to_string(bench.path("seen/look.json")).unwrap();
     assert!(written.contains("\"standard_error\""), "{written}");

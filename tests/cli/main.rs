@@ -11,6 +11,7 @@
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
 mod compare;
+mod containers;
 mod factor;
 mod gamut;
 mod interrupt;
@@ -19,6 +20,7 @@ mod matching;
 mod material;
 mod measure;
 mod predict;
+mod printable;
 mod slice_bad;
 mod slice_bssrdf;
 mod slice_bytes;
@@ -30,6 +32,7 @@ mod slice_resume;
 mod slice_rounds;
 mod slice_says;
 mod slice_union;
+mod start;
 mod support;
 mod usage;
 mod verify;

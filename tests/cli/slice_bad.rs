@@ -3,7 +3,7 @@
 use crate::support::{Bench, JOB, cube, stl};
 
 /// Replaced in the job; by what; parts of the one line.
-const CASES: [(&str, &str, &[&str]); 24] = [
+const CASES: [(&str, &str, &[&str]); 25] = [
     ("[[object]]", "[[objekt]]", &["job.toml:2", "objekt", "did you mean `object`?"]),
     ("mesh = ", "mesch = ", &["job.toml:3:1", "mesch", "did you mean `mesh`?"]),
     ("\"cube.stl\"", "\"none.stl\"", &["job.toml:3", "none.stl", "does not exist"]),
@@ -25,7 +25,8 @@ const CASES: [(&str, &str, &[&str]); 24] = [
     ("white:0.5", "white:-0.5", &["job.toml:10", "layer 1", "-0.5"]),
     ("core = \"black\"", "core = \"blakc\"", &["job.toml:12", "did you mean `black`?"]),
     ("core = \"black\"", "core = \"black\"\nunits = 60", &["job.toml:13", "stacking.units", "found 60"]),
-    ("\"masks\"", "\"gcvf\"", &["job.toml:14", "gcvf", "not built yet"]),
+    ("\"masks\"", "\"svx\"", &["job.toml:14", "svx", "not built yet"]),
+    ("\"masks\"", "\"gcvf\"", &["job.toml:14", "\"gcvf\" of 20 slices", "at least 30"]),
     ("\"masks\"", "\"tiff\"", &["job.toml:14", "tiff"]),
     ("[output]", "[output", &["job.toml:13", "TOML"]),
 ];

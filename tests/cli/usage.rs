@@ -3,8 +3,9 @@
 use crate::support::{keys, run};
 
 /// Every command with the flags that scripts may use.
-const COMMANDS: [(&str, &[&str]); 16] = [
-    ("slice", &["--output", "--overwrite", "--slices <A..B>", "--dry-run", "--json"]),
+const COMMANDS: [(&str, &[&str]); 18] = [
+    ("init", &["MESH", "--printer", "--height-mm", "--look", "--materials"]),
+    ("slice", &["--output", "--overwrite", "--slices <A..B>", "--dry-run", "--quick", "--json", "--height-mm"]),
     (
         "predict",
         &["--materials", "--stack", "--core", "--model", "--light", "--photons", "--seed", "--csv", "--plot", "--json"],
@@ -74,6 +75,7 @@ const COMMANDS: [(&str, &[&str]); 16] = [
     ("preview", &["OUT"]),
     ("verify", &["OUT", "--json"]),
     ("printers", &["--json"]),
+    ("schema", &[]),
     ("completions", &["bash", "zsh", "fish"]),
     ("man", &["COMMAND"]),
 ];
@@ -151,6 +153,6 @@ fn printers_are_listed() {
     assert!(ran.stdout.contains("j750-27um") && ran.stderr.starts_with("note: "));
     let list = run(["printers", "--json"]).exits(0).json();
     let j750 = list.as_array().unwrap().iter().find(|printer| printer["name"] == "j750-27um").unwrap();
-    assert_eq!(keys(j750), ["name", "pitch_mm", "dpi", "tray_mm", "max_colors", "min_slices"]);
+    assert_eq!(keys(j750), ["name", "pitch_mm", "dpi", "tray_mm", "max_colors", "min_slices", "source"]);
     assert_eq!((j750["dpi"][1].as_f64(), j750["max_colors"].as_u64()), (Some(300.0), Some(6)));
 }

@@ -10,12 +10,15 @@ mod error;
 mod object;
 mod options;
 mod paths;
+mod quick;
 mod ranges;
 mod read;
 mod resolved;
+mod schema;
 mod target;
 #[cfg(test)]
 mod tests;
+mod texture;
 
 use std::fs::File;
 use std::io::Read;
@@ -32,7 +35,9 @@ pub use options::{
 };
 pub use paths::InputPath;
 pub use resolved::ResolvedJob;
-pub use target::{AlbedoSource, TargetSpec};
+pub use schema::schema;
+pub use target::TargetSpec;
+pub use texture::{AlbedoSource, Projection, TextureTarget};
 
 pub use crate::{mesh::Unit, toml_reader::Place};
 
@@ -70,6 +75,8 @@ pub struct Job {
     pub output: OutputOptions,
     /// What becomes of objects that share space.
     pub overlap: Overlap,
+    /// Gap between objects that are set side by side on the tray, mm, 0 to 100; `None`: they stand where the job says.
+    pub arrange_gap_mm: Option<f64>,
     /// Where each key stands, for errors found later.
     places: Places,
 }
@@ -84,8 +91,20 @@ fn quoted(name: &str) -> String {
 }
 
 /// The tables of a job.
-const ROOT_KEYS: &[&str] =
-    &["object", "printer", "materials", "target", "clusters", "stacking", "appearance", "field", "output", "overlap"];
+const ROOT_KEYS: &[&str] = &[
+    "object",
+    "printer",
+    "materials",
+    "target",
+    "clusters",
+    "stacking",
+    "appearance",
+    "field",
+    "output",
+    "overlap",
+    "arrange",
+    "gap-mm",
+];
 
 impl Job {
     /// Reads and checks the job at `path`. Its paths are relative to its folder.
@@ -140,7 +159,8 @@ impl Job {
         let empty = toml::Spanned::new(0..0, DeTable::new());
         let table = |key: &str| root.get(key).map_or_else(|| Ok(read::Table::root(&source, &empty)), |t| t.table());
         let common = root.get("target").map(|target| target::read_with_map(&target.table()?)).transpose()?;
-        let objects = object::read_all(&root, common.as_ref())?;
+        let arrange_gap_mm = options::read_arrange(&root)?;
+        let objects = object::read_all(&root, common.as_ref(), arrange_gap_mm.is_some())?;
         let printer = options::read_printer(&root)?;
         let materials = options::read_materials(&root)?;
         let clusters = options::read_clusters(&table("clusters")?)?;
@@ -163,6 +183,7 @@ impl Job {
             field,
             output,
             overlap,
+            arrange_gap_mm,
             places,
         };
         job.check_mixtures()?;
@@ -170,11 +191,12 @@ impl Job {
     }
 
     /// Whether stackings that are searched for may have layers that are mixtures: as the job says, else where transport
-    /// judges thicknesses of any size by another objective than the paper's, and only slices and pictures are written.
+    /// judges thicknesses of any size by another objective than the paper's, and only voxels and pictures are written.
     pub fn allows_mixtures(&self) -> bool {
-        let slices = |format: &OutputFormat| matches!(format, OutputFormat::Png | OutputFormat::Preview);
         self.stacking.mixtures.unwrap_or_else(|| {
-            !self.whole_layers() && self.stacking.objective.norm != Norm::L2 && self.output.formats.iter().all(slices)
+            !self.whole_layers()
+                && self.stacking.objective.norm != Norm::L2
+                && self.output.formats.iter().all(|format| format.holds_voxels())
         })
     }
 
@@ -211,12 +233,10 @@ impl Job {
         }
         for format in &self.output.formats {
             let expected = match format {
-                OutputFormat::Png | OutputFormat::Preview => continue,
+                format if format.holds_voxels() => continue,
                 OutputFormat::Masks if self.stacking.mixtures == Some(true) => continue,
                 OutputFormat::Masks => "stacking.mixtures = true, for masks of dithered voxels",
-                OutputFormat::Stl | OutputFormat::ThreeMf | OutputFormat::Heights => {
-                    "\"png\" and \"preview\": a layer that is a mixture has grains, no mesh or map"
-                }
+                _ => "formats of voxels, as \"png\": a layer that is a mixture has grains, no mesh or map",
             };
             let found = format!("\"{}\" of layers that are mixtures", format.name());
             return Err(self.refuse("output.formats", found, expected));

@@ -1,7 +1,7 @@
 //! `[[object]]`: a mesh, where and how large it stands, and what it should look like.
 
 use super::paths::InputPath;
-use super::ranges::{ANGLE, HEIGHT, POSITION, SCALE};
+use super::ranges::{ANGLE, COUNT, HEIGHT, POSITION, SCALE};
 use super::read::{Result, Table};
 use super::target::{self, TargetSpec};
 use crate::mesh::Unit;
@@ -50,17 +50,40 @@ pub struct ObjectJob {
 pub(super) const DEPTH_FROM: &[(&str, DepthFrom)] = &[("surface", DepthFrom::Surface), ("top", DepthFrom::Top)];
 
 pub(super) const KEYS: &[&str] =
-    &["mesh", "unit", "scale", "height-mm", "rotate-deg", "position-mm", "depth-from", "target"];
+    &["mesh", "unit", "scale", "height-mm", "rotate-deg", "position-mm", "count", "depth-from", "target"];
 
-/// Reads every object; `common` is the job's `[target]`.
-pub(super) fn read_all(root: &Table<'_>, common: Option<&(TargetSpec, bool)>) -> Result<Vec<ObjectJob>> {
+/// Reads every object; `common` is the job's `[target]`, `arranged` whether the job finds them their places. Copies come
+/// after all that are written, which so keep the numbers of their tables.
+pub(super) fn read_all(
+    root: &Table<'_>,
+    common: Option<&(TargetSpec, bool)>,
+    arranged: bool,
+) -> Result<Vec<ObjectJob>> {
     const EXPECTED: &str = "one or several [[object]] tables";
     let value = root.require("object", EXPECTED)?;
     let objects = value.list(EXPECTED)?;
     if objects.is_empty() {
         return Err(value.refuse(EXPECTED));
     }
-    objects.iter().map(|object| read(&object.table()?, common)).collect()
+    let mut read_objects = Vec::new();
+    let mut copies = Vec::new();
+    for object in &objects {
+        let table = object.table()?;
+        let object = read(&table, common)?;
+        if let Some(position) = table.get("position-mm").filter(|_| arranged) {
+            return Err(position.refuse_as("a position beside arrange = true", "no position: the job finds one"));
+        }
+        if let Some(value) = table.get("count") {
+            let count = value.integer(COUNT)?;
+            if count > 1 && !arranged {
+                return Err(value.refuse_as(format!("{count} at one place"), "arrange = true before the first table"));
+            }
+            copies.extend((1..count).map(|_| object.clone()));
+        }
+        read_objects.push(object);
+    }
+    read_objects.extend(copies);
+    Ok(read_objects)
 }
 
 fn read(table: &Table<'_>, common: Option<&(TargetSpec, bool)>) -> Result<ObjectJob> {

@@ -154,18 +154,53 @@ pub enum OutputFormat {
     Preview,
     /// Layer maps: an image of depths per layer.
     Heights,
+    /// GrabCAD Print's voxel container.
+    Gcvf,
+    /// Bitmaps of one bit per slice and material, for Objet printers.
+    Bmp,
+    /// Ids of voxels for ParaView.
+    Vti,
+    /// Ids of voxels for napari and 3D Slicer.
+    Nrrd,
+    /// Grids of OpenVDB.
+    Vdb,
 }
 
 impl OutputFormat {
     /// Every format and its name in jobs.
-    pub const ALL: [(&'static str, Self); 6] = [
+    pub const ALL: [(&'static str, Self); 11] = [
         ("png", Self::Png),
         ("masks", Self::Masks),
         ("stl", Self::Stl),
         ("3mf", Self::ThreeMf),
         ("preview", Self::Preview),
         ("heights", Self::Heights),
+        ("gcvf", Self::Gcvf),
+        ("bmp", Self::Bmp),
+        ("vti", Self::Vti),
+        ("nrrd", Self::Nrrd),
+        ("vdb", Self::Vdb),
     ];
+
+    /// Whether the format holds voxels, one by one, and so mixtures too.
+    pub fn holds_voxels(self) -> bool {
+        !matches!(self, Self::Masks | Self::Stl | Self::ThreeMf | Self::Heights)
+    }
+
+    /// Whether the format is a volume of ids, support among them, for other programs.
+    pub fn is_volume(self) -> bool {
+        matches!(self, Self::Vti | Self::Nrrd | Self::Vdb)
+    }
+
+    /// Whether the format is one file of the whole job.
+    pub fn is_one_file(self) -> bool {
+        self == Self::Gcvf || self.is_volume()
+    }
+
+    /// Whether the format is one file of the whole job, or a set of files that only make sense together.
+    pub fn holds_whole_jobs(self) -> bool {
+        self.is_one_file() || self == Self::Bmp
+    }
 
     /// Its name in jobs.
     pub fn name(self) -> &'static str {
@@ -176,12 +211,17 @@ impl OutputFormat {
             Self::ThreeMf => "3mf",
             Self::Preview => "preview",
             Self::Heights => "heights",
+            Self::Gcvf => "gcvf",
+            Self::Bmp => "bmp",
+            Self::Vti => "vti",
+            Self::Nrrd => "nrrd",
+            Self::Vdb => "vdb",
         }
     }
 }
 
 /// Formats that are planned; asking for one is answered so, not with "unknown".
-pub(super) const PLANNED_FORMATS: &[&str] = &["bmp", "gcvf", "svx", "vdb"];
+pub(super) const PLANNED_FORMATS: &[&str] = &["svx"];
 
 /// What is written.
 #[derive(Debug, Clone, PartialEq)]
@@ -381,6 +421,19 @@ pub enum Overlap {
 pub(super) fn read_overlap(root: &Table<'_>) -> Result<Overlap> {
     let choices = [("refuse", Overlap::Refuse), ("union", Overlap::Union)];
     root.get("overlap").map_or(Ok(Overlap::default()), |value| value.choice(&choices))
+}
+
+/// Gap between objects that are arranged, unless the job says otherwise, mm.
+const DEFAULT_GAP_MM: f64 = 2.0;
+
+/// The gap between objects where the job has them arranged.
+pub(super) fn read_arrange(root: &Table<'_>) -> Result<Option<f64>> {
+    let arrange = root.get("arrange").map_or(Ok(false), |value| value.truth())?;
+    match root.get("gap-mm") {
+        Some(value) if !arrange => Err(value.refuse_as("a gap that nothing uses", "arrange = true beside it")),
+        Some(value) => value.number(range::GAP).map(Some),
+        None => Ok(arrange.then_some(DEFAULT_GAP_MM)),
+    }
 }
 
 pub(super) const OUTPUT_KEYS: &[&str] = &["formats", "mesh-pitch-mm", "background-as"];

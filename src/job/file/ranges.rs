@@ -15,6 +15,10 @@ pub(super) const HEIGHT: Range = Range::new("a height in mm", 0.01, MAX_EXTENT_M
 pub(super) const SCALE: Range = Range::new("a factor", 1e-6, 1e6);
 pub(super) const ANGLE: Range = Range::new("an angle in degrees", -360.0, 360.0);
 pub(super) const POSITION: Range = Range::new("a position in mm", -MAX_EXTENT_MM, MAX_EXTENT_MM);
+/// As many as a tray of half a metre holds of what is a centimetre large.
+pub(super) const COUNT: IntRange = IntRange { noun: "a number of copies", min: 1, max: 1000 };
+/// Room to get a spatula between.
+pub(super) const GAP: Range = Range::new("a distance in mm", 0.0, 100.0);
 /// A voxel of 1 µm is finer than any printer; one of 10 mm is coarser than any preview.
 pub(super) const PITCH: Range = Range::new("a voxel size in mm", 0.001, 10.0);
 pub(super) const TRAY: Range = Range::new("a tray size in mm", 1.0, MAX_EXTENT_MM);
@@ -26,6 +30,12 @@ pub(super) const ALBEDO: Range = Range::new("an albedo", 0.0, 1.0);
 pub(super) const MAX_ALBEDO: Range = Range::new("an albedo", 0.001, 1.0);
 /// From well below a voxel to well above a tray's depth.
 pub(super) const MEAN_FREE_PATH: Range = Range::new("a mean free path in mm", 1e-4, 1000.0);
+/// What radii are multiplied by.
+pub(super) const SUBSURFACE_SCALE: Range = Range::new("a factor", 1e-4, 1000.0);
+/// At either end no light would ever turn round.
+pub(super) const ANISOTROPY: Range = Range::new("a mean cosine", -0.99, 0.99);
+/// A tile smaller than a voxel or two shows nothing.
+pub(super) const TILE: Range = Range::new("a width in mm", 0.1, MAX_EXTENT_MM);
 /// Stacking ids are 16-bit.
 pub(super) const CLUSTERS: IntRange = IntRange { noun: "a number of clusters", min: 1, max: 65_535 };
 /// TOML's integers are signed 64-bit.

@@ -4,7 +4,8 @@
 use serde::Serialize;
 
 use super::options::{Distance, MaterialSource, Overlap, StackingModel};
-use super::target::{AlbedoSource, TargetSpec};
+use super::target::TargetSpec;
+use super::texture::{AlbedoSource, Projection, TextureTarget};
 use super::{Job, Scaling};
 
 /// The canonical form of a [`Job`]: keys as in the job file, every default explicit, every object with its own target,
@@ -14,6 +15,10 @@ use super::{Job, Scaling};
 pub struct ResolvedJob {
     #[serde(skip_serializing_if = "Option::is_none")]
     overlap: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    arrange: Option<bool>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gap_mm: Option<f64>,
     object: Vec<Object>,
     printer: Printer,
     materials: Materials,
@@ -35,7 +40,8 @@ struct Object {
     #[serde(skip_serializing_if = "Option::is_none")]
     height_mm: Option<f64>,
     rotate_deg: [f64; 3],
-    position_mm: [f64; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    position_mm: Option<[f64; 3]>,
     depth_from: &'static str,
     target: MappedTarget,
 }
@@ -64,8 +70,15 @@ enum Target {
         #[serde(skip_serializing_if = "Option::is_none")]
         albedo_value: Option<f64>,
         #[serde(skip_serializing_if = "Option::is_none")]
+        albedo_colour: Option<[f64; 3]>,
+        #[serde(skip_serializing_if = "Option::is_none")]
         mean_free_path: Option<String>,
-        mean_free_path_mm: f64,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        mean_free_path_mm: Option<OneOrThree>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        projection: Option<&'static str>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        tile_mm: Option<f64>,
         #[serde(skip_serializing_if = "Option::is_none")]
         max_albedo: Option<f64>,
     },
@@ -78,6 +91,20 @@ enum Target {
         #[serde(skip_serializing_if = "Option::is_none")]
         max_albedo: Option<f64>,
     },
+}
+
+/// A number for all channels, or one each.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+enum OneOrThree {
+    One(f64),
+    Three([f64; 3]),
+}
+
+impl OneOrThree {
+    fn new(numbers: [f64; 3]) -> Self {
+        if numbers == [numbers[0]; 3] { Self::One(numbers[0]) } else { Self::Three(numbers) }
+    }
 }
 
 /// A path for all channels, or one for each.
@@ -192,7 +219,9 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
     };
     ResolvedJob {
         overlap: (job.overlap == Overlap::Union).then_some("union"),
-        object: job.objects.iter().map(object).collect(),
+        arrange: job.arrange_gap_mm.map(|_| true),
+        gap_mm: job.arrange_gap_mm,
+        object: job.objects.iter().map(|it| object(it, job.arrange_gap_mm.is_some())).collect(),
         printer: Printer {
             name: job.printer.name.clone(),
             pitch_mm: job.printer.pitch_mm.to_array(),
@@ -237,7 +266,7 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
     }
 }
 
-fn object(object: &super::ObjectJob) -> Object {
+fn object(object: &super::ObjectJob, arranged: bool) -> Object {
     let (scale, height_mm) = match object.scaling {
         Scaling::Scale(factor) => (Some(factor), None),
         Scaling::HeightMm(height) => (None, Some(height)),
@@ -248,7 +277,7 @@ fn object(object: &super::ObjectJob) -> Object {
         scale,
         height_mm,
         rotate_deg: object.rotate_deg,
-        position_mm: object.position_mm,
+        position_mm: (!arranged).then_some(object.position_mm),
         depth_from: match object.depth_from {
             super::DepthFrom::Surface => "surface",
             super::DepthFrom::Top => "top",
@@ -261,24 +290,34 @@ fn object(object: &super::ObjectJob) -> Object {
     }
 }
 
+fn texture_target(texture: &TextureTarget) -> Target {
+    let (albedo, albedo_value, albedo_colour) = match &texture.albedo {
+        AlbedoSource::MeshBaseColor => (None, None, None),
+        AlbedoSource::Texture(path) => (Some(path.shown()), None, None),
+        AlbedoSource::Constant(value) => (None, Some(*value), None),
+        AlbedoSource::Colour(colour) => (None, None, Some(*colour)),
+    };
+    let (projection, tile_mm) = match texture.projection {
+        Projection::Coordinates => (None, None),
+        Projection::Triplanar { tile_mm } => (Some("triplanar"), tile_mm),
+    };
+    Target::Texture {
+        albedo,
+        albedo_value,
+        albedo_colour,
+        mean_free_path: texture.mean_free_path.as_ref().map(super::InputPath::shown),
+        mean_free_path_mm: texture.mean_free_path_mm.map(OneOrThree::new),
+        projection,
+        tile_mm,
+        max_albedo: texture.max_albedo,
+    }
+}
+
 fn target(spec: &TargetSpec) -> Target {
     match spec {
         TargetSpec::Stacking { stack } => Target::Stacking { stack: stack.to_string() },
         TargetSpec::Profile { paths } => Target::Profile { profile: OneOrMany::new(paths) },
-        TargetSpec::Texture { albedo, mean_free_path, mean_free_path_mm, max_albedo } => {
-            let (albedo, albedo_value) = match albedo {
-                AlbedoSource::MeshBaseColor => (None, None),
-                AlbedoSource::Texture(path) => (Some(path.shown()), None),
-                AlbedoSource::Constant(value) => (None, Some(*value)),
-            };
-            Target::Texture {
-                albedo,
-                albedo_value,
-                mean_free_path: mean_free_path.as_ref().map(super::InputPath::shown),
-                mean_free_path_mm: *mean_free_path_mm,
-                max_albedo: *max_albedo,
-            }
-        }
+        TargetSpec::Texture(texture) => texture_target(texture),
         TargetSpec::Clusters { labels, profiles } => Target::Clusters {
             labels: labels.shown(),
             profiles: profiles.iter().map(|paths| OneOrMany::new(paths)).collect(),

@@ -2,8 +2,9 @@
 
 use super::error::JobError;
 use super::paths::InputPath;
-use super::ranges::{ALBEDO, CLUSTERS, MAX_ALBEDO, MEAN_FREE_PATH};
+use super::ranges::{CLUSTERS, MAX_ALBEDO};
 use super::read::{Result, Table, Value};
+use super::texture::{self, TextureTarget};
 use crate::optics::Stack;
 
 /// What an object should look like.
@@ -21,16 +22,7 @@ pub enum TargetSpec {
         paths: Vec<InputPath>,
     },
     /// A profile per texel, modelled from albedo and mean free path.
-    Texture {
-        /// How much light comes back.
-        albedo: AlbedoSource,
-        /// Linear texture of mean free paths in units of `mean_free_path_mm`; `None`: 1 everywhere.
-        mean_free_path: Option<InputPath>,
-        /// Mean free path where the texture is 1, mm; 0.0001 to 1000, default 1.
-        mean_free_path_mm: f64,
-        /// The largest albedo after rescaling, 0.001 to 1; `None`: not rescaled.
-        max_albedo: Option<f64>,
-    },
+    Texture(TextureTarget),
     /// A profile per texel, chosen from a list.
     Clusters {
         /// Image of indices into `profiles`.
@@ -47,22 +39,11 @@ pub enum TargetSpec {
     },
 }
 
-/// Where a texture target takes its albedo from.
-#[derive(Debug, Clone, PartialEq)]
-pub enum AlbedoSource {
-    /// The mesh's own base colour (the default).
-    MeshBaseColor,
-    /// An sRGB image laid over the mesh's texture coordinates.
-    Texture(InputPath),
-    /// The same albedo everywhere and in every channel, linear, 0 to 1.
-    Constant(f64),
-}
-
 /// The keys of each kind besides `kind` itself.
 pub(super) const KINDS: &[(&str, &[&str])] = &[
     ("stacking", &["stack"]),
     ("profile", &["profile", "gamut-map"]),
-    ("texture", &["albedo", "albedo-value", "mean-free-path", "mean-free-path-mm", "max-albedo", "gamut-map"]),
+    ("texture", texture::KEYS),
     ("clusters", &["labels", "profiles", "gamut-map"]),
     ("bssrdf", &["map", "max-albedo", "gamut-map"]),
 ];
@@ -78,8 +59,11 @@ fn read(table: &Table<'_>) -> Result<TargetSpec> {
     table.allow_only(&all)?;
     let kinds: Vec<_> = KINDS.iter().map(|kind| (kind.0, kind)).collect();
     let expected = "one of \"stacking\", \"profile\", \"texture\", \"clusters\", \"bssrdf\"";
-    let value = table.require("kind", expected)?;
-    let (kind, keys) = *value.choice(&kinds)?;
+    let (kind, keys) = match table.get("kind") {
+        // A preset says what it is by itself.
+        None if table.get("preset").is_some() => ("texture", texture::KEYS),
+        _ => *table.require("kind", expected)?.choice(&kinds)?,
+    };
     refuse_foreign_keys(table, kind, keys)?;
     match kind {
         "stacking" => {
@@ -90,7 +74,7 @@ fn read(table: &Table<'_>) -> Result<TargetSpec> {
             Ok(TargetSpec::Stacking { stack: layers })
         }
         "profile" => Ok(TargetSpec::Profile { paths: read_profile(&table.require("profile", PROFILE_PATH)?)? }),
-        "texture" => read_texture(table),
+        "texture" => Ok(TargetSpec::Texture(texture::read(table)?)),
         "clusters" => {
             let labels = table.require("labels", "the path of an image of labels")?.file("an image of labels")?;
             let value = table.require("profiles", "an array of paths of profile CSVs")?;
@@ -121,22 +105,6 @@ fn read_profile(value: &Value<'_>) -> Result<Vec<InputPath>> {
         Ok(list) => list.iter().map(|path| path.file(PROFILE)).collect(),
         Err(_) => Ok(vec![value.file(PROFILE)?]),
     }
-}
-
-fn read_texture(table: &Table<'_>) -> Result<TargetSpec> {
-    table.exclusive("albedo", "albedo-value")?;
-    let albedo = match (table.get("albedo"), table.get("albedo-value")) {
-        (Some(path), _) => AlbedoSource::Texture(path.file("an albedo texture")?),
-        (None, Some(value)) => AlbedoSource::Constant(value.number(ALBEDO)?),
-        (None, None) => AlbedoSource::MeshBaseColor,
-    };
-    let mean_free_path = table.get("mean-free-path").map(|path| path.file("a mean-free-path texture")).transpose()?;
-    Ok(TargetSpec::Texture {
-        albedo,
-        mean_free_path,
-        mean_free_path_mm: table.number_or("mean-free-path-mm", 1.0, MEAN_FREE_PATH)?,
-        max_albedo: table.get("max-albedo").map(|value| value.number(MAX_ALBEDO)).transpose()?,
-    })
 }
 
 /// Refuses keys that belong to another kind of target.

@@ -10,9 +10,11 @@
 //! | `voxels`  | the volume, from the job's fields or from the slices of a folder |
 //! | `pictures`, `asked` | the whole object under four kinds of light, printed and as it should be |
 //! | `mitsuba` | the same scene for Mitsuba 3 |
+//! | `edges` | what shows by a shadow's edge, asked and printed |
 //! | `surface` | spots of the surface, and what is expected there |
 
 mod asked;
+mod edges;
 mod error;
 mod mitsuba;
 mod pictures;
@@ -20,7 +22,10 @@ pub(in crate::job) mod shade;
 mod surface;
 mod voxels;
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::HashMap,
+    path::{Path, PathBuf},
+};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -32,7 +37,8 @@ pub(in crate::job) use surface::SurfaceSpot;
 
 use super::{Prepared, verify::read_manifest};
 use crate::{
-    look::{Scene, Spot},
+    colour::{delta_e_2000, lab},
+    look::{Radiosity, Scene, Spot},
     output::{Existing, GENERATOR, OutputError, OutputFolder, Owner, pretty},
     preview::PreviewFile,
     watch::Watch,
@@ -44,6 +50,8 @@ pub const LOOK_VERSION: u32 = 1;
 pub const LOOK: &str = "look.json";
 /// Worst spots that are listed.
 const WORST: usize = 5;
+/// Distances from a shadow's edge that a look tells, mm, negative in the shadow.
+pub const EDGE_MM: [f64; 11] = [-2.0, -1.0, -0.5, -0.25, -0.1, 0.0, 0.1, 0.25, 0.5, 1.0, 2.0];
 
 /// What to look at.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +64,8 @@ pub struct LookOptions {
     pub walks: u64,
     /// Same seed, same result.
     pub seed: u64,
+    /// Whether to tell what shows by a shadow's edge.
+    pub edges: bool,
     /// Pictures; `None`: numbers only.
     pub pictures: Option<PictureOptions>,
 }
@@ -63,14 +73,15 @@ pub struct LookOptions {
 impl Default for LookOptions {
     /// At 10,000 walks a printed albedo of 0.4 is known to 0.003.
     fn default() -> Self {
-        Self { spots: 100, at: Vec::new(), walks: 10_000, seed: 1, pictures: None }
+        Self { spots: 100, at: Vec::new(), walks: 10_000, seed: 1, edges: true, pictures: None }
     }
 }
 
 impl LookOptions {
     /// What a job shows of itself when it is sliced: a second or two.
     pub fn quick() -> Self {
-        Self { spots: 60, walks: 4_000, pictures: Some(PictureOptions::quick()), ..Self::default() }
+        let pictures = Some(PictureOptions::quick());
+        Self { spots: 60, walks: 4_000, edges: false, pictures, ..Self::default() }
     }
 }
 
@@ -98,6 +109,16 @@ pub struct Look {
     pub against_asked: Option<Vec<Fit>>,
     /// Printed against predicted, in each channel, likewise.
     pub against_predicted: Vec<Fit>,
+    /// Where colours were asked for: their differences.
+    #[serde(default)]
+    pub delta_e_2000: Option<Differences>,
+    /// Distances from a shadow's edge at which the spots have values, mm, negative in the shadow: [`EDGE_MM`], or none.
+    #[serde(default)]
+    pub edge_mm: Vec<f64>,
+    /// Printed against asked over all spots and these distances, in each channel; `None` where nothing was asked for or
+    /// no edges were looked at.
+    #[serde(default)]
+    pub edges_against_asked: Option<Vec<Fit>>,
     /// Indices of the spots that are farthest from what was asked for (or predicted), the worst first.
     pub worst: Vec<usize>,
     /// The spots: those at random, then those that were named.
@@ -119,6 +140,9 @@ pub struct LookSummary {
     pub against_asked: Option<Vec<Fit>>,
     /// Printed against predicted, in each channel.
     pub against_predicted: Vec<Fit>,
+    /// Where colours were asked for: their differences.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delta_e_2000: Option<Differences>,
     /// The spots that are farthest from what was asked for (or predicted), the worst first.
     pub worst: Vec<SpotRecord>,
 }
@@ -132,6 +156,31 @@ pub struct Fit {
     pub rms: f64,
     /// That over the root mean square of what is expected.
     pub relative_rms: f64,
+}
+
+/// How far printed colours are from what they should be, ΔE2000 (CIE 142:2001; an albedo of 1 is white): noise is in them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Differences {
+    /// Half of the spots are nearer.
+    pub median: f64,
+    /// Nine tenths of the spots are nearer.
+    pub ninety_percent: f64,
+    /// The largest.
+    pub worst: f64,
+}
+
+/// A shadow's edge at a spot, by channel and distance.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EdgeRecord {
+    /// Unit vector along the surface into the light, in the lattice's frame.
+    pub into_the_light: [f64; 3],
+    /// Radiosity per irradiance that is asked for, as a flat sheet of the target's profile has it; `None` where a stacking
+    /// was given.
+    pub asked: Option<Vec<Vec<f64>>>,
+    /// That of the print.
+    pub printed: Vec<Vec<f64>>,
+    /// One standard deviation of it.
+    pub standard_error: Vec<Vec<f64>>,
 }
 
 /// One spot. Albedos are per channel.
@@ -155,6 +204,12 @@ pub struct SpotRecord {
     pub printed: Vec<f64>,
     /// One standard deviation of it.
     pub standard_error: Vec<f64>,
+    /// Printed against asked as ΔE2000, where colours were asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delta_e_2000: Option<f64>,
+    /// What shows by a shadow's edge, at the distances of [`Look::edge_mm`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge: Option<EdgeRecord>,
 }
 
 /// Looks at a job; with a `folder`, at the slices in it.
@@ -204,19 +259,33 @@ pub fn look_at(
     spots.extend(options.at.iter().filter_map(|at| prepared.spot_near(scene, *at)));
     watch.stage("light", spots.len() as u64);
     let sites: Vec<Spot> = spots.iter().map(|spot| spot.spot.clone()).collect();
-    let printed = scene.printed_albedo(&sites, options.walks, options.seed, watch)?;
-    let record = |(spot, printed): (&SurfaceSpot, Vec<Option<crate::optics::Estimate>>)| {
-        let printed: Option<Vec<_>> = printed.into_iter().collect();
+    let edge_mm = if options.edges { &EDGE_MM[..] } else { &[] };
+    let printed = scene.radiosity(&sites, edge_mm, options.walks, options.seed, watch)?;
+    let asked_edges = if options.edges { edges::asked(prepared, &spots) } else { HashMap::new() };
+    watch.go_on()?;
+    let record = |(spot, printed): (&SurfaceSpot, Vec<Option<Radiosity>>)| {
+        let printed: Vec<Radiosity> = printed.into_iter().collect::<Option<_>>()?;
         let expected = prepared.expected(spot);
+        let sky = shade::sky(scene, &spot.middle, 0.0);
+        let means: Vec<f64> = printed.iter().map(|channel| channel.albedo.mean).collect();
+        let colours = |asked: &[f64]| -> Option<f64> {
+            let goal: Vec<f64> = asked.iter().map(|albedo| shade::shown(*albedo, sky)).collect();
+            let [goal, printed] = [goal.as_slice(), &means].map(|rgb| <[f64; 3]>::try_from(rgb).ok());
+            Some(delta_e_2000(lab(goal?), lab(printed?)))
+        };
         Some(SpotRecord {
             object: spot.object,
             position_mm: spot.middle.point.to_array(),
             normal: spot.middle.normal.to_array(),
+            delta_e_2000: expected.asked.as_deref().and_then(colours),
+            edge: options
+                .edges
+                .then(|| edges::record(prepared, spot, &asked_edges, expected.asked.as_deref(), &printed)),
             asked: expected.asked,
             predicted: expected.predicted,
-            sky: shade::sky(scene, &spot.middle, 0.0),
-            standard_error: printed.iter().flatten().map(|channel| channel.standard_error).collect(),
-            printed: printed?.iter().map(|channel| channel.mean).collect(),
+            sky,
+            standard_error: printed.iter().map(|channel| channel.albedo.standard_error).collect(),
+            printed: means,
         })
     };
     let spots: Vec<SpotRecord> = spots.iter().zip(printed).filter_map(record).collect();
@@ -239,7 +308,11 @@ pub fn look_at(
     let mut worst: Vec<usize> = (0..spots.len()).collect();
     worst.sort_by(|a, b| off(*b).total_cmp(&off(*a)));
     worst.truncate(WORST);
+    let differences: Option<Vec<f64>> = spots.iter().map(|spot| spot.delta_e_2000).collect();
     Ok(Look {
+        delta_e_2000: differences.and_then(Differences::of),
+        edge_mm: edge_mm.to_vec(),
+        edges_against_asked: edges::against_asked(&spots, channels.len()),
         generator: GENERATOR.to_owned(),
         version: LOOK_VERSION,
         job: prepared.job.name.clone(),
@@ -264,7 +337,8 @@ impl Look {
             walks: self.walks,
             against_asked: self.against_asked.clone(),
             against_predicted: self.against_predicted.clone(),
-            worst: self.worst.iter().map(|&spot| self.spots[spot].clone()).collect(),
+            delta_e_2000: self.delta_e_2000,
+            worst: self.worst.iter().map(|&spot| SpotRecord { edge: None, ..self.spots[spot].clone() }).collect(),
         }
     }
 
@@ -290,19 +364,40 @@ pub(super) fn whole_sky() -> f64 {
     1.0
 }
 
+impl Differences {
+    /// `None` of none.
+    fn of(mut differences: Vec<f64>) -> Option<Self> {
+        differences.sort_by(f64::total_cmp);
+        let at = |share: usize| differences.get((differences.len() * share / 100).min(differences.len().max(1) - 1));
+        Some(Self { median: *at(50)?, ninety_percent: *at(90)?, worst: *differences.last()? })
+    }
+}
+
 fn fits(spots: &[SpotRecord], expected: &[Vec<f64>], channels: usize) -> Vec<Fit> {
-    let fit = |channel: usize| {
-        let n = spots.len().max(1) as f64;
-        let (mut bias, mut squared, mut noise, mut level) = (0.0, 0.0, 0.0, 0.0);
-        for (spot, expected) in spots.iter().zip(expected) {
-            let apart = spot.printed[channel] - expected[channel];
-            bias += apart / n;
-            squared += apart * apart / n;
-            noise += spot.standard_error[channel].powi(2) / n;
-            level += expected[channel].powi(2) / n;
-        }
-        let rms = (squared - noise).max(0.0).sqrt();
-        Fit { bias, rms, relative_rms: if level > 0.0 { rms / level.sqrt() } else { 0.0 } }
+    let values = |channel: usize| {
+        let value = move |(spot, expected): (&SpotRecord, &Vec<f64>)| {
+            [spot.printed[channel], spot.standard_error[channel], expected[channel]]
+        };
+        Fit::of(spots.iter().zip(expected).map(value))
     };
-    (0..channels).map(fit).collect()
+    (0..channels).map(values).collect()
+}
+
+impl Fit {
+    /// Of what is printed, its standard error and what is expected.
+    fn of(values: impl Iterator<Item = [f64; 3]>) -> Self {
+        let (mut n, mut bias, mut squared, mut noise, mut level) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for [printed, error, expected] in values {
+            let apart: f64 = printed - expected;
+            n += 1.0;
+            bias += apart;
+            squared += apart * apart;
+            noise += error * error;
+            level += expected * expected;
+        }
+        let rms = ((squared - noise).max(0.0) / f64::max(n, 1.0)).sqrt();
+        let level = (level / f64::max(n, 1.0)).sqrt();
+        let relative_rms = if level > 0.0 { rms / level } else { 0.0 };
+        Self { bias: bias / f64::max(n, 1.0), rms, relative_rms }
+    }
 }

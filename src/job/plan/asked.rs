@@ -1,20 +1,13 @@
 //! What an object asks for, before any search: targets, and where on its surface each is wanted.
 
-use glam::Vec2;
-
-use super::{
-    context::TargetContext,
-    factored::FactoredMap,
-    images::{read_labels, read_picture},
-};
+use super::{appearance::Appearance, context::TargetContext, factored::FactoredMap, images::read_labels};
 use crate::{
     appearance::{
         self, AppearancePage, Atlas, ClusterId, LabelMap, NormalizedDiffusion, cluster, distinct_appearances,
     },
-    colour::{byte_to_linear, srgb_to_linear, to_channels},
     job::{
         RunError,
-        file::{AlbedoSource, InputPath, TargetSpec},
+        file::{InputPath, TargetSpec},
     },
     optics::ProfileFile,
     search::SearchTarget,
@@ -47,8 +40,8 @@ pub struct AskedMap {
 pub struct Asked {
     /// Albedo per channel, 0 to 1.
     pub albedo: Vec<f64>,
-    /// Mean free path, mm.
-    pub mean_free_path_mm: f64,
+    /// Mean free path, mm: one for all channels, or one for each.
+    pub mean_free_path_mm: Vec<f64>,
 }
 
 impl AskedMap {
@@ -117,9 +110,8 @@ pub(super) fn wanted(
             let targets = targets.collect::<Result<Vec<_>, _>>()?;
             Ok(labelled(context, "clusters", (width, height), labels_of, targets, None))
         }
-        TargetSpec::Texture { albedo, mean_free_path, mean_free_path_mm, max_albedo } => {
-            let pages = context.appearance(albedo, mean_free_path.as_ref())?;
-            texture_wanted(context, pages, *mean_free_path_mm, *max_albedo, warnings)
+        TargetSpec::Texture(texture) => {
+            texture_wanted(context, context.appearance(texture)?, texture.max_albedo, warnings)
         }
         TargetSpec::Bssrdf { map, max_albedo } => {
             context.require_uvs("target.map")?;
@@ -171,20 +163,14 @@ fn rescale(targets: &mut [SearchTarget], areas: &[f64], most: f64) {
     }
 }
 
-/// Pages of appearance with the page of every triangle.
-struct Appearance {
-    pages: Vec<AppearancePage>,
-    page_of: Vec<u16>,
-}
-
 fn texture_wanted(
     context: &TargetContext<'_>,
     appearance: Appearance,
-    mean_free_path_mm: f64,
     max_albedo: Option<f64>,
     warnings: &mut Vec<String>,
 ) -> Result<Wanted, RunError> {
     let channels = context.materials.channels.len();
+    let unit_mm = &appearance.unit_mm;
     context.watch.stage("clusters", 0);
     let sizes: Vec<_> = appearance.pages.iter().map(|page| (page.width, page.height)).collect();
     let atlas = Atlas::new(&context.solid.mesh, &sizes, &appearance.page_of);
@@ -195,8 +181,9 @@ fn texture_wanted(
     let coefficients = context.materials.grid.len();
     let mut spectra = Vec::with_capacity(appearances.distinct.len() * channels * coefficients);
     for appearance in &appearances.distinct {
-        for &albedo in &appearance.albedo {
-            let model = NormalizedDiffusion::new(albedo, appearance.mean_free_path * mean_free_path_mm)
+        for (channel, &albedo) in appearance.albedo.iter().enumerate() {
+            let path = channel.min(unit_mm.len() - 1);
+            let model = NormalizedDiffusion::new(albedo, appearance.mean_free_path[path] * unit_mm[path])
                 .map_err(|error| context.refuse("target", error, "an albedo and a mean free path"))?;
             spectra.extend(model.spectrum(&context.materials.grid));
         }
@@ -235,7 +222,10 @@ fn texture_wanted(
         appearances: appearances
             .distinct
             .into_iter()
-            .map(|it| Asked { albedo: it.albedo, mean_free_path_mm: it.mean_free_path * mean_free_path_mm })
+            .map(|it| Asked {
+                mean_free_path_mm: it.mean_free_path.iter().zip(unit_mm).map(|(path, unit)| path * unit).collect(),
+                albedo: it.albedo,
+            })
             .collect(),
     };
     Ok(Wanted {
@@ -257,7 +247,7 @@ fn brightest(atlas: &Atlas, pages: &[AppearancePage], channels: usize) -> f64 {
 }
 
 impl TargetContext<'_> {
-    fn require_uvs(&self, key: &str) -> Result<(), RunError> {
+    pub(super) fn require_uvs(&self, key: &str) -> Result<(), RunError> {
         if !self.has_uvs {
             let mesh = self.job.objects[self.object].mesh.shown();
             return Err(self.refuse(key, format!("{mesh} without texture coordinates"), "a mesh that has them"));
@@ -280,79 +270,5 @@ impl TargetContext<'_> {
         };
         let spectra = paths.iter().map(spectrum).collect::<Result<Vec<_>, _>>()?;
         Ok(SearchTarget { channels: (0..channels).map(|c| spectra[c.min(spectra.len() - 1)].clone()).collect() })
-    }
-
-    /// Reads the textures of a texture target.
-    fn appearance(&self, albedo: &AlbedoSource, mean_free_path: Option<&InputPath>) -> Result<Appearance, RunError> {
-        let channels = self.materials.channels.len();
-        let mean_free_path = mean_free_path.map(|path| read_picture(path.as_ref())).transpose()?;
-        if mean_free_path.is_some() {
-            self.require_uvs("target.mean-free-path")?;
-        }
-        let decode = |rgb: [f32; 3]| rgb.map(srgb_to_linear);
-        // Linear colour at (u, v) and the size of the texture behind it, one per page.
-        type Colour<'a> = Box<dyn Fn(f32, f32) -> [f32; 3] + 'a>;
-        let mut sources: Vec<(u32, u32, Colour<'_>)> = Vec::new();
-        // Where a page's texels lay on the mesh's own coordinates, if elsewhere.
-        let mut baked_from: Vec<Option<&[Vec2]>> = Vec::new();
-        let mut page_of = Vec::new();
-        match albedo {
-            AlbedoSource::Constant(albedo) => {
-                let albedo = *albedo as f32;
-                sources.push((1, 1, Box::new(move |_, _| [albedo; 3])));
-            }
-            AlbedoSource::Texture(path) => {
-                self.require_uvs("target.albedo")?;
-                let picture = read_picture(path.as_ref())?;
-                sources.push((picture.width, picture.height, Box::new(move |u, v| decode(picture.nearest(u, v)))));
-            }
-            AlbedoSource::MeshBaseColor => {
-                let mesh = &self.solid.mesh;
-                if mesh.materials.is_empty() {
-                    let name = self.job.objects[self.object].mesh.shown();
-                    let found = format!("{name} without a base colour of its own");
-                    return Err(self.refuse("target", found, "an albedo or an albedo-value"));
-                }
-                page_of = mesh.material_of.clone();
-                baked_from = mesh.materials.iter().map(|material| material.baked_from.as_deref()).collect();
-                for material in &mesh.materials {
-                    let [r, g, b, _] = material.base_color;
-                    match &material.base_color_texture {
-                        None => sources.push((1, 1, Box::new(move |_, _| [r, g, b]))),
-                        Some(texture) => sources.push((
-                            texture.width,
-                            texture.height,
-                            Box::new(move |u, v| {
-                                let texel = |at: f32, size: u32| ((at * size as f32) as u32).min(size - 1) as usize;
-                                let index = texel(u, texture.width) + texture.width as usize * texel(v, texture.height);
-                                let [tr, tg, tb, _] = texture.texels[index].map(byte_to_linear);
-                                [tr * r, tg * g, tb * b]
-                            }),
-                        )),
-                    }
-                }
-            }
-        }
-        baked_from.resize(sources.len(), None);
-        let pages = sources.into_iter().zip(baked_from).map(|((width, height, colour), baked_from)| {
-            let (width, height) = match &mean_free_path {
-                Some(picture) if baked_from.is_none() => (width.max(picture.width), height.max(picture.height)),
-                _ => (width, height),
-            };
-            let mut page = AppearancePage { width, height, albedo: Vec::new(), mean_free_path: Vec::new() };
-            for y in 0..height {
-                for x in 0..width {
-                    let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
-                    to_channels(colour(u, v), channels, &mut page.albedo);
-                    let [u, v] = match baked_from.map(|from| from[x as usize + width as usize * y as usize]) {
-                        Some(from) => from.to_array().map(|at| at.rem_euclid(1.0)),
-                        None => [u, v],
-                    };
-                    page.mean_free_path.push(mean_free_path.as_ref().map_or(1.0, |picture| picture.nearest(u, v)[0]));
-                }
-            }
-            page
-        });
-        Ok(Appearance { pages: pages.collect(), page_of })
     }
 }

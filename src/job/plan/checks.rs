@@ -2,7 +2,52 @@
 
 use super::PreparedObject;
 use crate::job::{Job, JobError, file::DepthFrom};
-use crate::{voxel::Lattice, words::counted};
+use crate::{
+    container::{bmp, gcvf},
+    job::file::OutputFormat,
+    optics::MaterialSet,
+    voxel::{Lattice, MaterialId},
+    words::counted,
+};
+
+/// Refuses formats that cannot hold this lattice, before anything slow; what only may be refused is told in `warnings`.
+pub(super) fn formats(job: &Job, lattice: &Lattice, warnings: &mut Vec<String>) -> Result<(), JobError> {
+    if !job.wants(OutputFormat::Gcvf) {
+        return Ok(());
+    }
+    let slices = lattice.dims[2];
+    if slices < gcvf::MIN_SLICES {
+        let found = format!("\"gcvf\" of {}", counted(slices as usize, "slice"));
+        let least = gcvf::MIN_SLICES;
+        let thick = f64::from(least) * lattice.pitch.z;
+        let expected = format!("at least {least}, as GrabCAD Voxel Print does: an object {thick:.2} mm high or more");
+        return Err(job.refuse("output.formats", found, expected));
+    }
+    let Some(resolution) = gcvf::Resolution::of(lattice) else {
+        let pitch = lattice.pitch.to_array();
+        let found = format!("\"gcvf\" of voxels of {} × {} × {} mm", pitch[0], pitch[1], pitch[2]);
+        let expected = "whole dots per inch in x and y and whole nanometres in z: a printer preset, as \"j750-27um\"";
+        return Err(job.refuse("output.formats", found, expected));
+    };
+    if !resolution.is_known() {
+        warnings.push(resolution.unknown());
+    }
+    Ok(())
+}
+
+/// Refuses formats that cannot hold so many resins: known once stackings are.
+pub(super) fn materials_of_formats(job: &Job, used: &[MaterialId], materials: &MaterialSet) -> Result<(), JobError> {
+    for (format, most) in [(OutputFormat::Bmp, bmp::MAX_MATERIALS), (OutputFormat::Gcvf, gcvf::MAX_COLORS)] {
+        if job.wants(format) && used.len() > most {
+            let names: Vec<_> =
+                used.iter().filter_map(|id| Some(materials.resins.get(id.resin()?)?.name.as_str())).collect();
+            let found = format!("\"{}\" of {} resins: {}", format.name(), used.len(), names.join(", "));
+            let expected = format!("at most {most}: a material file without the others");
+            return Err(job.refuse("output.formats", found, expected));
+        }
+    }
+    Ok(())
+}
 
 /// Refuses objects that are shorter than a voxel along every axis, most likely for want of a unit: of such an object
 /// next to nothing is printed. Those that are so along some axis only are told in `warnings`.

@@ -5,13 +5,16 @@
 //! | file | what it does |
 //! | --- | --- |
 //! | `prepare`  | reads the inputs, places the meshes, builds the fields |
-//! | `asked`, `images`, `factored` | what each surface point should reflect: targets, and where each is wanted |
+//! | `asked`, `appearance`, `images`, `factored` | what each surface point should reflect: targets, and where each is wanted |
 //! | `stackings`, `gamut_mapping`  | one stacking per target |
 //! | `on_surface`, `answers` | other stackings where an object is thin, or its print would miss |
 //! | `stacking_report` | what was found, as files and reports have it |
+//! | `arrange` | places on the tray |
 //! | `checks`   | what will print badly |
 
 mod answers;
+mod appearance;
+mod arrange;
 mod asked;
 mod checks;
 mod context;

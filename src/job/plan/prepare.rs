@@ -9,7 +9,9 @@ use glam::{DMat4, DVec3};
 use serde::Serialize;
 
 use super::{
-    AskedMap, CHANNELS, ObjectPlan, StackingReport, checks,
+    AskedMap, CHANNELS, ObjectPlan, StackingReport,
+    arrange::arrange,
+    checks,
     context::TargetContext,
     factored::FactoredMap,
     images::picture_size,
@@ -19,8 +21,8 @@ use crate::{
     job::{
         Job, RunError,
         file::{
-            AlbedoSource, DepthFrom, Distance, InputPath, MaterialSource, ObjectJob, OutputFormat, Overlap, Scaling,
-            StackingModel, TargetSpec,
+            AlbedoSource, DepthFrom, Distance, InputPath, MaterialSource, ObjectJob, OutputFormat, Overlap, Projection,
+            Scaling, StackingModel, TargetSpec,
         },
     },
     mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
@@ -110,6 +112,7 @@ impl Prepared {
         }
         let extent = solids.iter().fold(DVec3::ZERO, |extent, solid| extent.max(bounds(&solid.0)[1]));
         let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
+        checks::formats(&job, &lattice, &mut warnings)?;
 
         watch.stage("materials", 0);
         let mut materials = finish_materials(draft, &job, watch)?;
@@ -169,6 +172,7 @@ impl Prepared {
         let prepared =
             Self { job, materials, lattice, objects, palette, inputs, warnings, rounds: None, plans, slicer };
         prepared.check_colors()?;
+        checks::materials_of_formats(&prepared.job, &prepared.bitmap_materials(), &prepared.materials)?;
         prepared.check_meshes()?;
         Ok(prepared)
     }
@@ -330,6 +334,9 @@ pub(super) fn load_solids(
         watch.advance(1);
         watch.go_on()?;
     }
+    if let Some(gap_mm) = job.arrange_gap_mm {
+        arrange(job, gap_mm, &mut loaded);
+    }
     let mut solids: Vec<&mut Solid> = loaded.iter_mut().map(|(solid, ..)| solid).collect();
     let shared = mesh::unite(&mut solids);
     let name = |index: usize| format!("object {} ({})", index + 1, job.objects[index].mesh.shown());
@@ -360,7 +367,8 @@ fn load_solid(
     warnings: &mut Vec<String>,
 ) -> Result<(Solid, DMat4, Vec<PathBuf>), RunError> {
     let loaded = mesh::load(object.mesh.as_ref(), &LoadOptions { unit: object.unit })?;
-    let own_color = matches!(&object.target, TargetSpec::Texture { albedo: AlbedoSource::MeshBaseColor, .. });
+    let own_color =
+        matches!(&object.target, TargetSpec::Texture(texture) if texture.albedo == AlbedoSource::MeshBaseColor);
     if let Some(lost) = loaded.lost_color.filter(|_| own_color) {
         let found = format!("{}: {lost}", object.mesh.shown());
         return Err(job
@@ -396,14 +404,27 @@ fn load_solid(
 pub(super) fn complete_uvs(solid: &mut Solid, target: &TargetSpec) -> Result<bool, RunError> {
     let had = !solid.mesh.uvs.is_empty();
     solid.mesh.uvs.resize(solid.mesh.triangles.len(), Default::default());
-    if let TargetSpec::Texture { albedo: AlbedoSource::MeshBaseColor, mean_free_path, .. } = target {
-        let detail = mean_free_path.as_ref().map(|path| picture_size(path.as_ref())).transpose()?;
+    let TargetSpec::Texture(texture) = target else { return Ok(had) };
+    let size = |path: &InputPath| picture_size(path.as_ref());
+    let detail = texture.mean_free_path.as_ref().map(size).transpose()?;
+    if let Projection::Triplanar { tile_mm } = texture.projection {
+        let albedo = if let AlbedoSource::Texture(path) = &texture.albedo { Some(size(path)?) } else { None };
+        let widest = detail.into_iter().chain(albedo).map(|(width, _)| width).max();
+        let has_albedo = texture.albedo != AlbedoSource::MeshBaseColor || !solid.mesh.materials.is_empty();
+        if let Some(widest) = widest.filter(|_| has_albedo) {
+            let [low, high] = bounds(solid);
+            let tile_mm = tile_mm.unwrap_or((high - low).max_element());
+            solid.mesh.bake_projection(tile_mm, f64::from(widest) / tile_mm);
+            return Ok(had);
+        }
+    }
+    if texture.albedo == AlbedoSource::MeshBaseColor {
         solid.mesh.bake_base_color(detail);
     }
     Ok(had)
 }
 
-fn bounds(solid: &Solid) -> [DVec3; 2] {
+pub(super) fn bounds(solid: &Solid) -> [DVec3; 2] {
     let positions = || solid.mesh.triangles.iter().flatten().map(|&v| solid.mesh.positions[v as usize]);
     [positions().fold(DVec3::MAX, DVec3::min), positions().fold(DVec3::MIN, DVec3::max)]
 }
@@ -423,9 +444,9 @@ impl TargetSpec {
         match self {
             Self::Stacking { .. } => Vec::new(),
             Self::Profile { paths } => paths.iter().collect(),
-            Self::Texture { albedo, mean_free_path, .. } => {
-                let albedo = if let AlbedoSource::Texture(path) = albedo { Some(path) } else { None };
-                albedo.into_iter().chain(mean_free_path).collect()
+            Self::Texture(texture) => {
+                let albedo = if let AlbedoSource::Texture(path) = &texture.albedo { Some(path) } else { None };
+                albedo.into_iter().chain(&texture.mean_free_path).collect()
             }
             Self::Clusters { labels, profiles } => std::iter::once(labels).chain(profiles.iter().flatten()).collect(),
             Self::Bssrdf { .. } => Vec::new(), // a folder; see [`read_inputs`]

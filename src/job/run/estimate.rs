@@ -1,16 +1,24 @@
 //! What a job would take, without writing anything.
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
-    job::{Prepared, RunError, manifest::MaterialRecord},
-    sdf::SliceRuns,
-    slice::ObjectField,
+    job::{Prepared, PreparedObject, RunError, manifest::MaterialRecord, printable::Printable},
     voxel::{BlockShape, Lattice, Slab},
     watch::Watch,
 };
+
+/// Where an object stands.
+#[derive(Debug, Clone, Serialize)]
+pub struct ObjectPlace {
+    /// Its mesh as the job writes it.
+    pub mesh: String,
+    /// The least corner of its bounding box, mm.
+    pub position_mm: [f64; 3],
+    /// The size of that box, mm.
+    pub size_mm: [f64; 3],
+}
 
 /// What a job would take.
 #[derive(Debug, Clone, Serialize)]
@@ -23,12 +31,16 @@ pub struct Estimate {
     pub voxels: u64,
     /// Memory the job needs, bytes, roughly.
     pub memory_bytes: u64,
+    /// Where its objects stand.
+    pub objects: Vec<ObjectPlace>,
     /// Resins with their estimated volume (voxels of the job's own size) and mass.
     pub materials: Vec<MaterialRecord>,
     /// What does not fit the printer.
     pub misfits: Vec<String>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// What of it will break, fall off or wash away.
+    pub printable: Printable,
 }
 
 /// Voxels of the coarse lattice that stands for the job's. At 4 M a 60 mm object is sampled every 0.4 mm, and volumes
@@ -38,6 +50,13 @@ const SAMPLES: f64 = 4e6;
 const BASE_MEMORY: u64 = 24 << 20;
 /// Bytes per triangle in the mesh, the hierarchy and the sorted rows.
 const TRIANGLE_BYTES: u64 = 480;
+
+impl ObjectPlace {
+    fn of(object: &PreparedObject) -> Self {
+        let [low, high] = object.bounds;
+        Self { mesh: object.mesh.clone(), position_mm: low.to_array(), size_mm: (high - low).to_array() }
+    }
+}
 
 impl Prepared {
     /// Estimates volumes by slicing a coarse lattice, and memory from the size of a slab.
@@ -63,7 +82,9 @@ impl Prepared {
             watch.go_on()
         };
         self.slicer().resampled(coarse).for_each_slab(0..coarse.dims[2], &mut count)?;
-        let warnings = self.warnings.iter().cloned().chain(self.lost_volume(self.inside_voxels(watch)?));
+        let printable = self.printable(watch)?;
+        let lost = self.lost_volume(printable.inside_voxels);
+        let warnings = self.warnings.iter().cloned().chain(lost).chain(printable.warnings());
         let per_voxel = coarse.voxel_volume() / lattice.voxel_volume();
         let counts = counts.map(|count| (count as f64 * per_voxel).round() as u64);
         Ok(Estimate {
@@ -71,30 +92,12 @@ impl Prepared {
             dims: lattice.dims,
             voxels: lattice.voxels(),
             memory_bytes: self.memory_bytes(),
+            objects: self.objects.iter().map(ObjectPlace::of).collect(),
             materials: self.material_records(&counts, lattice.voxel_volume()),
             misfits: self.misfits(),
             warnings: warnings.collect(),
+            printable,
         })
-    }
-
-    /// Voxels of the job's own size that its objects hold, each counted for itself.
-    fn inside_voxels(&self, watch: &dyn Watch) -> Result<u64, RunError> {
-        let height = BlockShape::for_lattice(&self.lattice).voxels()[2];
-        let slabs: Vec<u32> = (0..self.lattice.dims[2]).step_by(height as usize).collect();
-        let mut voxels = 0;
-        for slabs in slabs.chunks(SLABS_AT_ONCE) {
-            watch.go_on()?;
-            let count = |(&first, object): (&u32, &ObjectField)| -> u64 {
-                let mut runs = vec![SliceRuns::default(); height.min(self.lattice.dims[2] - first) as usize];
-                object.fill_inside(first, &mut runs);
-                let rows = |runs: &SliceRuns| (0..self.lattice.dims[1]).map(|j| row_voxels(runs.row(j))).sum::<u64>();
-                runs.iter().map(rows).sum()
-            };
-            let pairs =
-                slabs.iter().flat_map(|first| self.slicer().objects().iter().map(move |object| (first, object)));
-            voxels += pairs.collect::<Vec<_>>().into_par_iter().map(count).sum::<u64>();
-        }
-        Ok(voxels)
     }
 
     /// Memory that slicing needs, roughly.
@@ -119,13 +122,6 @@ impl Prepared {
             _ => Ok(()),
         }
     }
-}
-
-/// Slabs between two looks at the watch.
-const SLABS_AT_ONCE: usize = 8;
-
-fn row_voxels(runs: &[[u32; 2]]) -> u64 {
-    runs.iter().map(|[start, end]| u64::from(end.saturating_sub(*start))).sum()
 }
 
 /// Memory of the machine, bytes, where the system tells it as Linux does.

@@ -2,6 +2,8 @@
 //!
 //! **In:** a [`Prepared`] job and a folder. **Out:** the folder, and a [`Finished`] run.
 
+mod containers;
+mod convert;
 mod estimate;
 mod heights;
 mod redraw;
@@ -17,18 +19,24 @@ use std::{
 use rayon::prelude::*;
 use serde_json::json;
 
-pub use estimate::Estimate;
+pub use containers::MAPPING;
+pub(crate) use containers::export_path;
+use containers::{Containers, write_texts};
+pub use convert::{ConvertError, Converted, convert};
+pub use estimate::{Estimate, ObjectPlace};
 pub use redraw::{RedrawError, redraw};
 pub use report::REPORT;
 use report::write_pictures;
 
 use crate::look::Volume;
 use crate::{
+    container::{SliceImage, bmp},
     job::{
         Prepared, ROUNDS, RunError, StackingReport,
         file::{OutputFormat, Overlap},
         look::{LOOK, Look, LookError, LookOptions, look_at},
         manifest::{Manifest, MeshRecord, Outcome, STACKINGS, json},
+        printable::Printable,
         verify::read_manifest,
     },
     output::{
@@ -37,7 +45,7 @@ use crate::{
     },
     preview::{PreviewBuilder, PreviewMaterial},
     slice::{
-        RowBuffers, encode_mask, encode_rgba,
+        RowBuffers, count_voxels, encode_mask, encode_rgba,
         meshes::{MaterialMesher, MaterialPart, MeshingError, write_3mf, write_stl},
     },
     voxel::{MaterialId, Slab},
@@ -75,6 +83,7 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     prepared.refuse_misfits()?;
     prepared.refuse_too_large()?;
     let slices = prepared.checked_slices(options.slices.clone())?;
+    prepared.refuse_part(&slices)?;
     if options.existing == Existing::Resume
         && let Some(manifest) = prepared.finished(folder, &slices)?
     {
@@ -109,7 +118,8 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     let sinks = Sinks { prepared, output: &output, kept: &kept, watch };
     let mut pictures = prepared.job.wants(OutputFormat::Preview).then(|| prepared.preview_builder());
     let mut volume = prepared.look_volume(&slices)?;
-    let drawn = pictures.is_some();
+    let mut containers = Containers::open(&output, prepared.content(), &prepared.job.output.formats)?;
+    let drawn = pictures.is_some() || !containers.is_empty();
     let missing = |mut held: Range<u32>| held.any(|k| slices.contains(&k) && !kept.contains_key(&k));
     prepared.slicer().for_each_wanted_slab(
         slices.clone(),
@@ -121,9 +131,15 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
             if let Some(volume) = &mut volume {
                 volume.add(slab);
             }
-            sinks.take(slab, &slices, &mut counts)
+            let images = sinks.take(slab, &slices, &mut counts, containers.want_images())?;
+            containers.take(slab, &images, watch)
         },
     )?;
+    let content = containers.finish(&counts, watch)?;
+    // Their numbers are those of all slices, and a part has the same files as the whole.
+    if slices == (0..prepared.lattice.dims[2]) {
+        write_texts(&output, &content, &prepared.bitmap_materials(), &prepared.job.output.formats, &counts)?;
+    }
     let sliced = started.elapsed();
     let meshes = prepared.write_meshes(&output, watch)?;
     if prepared.job.wants(OutputFormat::Heights) {
@@ -138,11 +154,16 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     if slices == (0..prepared.lattice.dims[2]) {
         warnings.extend(prepared.lost_volume(counts[1..].iter().sum()));
     }
+    // Pictures take longer than this; slices alone are not kept waiting.
+    let checked = pictures.is_some().then(|| prepared.printable(watch)).transpose()?;
+    warnings.extend(checked.iter().flat_map(Printable::warnings));
     let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
     let mut manifest = Manifest::new(prepared, outcome);
     if let Some(builder) = pictures {
         watch.stage("pictures", 0);
         let mut pictures = builder.finish(volume.as_ref())?;
+        pictures.extend(prepared.tray_picture()?);
+        pictures.extend(checked.map(|found| prepared.printable_picture(&found)).transpose()?.flatten());
         let volume = volume.filter(|_| prepared.materials.has_coefficients());
         if let Some(mut look) = volume.map(|volume| prepared.quick_look(volume, watch)).transpose()? {
             output.write(LOOK, &pretty(&look))?;
@@ -193,7 +214,10 @@ fn mask_path(resin: &str, k: u32) -> String {
 /// What `slice` writes.
 pub const OWNER: Owner = Owner {
     command: "slice",
-    names: &["slices/", "masks/", "meshes/", "heights/", "preview/", "look/", LOOK, STACKINGS, ROUNDS, REPORT, TIMINGS],
+    names: &[
+        "slices/", "masks/", "meshes/", "heights/", "exports/", "bmp/", "preview/", "look/", LOOK, STACKINGS, ROUNDS,
+        REPORT, TIMINGS, MAPPING,
+    ],
 };
 
 /// Where slabs go.
@@ -213,25 +237,47 @@ struct Buffers {
 }
 
 impl Sinks<'_> {
-    /// Writes the slices of `slab` that are in `slices`, adding their voxels to `counts`.
-    fn take(&self, slab: &Slab, slices: &Range<u32>, counts: &mut [u64; 256]) -> Result<(), RunError> {
+    /// Writes the slices of `slab` that are in `slices`, adding their voxels to `counts`. Returns their images, kept
+    /// ones' too, where those are wanted.
+    fn take(
+        &self,
+        slab: &Slab,
+        slices: &Range<u32>,
+        counts: &mut [u64; 256],
+        images: bool,
+    ) -> Result<Vec<SliceImage>, RunError> {
         let held = slab.slices();
         let wanted = held.start.max(slices.start)..held.end.min(slices.end);
-        let written: Vec<[u64; 256]> = wanted
+        let written: Vec<([u64; 256], Option<SliceImage>)> = wanted
             .into_par_iter()
-            .filter(|k| !self.kept.contains_key(k))
-            .map_init(Buffers::default, |buffers, k| self.take_slice(slab, k, buffers))
-            .collect::<Result<_, _>>()?;
-        for slice in written {
+            .filter(|k| images || !self.kept.contains_key(k))
+            .map_init(Buffers::default, |buffers, slice| {
+                let mut png = Vec::new();
+                let counts = self.take_slice(slab, slice, buffers, images.then_some(&mut png))?;
+                Ok((counts, images.then_some(SliceImage { slice, png })))
+            })
+            .collect::<Result<_, RunError>>()?;
+        for (slice, _) in &written {
             counts.iter_mut().zip(slice).for_each(|(count, voxels)| *count += voxels);
         }
-        Ok(())
+        Ok(written.into_iter().filter_map(|(_, image)| image).collect())
     }
 
-    fn take_slice(&self, slab: &Slab, k: u32, buffers: &mut Buffers) -> Result<[u64; 256], RunError> {
+    fn take_slice(
+        &self,
+        slab: &Slab,
+        k: u32,
+        buffers: &mut Buffers,
+        image: Option<&mut Vec<u8>>,
+    ) -> Result<[u64; 256], RunError> {
         self.watch.go_on()?;
-        let counts =
-            self.prepared.encode_slice(slab, k, buffers, |path, content| Ok(self.output.write(path, content)?))?;
+        if self.kept.contains_key(&k) {
+            // Its files are there and its voxels counted; only its image is wanted.
+            self.prepared.encode_slice(slab, k, buffers, image, |_, _| Ok(()))?;
+            return Ok([0; 256]);
+        }
+        let write = |path: &str, content: &[u8]| Ok(self.output.write(path, content)?);
+        let counts = self.prepared.encode_slice(slab, k, buffers, image, write)?;
         let occurring = (0..=u8::MAX).map(|id| (id, counts[usize::from(id)])).filter(|&(_, voxels)| voxels > 0);
         self.output.finish_slice(k, occurring.collect())?;
         self.watch.advance(1);
@@ -248,12 +294,13 @@ impl Prepared {
         self.inputs.iter().map(|input| input.file.clone()).chain([self.job.path.clone()]).collect()
     }
 
-    /// Hands the files of slice `k` to `take`, and counts its voxels.
+    /// Hands the files of slice `k` to `take`, copies its image into `image`, and counts its voxels.
     fn encode_slice(
         &self,
         slab: &Slab,
         k: u32,
         buffers: &mut Buffers,
+        image: Option<&mut Vec<u8>>,
         mut take: impl FnMut(&str, &[u8]) -> Result<(), RunError>,
     ) -> Result<[u64; 256], RunError> {
         let encoding = |source: std::io::Error| OutputError::Io {
@@ -264,8 +311,14 @@ impl Prepared {
         let mut counts = [0; 256];
         let Buffers { rows, file } = buffers;
         file.clear();
-        // Counting is part of encoding, so slices are encoded even where only masks are wanted.
-        encode_rgba(slab, k, &self.palette, rows, &mut counts, file).map_err(encoding)?;
+        if self.job.wants(OutputFormat::Png) || image.is_some() {
+            encode_rgba(slab, k, &self.palette, rows, &mut counts, file).map_err(encoding)?;
+        } else {
+            count_voxels(slab, k, rows, &mut counts);
+        }
+        if let Some(image) = image {
+            image.extend_from_slice(file);
+        }
         if self.job.wants(OutputFormat::Png) {
             take(&slice_path(k), file)?;
         }
@@ -274,6 +327,13 @@ impl Prepared {
                 file.clear();
                 encode_mask(slab, k, id, rows, file).map_err(encoding)?;
                 take(&mask_path(&self.materials[resin].name, k), file)?;
+            }
+        }
+        if self.job.wants(OutputFormat::Bmp) {
+            for (number, MaterialId(id)) in (1..).zip(self.bitmap_materials()) {
+                file.clear();
+                bmp::encode_bmp(slab, k, id, &mut *file).map_err(encoding)?;
+                take(&bmp::bitmap_path(number, k, self.lattice.dims[2]), file)?;
             }
         }
         Ok(counts)
@@ -291,7 +351,7 @@ impl Prepared {
         self.slicer().for_each_wanted_slab(slices.clone(), wanted, |slab| {
             for k in slab.slices().filter(|k| slices.contains(k)) {
                 watch.go_on()?;
-                self.encode_slice(slab, k, &mut buffers, |path, content| {
+                self.encode_slice(slab, k, &mut buffers, None, |path, content| {
                     take(path, content);
                     Ok(())
                 })?;
@@ -326,7 +386,9 @@ impl Prepared {
         let slice = self.job.wants(OutputFormat::Png).then(|| slice_path(k));
         let masks = self.printed().filter(|_| self.job.wants(OutputFormat::Masks));
         let masks = masks.map(|(_, resin)| mask_path(&self.materials[resin].name, k));
-        slice.into_iter().chain(masks).all(|path| output.keep(&path))
+        let bitmaps = if self.job.wants(OutputFormat::Bmp) { self.bitmap_materials().len() } else { 0 };
+        let bitmaps = (1..=bitmaps).map(|number| bmp::bitmap_path(number, k, self.lattice.dims[2]));
+        slice.into_iter().chain(masks).chain(bitmaps).all(|path| output.keep(&path))
     }
 
     /// The manifest in `folder` if this very job is finished there.
@@ -442,6 +504,20 @@ impl Prepared {
             None => Ok(all),
             Some(slices) if slices.start < slices.end && slices.end <= all.end => Ok(slices),
             Some(slices) => Err(RunError::Slices { found: slices, slices: all.end }),
+        }
+    }
+
+    /// Refuses a part of the slices in formats that hold a whole job.
+    fn refuse_part(&self, slices: &Range<u32>) -> Result<(), RunError> {
+        let whole = self.job.output.formats.iter().find(|format| format.holds_whole_jobs());
+        match whole {
+            Some(format) if *slices != (0..self.lattice.dims[2]) => {
+                let found = format!("\"{}\" of slices {}..{}", format.name(), slices.start, slices.end);
+                let expected =
+                    format!("all {} slices, or formats that part by part make a whole", self.lattice.dims[2]);
+                Err(self.job.refuse("output.formats", found, expected).into())
+            }
+            _ => Ok(()),
         }
     }
 

@@ -85,7 +85,7 @@ const MAX_PICTURE_BYTES: u64 = 64 << 20;
 const MAX_PIXELS: u64 = 1 << 30;
 
 /// Whether there is a whole job to be drawn, of a size that can be.
-fn check(manifest: &Manifest) -> Result<(), RedrawError> {
+pub(super) fn check(manifest: &Manifest) -> Result<(), RedrawError> {
     let LatticeRecord { dims, pitch_mm, .. } = manifest.lattice;
     let fault = |key: &str, problem: String| Err(RedrawError::Manifest(Finding::manifest(key, problem)));
     if !dims.iter().all(|dim| (1..=Lattice::MAX_DIM).contains(dim)) {

@@ -202,6 +202,8 @@ fn caption(path: &str) -> String {
         "look/behind" => "Asked and printed, lit from behind.".to_owned(),
         "look/spot" => "Asked and printed, under a spot of light.".to_owned(),
         "cutaway" => "The object cut open: every layer in the colour that stands for its resin.".to_owned(),
+        "checks" => "Where it will not print well: the notes above say why, and what cures it.".to_owned(),
+        "tray" => "The tray, seen from above.".to_owned(),
         "cuts" => "Three cuts through the middle.".to_owned(),
         "slices" => "Slices from the lowest to the highest.".to_owned(),
         other => match other.strip_prefix("slice_") {

@@ -10,9 +10,13 @@
 //! | `layers`    | the images: names, numbering, voxels per resin |
 //! | `image`     | one image, row by row |
 //! | `solids`    | the material meshes |
+//! | `exports`   | files that hold a whole job: `gcvf`, `bitmaps`, `volumes` |
 //! | `stackings` | `stackings.json` |
 
+mod bitmaps;
+mod exports;
 mod files;
+mod gcvf;
 mod image;
 mod layers;
 mod records;
@@ -21,6 +25,7 @@ mod solids;
 mod stackings;
 #[cfg(test)]
 mod tests;
+mod volumes;
 
 use std::{
     fmt, fs,
@@ -161,6 +166,7 @@ pub fn verify(folder: &Path, watch: &dyn Watch) -> Result<Verification, VerifyEr
     let sound = files::check(&check, &mut result)?;
     layers::check(&check, &sound, &mut result)?;
     solids::check(&check, &sound, &mut result)?;
+    exports::check(&check, &sound, &mut result)?;
     result.findings.extend(stackings::check(&check, &sound));
     Ok(result)
 }

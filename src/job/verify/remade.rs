@@ -15,7 +15,7 @@ use super::{Finding, Verification, VerifyError, read_manifest, verify};
 use crate::{
     blame::{Blame, Blamed, Remedy},
     job::{
-        Manifest, Prepared, REPORT, RunError, RunOptions,
+        MAPPING, Manifest, Prepared, REPORT, RunError, RunOptions,
         manifest::{Outcome, STACKINGS, json},
         run::run,
     },
@@ -142,8 +142,10 @@ impl Again<'_> {
         for file in &expected.files {
             findings.extend(self.entry(file));
         }
-        // `preview` adds pictures to a finished folder.
-        let drawn = |path: &str| path.starts_with("preview/") || path == REPORT;
+        // `preview` adds pictures to a finished folder, `convert` the job in other formats, which `exports` reads.
+        let added = ["preview/", "exports/", "bmp/"];
+        let drawn =
+            |path: &str| added.iter().any(|folder| path.starts_with(folder)) || [REPORT, MAPPING].contains(&path);
         let made = |file: &&FileEntry| drawn(&file.path) || expected.files.iter().any(|other| other.path == file.path);
         for odd in self.manifest.files.iter().filter(|file| !made(file)) {
             findings.push(Finding::new(&odd.path, "found a file that the job does not make, expected none"));

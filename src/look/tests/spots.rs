@@ -6,7 +6,7 @@ use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
 
 use crate::look::{Scene, Site, Spot, Volume, spots::over};
 use crate::optics::{
-    Estimate, Light, MaterialSet, Model, Stack, TransportOptions, VolumeCoefficients,
+    EdgeResponse, Estimate, Light, MaterialSet, Model, Stack, TransportOptions, VolumeCoefficients,
     monte_carlo::photon::{Direction, HenyeyGreenstein, azimuth, uniform},
     predict,
 };
@@ -45,6 +45,35 @@ pub(super) fn top(size: DVec3) -> Spot {
         Site { point: DVec3::new(size.x / 2.0, size.y / 2.0, size.z) + aside, normal: DVec3::Z }
     };
     Spot { sites: (0..64).map(site).collect() }
+}
+
+/// By a shadow's edge on a wide slab, photons through voxels and the transport model's profile show the same.
+#[test]
+fn edges_on_wide_slabs_are_those_of_the_transport_model() {
+    let (set, media) = synthetic();
+    let model = Model::Transport { light: Light::Diffuse, options: TransportOptions::default() };
+    let named: Stack<String> = "white:0.5,support:1.5".parse().unwrap();
+    let stack = set.stack(&named).unwrap().over(set.resin("black").map(|(id, _)| id));
+    let reflection = predict(&set, &stack, &model, &Unwatched).unwrap().light[0].reflection_hankel.clone();
+    let expected = EdgeResponse::new(&reflection, &set.grid);
+    let id = |name: &str| set.resin(name).unwrap().0.0 as u8 + 1;
+    let [white, support, black] = ["white", "support", "black"].map(id);
+    let pitch = DVec3::splat(0.1);
+    let volume = volume([240, 240, 40], pitch, |p| match 4.0 - p.z {
+        depth if depth < 0.5 => white,
+        depth if depth < 2.0 => support,
+        _ => black,
+    });
+    let scene = Scene::new(volume, &[media]).unwrap();
+    let edge_mm = [-3.0, -1.0, -0.3, 0.0, 0.2, 0.7, 2.0];
+    let spot = top(DVec3::new(24.0, 24.0, 4.0));
+    let found = scene.radiosity(&[spot], &edge_mm, 200_000, 5, &Unwatched).unwrap()[0][0].clone().unwrap();
+    for (x, found) in edge_mm.iter().zip(&found.edge) {
+        let expected = expected.at(*x);
+        // The integral of the edge ends at 1e-3 of the albedo, the model's slab is endless.
+        let limit = 4.0 * found.standard_error + 2e-3 * reflection[0];
+        assert!((found.mean - expected).abs() < limit, "{x} mm: {found:?}, not {expected}");
+    }
 }
 
 #[test]

@@ -18,7 +18,7 @@ use super::gltf_shape::{self, Pose};
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::support::{self, Fate};
 use super::text::decoded;
-use super::{MAX_TRIANGLES, Source, accessor, gltf_instances};
+use super::{MAX_TRIANGLES, Source, accessor, gltf_instances, gltf_interior};
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::{counted, one_line};
 
@@ -248,15 +248,14 @@ impl Walk<'_> {
 
     /// The coordinate set that the base colour texture asks for, its transform applied.
     fn texture_coordinates(&self, primitive: &Primitive, vertices: usize) -> Parsed<Option<Vec<Vec2>>> {
-        let info = BaseColor::of(&primitive.material()).texture;
-        let transform = info.as_ref().and_then(|info| info.texture_transform());
-        let set = info.as_ref().map_or(0, |info| info.tex_coord());
-        let set = transform.as_ref().and_then(|transform| transform.tex_coord()).unwrap_or(set);
+        let material = primitive.material();
+        let leading = gltf_interior::leading(&material, BaseColor::of(&material).texture.as_ref());
+        let set = leading.as_ref().map_or(0, |leading| leading.set);
         let Some(accessor) = primitive.get(&Semantic::TexCoords(set)) else { return Ok(None) };
         let values = accessor::vectors::<2>(&accessor, self.buffers)?;
         one_each(&accessor, values.len(), vertices, "texture coordinates")?;
-        let (offset, rotation, scale) =
-            transform.map_or((Vec2::ZERO, 0.0, Vec2::ONE), |t| (t.offset().into(), t.rotation(), t.scale().into()));
+        let (offset, rotation, scale) = leading.map_or(([0.0; 2], 0.0, [1.0; 2]), |leading| leading.transform);
+        let (offset, scale) = (Vec2::from(offset), Vec2::from(scale));
         let (sin, cos) = rotation.sin_cos();
         Ok(Some(
             values

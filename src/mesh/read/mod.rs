@@ -24,6 +24,7 @@ mod accessor;
 mod gltf;
 mod gltf_container;
 mod gltf_instances;
+mod gltf_interior;
 mod gltf_material;
 mod gltf_shape;
 mod mtl;
@@ -250,6 +251,9 @@ fn finish(mut raw: RawMesh, path: &Path, options: &LoadOptions) -> Result<Loaded
     for p in &mut raw.positions {
         // Not by the matrix: its sums of products would turn −0 into +0 and cost an ulp.
         *p = if raw.y_up { DVec3::new(p.x, -p.z, p.y) } else { *p } * mm;
+    }
+    for path in raw.materials.iter_mut().filter_map(|material| material.mean_free_path_mm.as_mut()) {
+        *path = path.map(|length| length * mm);
     }
     check_extent(&raw.positions, path)?;
     Ok(Loaded {

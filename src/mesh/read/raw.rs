@@ -3,8 +3,8 @@
 use glam::{DVec3, Vec2};
 
 use super::MAX_TRIANGLES;
+use crate::mesh::SurfaceMaterial;
 use crate::mesh::error::{Fault, Parsed};
-use crate::mesh::{SurfaceMaterial, Wrap};
 
 /// Texture coordinates that the file does not give; settled once the materials are known.
 pub(super) const NO_UV: Vec2 = Vec2::NAN;
@@ -100,13 +100,7 @@ impl RawMesh {
 
 /// A material of plain colour.
 pub(super) fn plain(name: impl Into<String>, base_color: [f32; 4]) -> SurfaceMaterial {
-    SurfaceMaterial {
-        name: name.into(),
-        base_color,
-        base_color_texture: None,
-        wrap: [Wrap::Repeat; 2],
-        baked_from: None,
-    }
+    SurfaceMaterial::plain(name, base_color)
 }
 
 /// Refuses NaN and infinities.

@@ -94,8 +94,13 @@ pub(super) const ROWS: &[Row] = &[
         Fate::Read,
         &[
             "EXT_mesh_gpu_instancing",
+            "KHR_materials_diffuse_transmission",
             "KHR_materials_pbrSpecularGlossiness",
+            "KHR_materials_scatter",
+            "KHR_materials_transmission",
             "KHR_materials_unlit",
+            "KHR_materials_volume",
+            "KHR_materials_volume_scatter",
             "KHR_mesh_quantization",
             "KHR_node_visibility",
             "KHR_texture_transform",
@@ -151,13 +156,7 @@ pub(super) const ROWS: &[Row] = &[
     row(
         "glTF",
         Fate::Warned,
-        &[
-            "KHR_materials_diffuse_transmission",
-            "KHR_materials_transmission",
-            "KHR_materials_variants",
-            "KHR_materials_volume",
-            "KHR_materials_volume_scatter",
-        ],
+        &["KHR_materials_variants"],
         "every extension in use that is not in this table; refused where required. Primitives without a material \
          are white",
     ),

@@ -7,6 +7,7 @@
 //! name = "white"
 //! rgba = [245, 245, 240, 255]
 //! density-g-per-cm3 = 1.18
+//! price-per-kg = 300         # in any currency; for the estimate of costs
 //! scattering-per-mm = [5.9, 9.0, 24.0]  # one number, or one per channel
 //! absorption-per-mm = 0.003
 //! g = 0.4                               # default 0
@@ -226,6 +227,7 @@ impl MaterialFile {
                 name: draft.name,
                 rgba: draft.rgba,
                 density_g_per_cm3: draft.density,
+                price_per_kg: draft.price,
                 print_as_background: draft.background,
                 channels: known,
                 refractive_index: draft.refractive_index,

@@ -54,6 +54,8 @@ pub struct Resin {
     pub rgba: [u8; 4],
     /// Density in g/cm³.
     pub density_g_per_cm3: f64,
+    /// What a kilogram of it costs, in whatever currency the file is written in; `None` where it does not say.
+    pub price_per_kg: Option<f64>,
     /// Printed by leaving a hole, which the printer fills: background in the slices. At most one resin of a set is.
     pub print_as_background: bool,
     /// What light does in it, by the set's channels.

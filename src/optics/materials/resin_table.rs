@@ -10,10 +10,11 @@ use crate::optics::{
 use crate::toml_reader::{At, Fault, Strings, Table, Value};
 use crate::words::{MAX_FILE_NAME, is_device_name};
 
-const RESIN_KEYS: [&str; 13] = [
+const RESIN_KEYS: [&str; 14] = [
     "name",
     "rgba",
     "density-g-per-cm3",
+    "price-per-kg",
     "scattering-per-mm",
     "absorption-per-mm",
     "g",
@@ -31,12 +32,16 @@ pub(crate) const MAX_THICKNESS_MM: f64 = 100.0;
 /// Densities from foam to tungsten-filled; a value outside is in other units.
 pub(crate) const DENSITY: std::ops::RangeInclusive<f64> = 0.1..=25.0;
 
+/// Prices of a kilogram, from nothing to beyond any resin, in any currency.
+pub(crate) const PRICE: std::ops::RangeInclusive<f64> = 0.0..=1e6;
+
 /// A resin as the file has it.
 #[derive(Debug, Clone)]
 pub(super) struct Draft {
     pub(super) name: String,
     pub(super) rgba: [u8; 4],
     pub(super) density: f64,
+    pub(super) price: Option<f64>,
     pub(super) background: bool,
     pub(super) volume: Option<Vec<VolumeCoefficients>>,
     /// What the coefficients were fitted to the profiles with, if they were; per channel.
@@ -90,6 +95,10 @@ impl Draft {
         let density = density.ok_or_else(|| keys.missing("density-g-per-cm3", "a number"))?;
         if !DENSITY.contains(&density.value) {
             return Err(keys.wrong("density-g-per-cm3", &density, "0.1 to 25"));
+        }
+        let price = keys.number("price-per-kg")?;
+        if let Some(price) = price.as_ref().filter(|price| !PRICE.contains(&price.value)) {
+            return Err(keys.wrong("price-per-kg", price, "0 to 1000000"));
         }
         let background = match keys.string("print-as")? {
             None => false,
@@ -145,6 +154,7 @@ impl Draft {
             name,
             rgba,
             density,
+            price: price.map(|price| price.value),
             background,
             volume,
             fit: None,

@@ -89,6 +89,9 @@ impl MaterialFile {
             let _ = writeln!(text, "\n[[resin]]\nname = {}", quoted(&draft.name));
             let _ = writeln!(text, "rgba = {}", list(draft.rgba.iter().map(u8::to_string)));
             let _ = writeln!(text, "density-g-per-cm3 = {}", draft.density);
+            if let Some(price) = draft.price {
+                let _ = writeln!(text, "price-per-kg = {price}");
+            }
             let _ = writeln!(text, "scattering-per-mm = {}", numbers(|plan| plan.coefficients.sigma_s));
             let _ = writeln!(text, "absorption-per-mm = {}", numbers(|plan| plan.coefficients.sigma_a));
             let _ = writeln!(text, "g = {}", numbers(|plan| plan.coefficients.g));

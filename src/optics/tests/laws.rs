@@ -93,6 +93,7 @@ pub(super) fn resin(index: usize, volume: VolumeCoefficients, grid: &FrequencyGr
         name: format!("resin {index}"),
         rgba: [index as u8, 0, 0, 255],
         density_g_per_cm3: 1.0,
+        price_per_kg: None,
         print_as_background: false,
         channels: vec![channel],
         refractive_index: volume.refractive_index,

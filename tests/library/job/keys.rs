@@ -10,7 +10,7 @@ fn unknown_keys() {
             "[field]",
             "[colour]",
             "bad.toml:21:2: colour: found an unknown key; expected one of object, printer, materials, target, \
-                clusters, stacking, appearance, field, output, overlap",
+                clusters, stacking, appearance, field, output, overlap, arrange, gap-mm",
         ),
         (
             "height-mm",
@@ -22,7 +22,7 @@ fn unknown_keys() {
             "height-mm = 30",
             "\"two words\" = 30",
             "bad.toml:3:1: object[0].\"two words\": found an unknown key; expected one of mesh, unit, scale, \
-                height-mm, rotate-deg, position-mm, depth-from, target",
+                height-mm, rotate-deg, position-mm, count, depth-from, target",
         ),
         ("preset =", "pre-set =", "bad.toml:6:1: printer.pre-set: found an unknown key; did you mean `preset`?"),
         (
@@ -35,7 +35,9 @@ fn unknown_keys() {
             "albedo =",
             "profile =",
             "bad.toml:13:1: target.profile: found a key of kind = \"profile\", expected only keys of kind \
-                = \"texture\": albedo, albedo-value, mean-free-path, mean-free-path-mm, max-albedo, gamut-map",
+                = \"texture\": preset, albedo, albedo-value, albedo-colour, mean-free-path, mean-free-path-mm, \
+                subsurface-colour, subsurface-radius-mm, subsurface-scale, subsurface-anisotropy, projection, tile-mm, \
+                max-albedo, gamut-map",
         ),
         ("k = 100", "K = 100", "bad.toml:16:1: clusters.K: found an unknown key; did you mean `k`?"),
         ("units = 64", "unit = 64", "bad.toml:19:1: stacking.unit: found an unknown key; did you mean `units`?"),
@@ -50,7 +52,7 @@ fn unknown_keys() {
             "height-mm = 30",
             "zz = 1\naa = 1",
             "bad.toml:3:1: object[0].zz: found an unknown key; expected one of mesh, unit, scale, height-mm, \
-                rotate-deg, position-mm, depth-from, target",
+                rotate-deg, position-mm, count, depth-from, target",
         ),
     ]);
 }

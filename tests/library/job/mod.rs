@@ -3,6 +3,7 @@
 mod keys;
 mod names;
 mod reads;
+mod targets;
 mod values;
 
 use std::fs;

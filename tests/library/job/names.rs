@@ -100,7 +100,8 @@ fn names_and_stacks_and_what_is_not_built() {
             "j750-27um",
             "mimaki",
             "bad.toml:6:10: printer.preset: found the unknown printer \"mimaki\"; expected one of j750-14um, \
-                j750-27um, connex500-16um, connex500-30um",
+                j750-27um, j750-hs-27um, j850-14um, j850-27um, j850-hs-27um, j835-14um, j835-27um, connex500-16um, \
+                connex500-30um, connex350-16um, connex350-30um",
         ),
         (
             "kind = \"texture\"\nalbedo = \"albedo.png\"",
@@ -121,9 +122,10 @@ fn names_and_stacks_and_what_is_not_built() {
         ),
         (
             "[\"png\"]",
-            "[\"png\", \"gcvf\"]",
-            "bad.toml:25:19: output.formats[1]: found \"gcvf\", which is not built yet; expected one \
-                of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"",
+            "[\"png\", \"svx\"]",
+            "bad.toml:25:19: output.formats[1]: found \"svx\", which is not built yet; expected one \
+                of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\", \"gcvf\", \"bmp\", \
+                \"vti\", \"nrrd\", \"vdb\"",
         ),
         (
             "= 30",

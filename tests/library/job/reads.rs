@@ -7,7 +7,8 @@ use std::sync::LazyLock;
 use lumislice::job::{
     Job, JobError,
     file::{
-        AlbedoSource, Distance, MAX_JOB_BYTES, MaterialSource, OutputFormat, Scaling, StackingModel, TargetSpec, Unit,
+        AlbedoSource, Distance, MAX_JOB_BYTES, MaterialSource, OutputFormat, Projection, Scaling, StackingModel,
+        TargetSpec, TextureTarget, Unit,
     },
 };
 use lumislice::{
@@ -55,9 +56,14 @@ fn defaults() {
     assert_eq!((object.unit, object.scaling), (None, Scaling::Scale(1.0)));
     assert_eq!((object.rotate_deg, object.position_mm), ([0.0; 3], [0.0; 3]));
     let mesh_color = AlbedoSource::MeshBaseColor;
-    let texture =
-        TargetSpec::Texture { albedo: mesh_color, mean_free_path: None, mean_free_path_mm: 1.0, max_albedo: None };
-    assert_eq!(object.target, texture);
+    let texture = TextureTarget {
+        albedo: mesh_color,
+        mean_free_path: None,
+        mean_free_path_mm: None,
+        max_albedo: None,
+        projection: Projection::Coordinates,
+    };
+    assert_eq!(object.target, TargetSpec::Texture(texture));
     assert_eq!((job.clusters.k, job.clusters.seed), (100, 1));
     let stacking = &job.stacking;
     assert_eq!(
@@ -95,10 +101,10 @@ fn the_documented_job_reads_as_documented() {
     assert_eq!(job.objects[0].scaling, Scaling::HeightMm(30.0));
     assert_eq!(job.printer.name, "j750-27um");
     assert_eq!(job.materials, MaterialSource::Set("synthetic".to_owned()));
-    let TargetSpec::Texture { albedo: AlbedoSource::Texture(albedo), mean_free_path: Some(_), max_albedo, .. } =
-        &job.objects[0].target
+    let TargetSpec::Texture(texture) = &job.objects[0].target else { panic!("{:?}", job.objects[0].target) };
+    let TextureTarget { albedo: AlbedoSource::Texture(albedo), mean_free_path: Some(_), max_albedo, .. } = texture
     else {
-        panic!("{:?}", job.objects[0].target)
+        panic!("{texture:?}")
     };
     assert_eq!((albedo.written.as_str(), *max_albedo), ("marble-albedo.png", Some(0.6)));
     assert_eq!(albedo.path, dir.path().join("marble-albedo.png"));
@@ -150,6 +156,16 @@ fn shapes() -> Vec<String> {
         ),
         // Windows line ends, a byte order mark.
         format!("\u{feff}{}", MINIMAL.replace('\n', "\r\n")),
+        format!("{base}[target]\npreset = \"marble\"\nmax-albedo = 0.6"),
+        format!("{base}[target]\nkind = \"texture\"\nalbedo-colour = \"#c08040\"\nmean-free-path-mm = [1.0, 0.4, 0.2]"),
+        format!(
+            "{base}[target]\nkind = \"texture\"\nsubsurface-colour = [0.8, 0.5, 0.3]\nsubsurface-radius-mm = 2\n\
+             subsurface-scale = [1.0, 0.5, 0.25]\nsubsurface-anisotropy = 0.4"
+        ),
+        format!(
+            "{base}[target]\nkind = \"texture\"\nalbedo = \"marble-albedo.png\"\nprojection = \"triplanar\"\n\
+             tile-mm = 5"
+        ),
     ]
 }
 

@@ -107,19 +107,22 @@ fn wrong_types() {
             "[\"png\"]",
             "\"png\"",
             "bad.toml:25:11: output.formats: found \"png\", expected an array of formats \
-                from \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"",
+                from \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\", \"gcvf\", \
+                \"bmp\", \"vti\", \"nrrd\", \"vdb\"",
         ),
         (
             "[\"png\"]",
             "[\"pgn\"]",
             "bad.toml:25:12: output.formats[0]: found \"pgn\", expected one \
-                of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"; did you mean `png`?",
+                of \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\", \"gcvf\", \
+                \"bmp\", \"vti\", \"nrrd\", \"vdb\"; did you mean `png`?",
         ),
         (
             "[\"png\"]",
             "[]",
             "bad.toml:25:11: output.formats: found an empty array, expected an array of formats \
-                from \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\"",
+                from \"png\", \"masks\", \"stl\", \"3mf\", \"preview\", \"heights\", \"gcvf\", \
+                \"bmp\", \"vti\", \"nrrd\", \"vdb\"",
         ),
     ]);
 }

@@ -1,7 +1,7 @@
 //! Colour is read, or said to be lost: every source of it that a format has.
 
 use glam::{DVec3, Vec2};
-use lumislice::mesh::{LoadOptions, Loaded, close, load};
+use lumislice::mesh::{LoadOptions, Loaded, Placement, Size, close, load, place};
 use serde_json::{Value, json};
 
 use super::painted::{assert_shares, byte, linear, shares};
@@ -606,4 +606,56 @@ fn concave_polygons_have_their_area_and_their_texture() {
         assert!((health.area_mm2 - 2.0 * area - sides).abs() < 1e-9, "{name}: {}", health.area_mm2);
         assert!((health.volume_mm3 - area).abs() < 1e-9 && health.flipped_triangles == 0, "{name}");
     }
+}
+
+/// What passes below the surface goes into the albedo, by texel: the cup of DiffuseTransmissionTeacup, whose texture has
+/// the share that passes in its alpha, here 0 on the left and 51 of 255 on the right.
+#[test]
+fn light_that_passes_through_is_part_of_the_albedo() {
+    let mut gltf = Gltf::new([0.0, 1.0]);
+    gltf.image(&png(4, &[[9, 9, 9, 0], [9, 9, 9, 0], [9, 9, 9, 51], [9, 9, 9, 51]].repeat(4)));
+    let name = "KHR_materials_diffuse_transmission";
+    gltf.json["extensionsUsed"] = json!([name]);
+    gltf.json["extensionsRequired"] = json!([name]);
+    gltf.json["materials"][0] = json!({
+        "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1.0]},
+        "extensions": {name: {
+            "diffuseTransmissionFactor": 1.0,
+            "diffuseTransmissionTexture": {"index": 0},
+            "diffuseTransmissionColorFactor": [0.84, 0.8, 0.74],
+        }},
+    });
+    let loaded = gltf.read();
+    assert_eq!(loaded.warnings, Vec::<String>::new());
+    let right = [0.84_f32, 0.8, 0.74].map(|colour| byte(0.8 * 0.5 + 0.2 * colour));
+    assert_shares(&loaded, &[([byte(0.5); 3], 0.5), (right, 0.5)]);
+    assert_eq!(loaded.mesh.materials[0].mean_free_path_mm, None);
+}
+
+/// Distances are metres, and grow and shrink with the mesh.
+#[test]
+fn a_mean_free_path_has_the_size_of_its_mesh() {
+    let mut gltf = Gltf::new([0.0, 1.0]);
+    gltf.json["materials"][0] = json!({
+        "extensions": {
+            "KHR_materials_transmission": {"transmissionFactor": 1.0},
+            "KHR_materials_volume": {
+                "thicknessFactor": 1.0, "attenuationDistance": 0.5, "attenuationColor": [0.5, 0.25, 0.125],
+            },
+            "KHR_materials_volume_scatter": {"multiscatterColor": [0.2, 0.4, 0.6]},
+        },
+    });
+    let loaded = gltf.read();
+    let material = &loaded.mesh.materials[0];
+    let found = material.base_color[..3].iter().zip([0.2, 0.4, 0.6]).all(|(found, rho)| (found - rho).abs() < 1e-6);
+    assert!(found, "{:?}", material.base_color);
+    // −0.5 m/ln ½, half of it, a third of it.
+    let whole = 500.0 / std::f64::consts::LN_2;
+    let is = |path: Option<[f64; 3]>, scale: f64| {
+        let expected = [whole, whole / 2.0, whole / 3.0].map(|mm| mm * scale);
+        assert!(path.unwrap().iter().zip(expected).all(|(found, mm)| (found / mm - 1.0).abs() < 1e-12), "{path:?}");
+    };
+    is(material.mean_free_path_mm, 1.0);
+    let smaller = Placement { size: Size::Scale(-0.04), ..Placement::default() };
+    is(place(loaded.mesh, &smaller).unwrap().0.materials[0].mean_free_path_mm, 0.04);
 }

@@ -1,0 +1,41 @@
+//! `lumislice convert`: a finished job in another format.
+
+use std::path::PathBuf;
+
+use clap::{Args, builder::PossibleValuesParser};
+use lumislice::job::{convert, file::OutputFormat};
+
+use super::{Answer, Result, failure::refusal, print, progress::Bars, say};
+
+/// Write a finished job in another format too, from its slices.
+///
+/// The new files lie beside the others in OUT and in its manifest; those of an earlier conversion are replaced.
+#[derive(Debug, Args)]
+pub struct ConvertArgs {
+    /// Folder of a finished job, with its slices.
+    #[arg(value_name = "OUT")]
+    folder: PathBuf,
+    /// The format: gcvf for GrabCAD Print, bmp for Objet printers, vti for ParaView, nrrd for napari and 3D
+    /// Slicer, vdb for Blender and Houdini.
+    #[arg(long, value_name = "FORMAT", value_parser = PossibleValuesParser::new(names()))]
+    to: String,
+}
+
+fn names() -> Vec<&'static str> {
+    OutputFormat::ALL.iter().filter(|(_, format)| format.holds_whole_jobs()).map(|(name, _)| *name).collect()
+}
+
+/// Runs the command.
+pub fn run(args: &ConvertArgs) -> Result<Answer> {
+    let format = OutputFormat::ALL.iter().find(|(name, _)| *name == args.to).map(|(_, format)| *format);
+    let format = format.ok_or_else(|| refusal!("--to: found {}, expected one of {}", args.to, names().join(", ")))?;
+    let bars = Bars::new(false);
+    let converted = convert(&args.folder, format, &bars);
+    bars.finish();
+    let converted = converted?;
+    converted.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    // Bitmaps are thousands.
+    let told: Vec<_> = converted.files.iter().filter(|path| !path.ends_with(".bmp")).collect();
+    print(&told.iter().map(|path| format!("{}\n", args.folder.join(path).display())).collect::<String>())?;
+    Ok(Answer::Yes)
+}

@@ -1,0 +1,124 @@
+//! From a mesh alone: `lumislice init`, and the job that `slice` makes up for a mesh.
+
+use std::{fs::OpenOptions, io::Write, path::PathBuf};
+
+use clap::Args;
+use lumislice::{
+    appearance::MeasuredMedium,
+    job::{
+        Job, RunError,
+        start::{MESH_EXTENSIONS, Start, StartOptions, start},
+    },
+    voxel::Printer,
+};
+
+use super::{
+    Answer, Result,
+    failure::{Failure, refuse},
+    print, say,
+};
+
+/// What is said of a mesh on the command line.
+#[derive(Debug, Clone, Default, Args)]
+pub struct MeshArgs {
+    /// The printer's preset, for a mesh; default j750-27um.
+    #[arg(long, value_name = "PRESET", value_parser = printer, help_heading = "Mesh")]
+    pub printer: Option<String>,
+    /// Height of the print in mm, for a mesh; default the file's, where it makes sense.
+    #[arg(long, value_name = "MM", value_parser = height, help_heading = "Mesh")]
+    pub height_mm: Option<f64>,
+    /// A measured material that the mesh should look like, as marble or skin1; default its own colours.
+    #[arg(long, value_name = "NAME", value_parser = look, help_heading = "Mesh")]
+    pub look: Option<String>,
+    /// A built-in set of resins or a material file, for a mesh.
+    #[arg(long, value_name = "SET|FILE", help_heading = "Mesh")]
+    pub materials: Option<PathBuf>,
+}
+
+fn printer(text: &str) -> Result<String, String> {
+    Printer::by_name(text).map(|printer| printer.name).map_err(|error| error.to_string())
+}
+
+fn height(text: &str) -> Result<f64, String> {
+    let mm = text.trim().parse::<f64>().ok().filter(|mm| (0.01..=2000.0).contains(mm));
+    mm.ok_or_else(|| format!("found `{text}`, expected a height in mm from 0.01 to 2000"))
+}
+
+fn look(text: &str) -> Result<String, String> {
+    let names = || MeasuredMedium::names().collect::<Vec<_>>().join(", ");
+    match MeasuredMedium::named(text) {
+        Some(_) => Ok(text.to_owned()),
+        None => Err(format!("found `{text}`, expected a material that was measured: {}", names())),
+    }
+}
+
+impl MeshArgs {
+    fn options(&self) -> StartOptions {
+        let Self { printer, height_mm, look, materials } = self.clone();
+        StartOptions { printer, height_mm, look, materials }
+    }
+
+    /// The first flag that is given.
+    pub fn given(&self) -> Option<&'static str> {
+        let flags = [
+            ("--printer", self.printer.is_some()),
+            ("--height-mm", self.height_mm.is_some()),
+            ("--look", self.look.is_some()),
+            ("--materials", self.materials.is_some()),
+        ];
+        flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+    }
+}
+
+/// Whether a file is a mesh by its name.
+pub fn is_mesh(path: &std::path::Path) -> bool {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    extension.is_some_and(|extension| MESH_EXTENSIONS.contains(&&*extension))
+}
+
+/// The job that a mesh gets where none is written, and its text.
+pub fn job_for(mesh: &std::path::Path, args: &MeshArgs) -> Result<(Job, String)> {
+    let Start { toml, notes } = start(mesh, &args.options()).map_err(RunError::from)?;
+    notes.iter().for_each(|note| say(&format!("note: {note}")));
+    let folder = mesh.parent().unwrap_or(std::path::Path::new(""));
+    let job = Job::from_toml(&toml, mesh.with_extension("toml"), folder).map_err(RunError::from)?;
+    Ok((job, toml))
+}
+
+/// Write a commented job beside a mesh: unit, orientation, colour and size guessed, and said.
+#[derive(Debug, Args)]
+pub struct InitArgs {
+    /// The mesh: GLB/glTF, OBJ, STL, PLY or 3MF.
+    mesh: PathBuf,
+    #[command(flatten)]
+    start: MeshArgs,
+}
+
+/// Runs `init`.
+pub fn init(args: &InitArgs) -> Result<Answer> {
+    if !is_mesh(&args.mesh) {
+        let extensions = MESH_EXTENSIONS.join(", ");
+        refuse!("{}: found a file of another kind, expected a mesh: {extensions}", args.mesh.display());
+    }
+    let path = args.mesh.with_extension("toml");
+    if path.exists() {
+        refuse!("{}: found a file, expected none: init never overwrites", path.display());
+    }
+    let (_, text) = job_for(&args.mesh, &args.start)?;
+    let written = OpenOptions::new().write(true).create_new(true).open(&path);
+    written
+        .and_then(|mut file| file.write_all(text.as_bytes()))
+        .map_err(|error| Failure::writing(path.display(), error))?;
+    print(&format!("{}\n", path.display()))?;
+    Ok(Answer::Yes)
+}
+
+/// Print the JSON schema of job files, for taplo and editors.
+#[derive(Debug, Args)]
+pub struct SchemaArgs {}
+
+/// Runs `schema`.
+pub fn schema(_: &SchemaArgs) -> Result<Answer> {
+    super::print_json(&lumislice::job::file::schema())?;
+    Ok(Answer::Yes)
+}

@@ -1,0 +1,186 @@
+//! A sparse tree of OpenVDB's usual shape: a root, nodes of 32³ nodes, nodes of 16³ leaves, leaves of 8³ voxels.
+//!
+//! ```text
+//!   brick (x, y, z)   a leaf, or an active tile of its node
+//!   node              16³ bricks; where all are tiles of one value, an active tile of the node above
+//!   upper node        32³ nodes
+//! ```
+//!
+//! Within nodes and leaves z runs fastest. Values are 32-bit words, of integers or of floats; the background is 0.
+
+use std::{
+    collections::BTreeMap,
+    io::{self, Write},
+};
+
+use super::values;
+use crate::watch::Watch;
+
+/// Leaves along the edge of a node, as a power of two.
+const NODE: u32 = 4;
+/// Nodes along the edge of an upper node, as a power of two.
+const UPPER: u32 = 5;
+/// Leaves in a node.
+const LEAVES: usize = 1 << (3 * NODE);
+/// Nodes in an upper node.
+const NODES: usize = 1 << (3 * UPPER);
+/// Values that are not active are the background.
+const ALL_BACKGROUND: u8 = 0;
+
+/// Voxels of a leaf.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Leaf {
+    /// Which are active, z fastest.
+    pub(super) mask: [u64; 8],
+    /// Values of the active ones, compressed; `None`: all are 1.
+    pub(super) values: Option<Vec<u8>>,
+}
+
+/// 16³ bricks.
+#[derive(Debug, Clone, Default)]
+struct Node {
+    tiles: BTreeMap<u16, i32>,
+    leaves: BTreeMap<u16, Leaf>,
+}
+
+/// A tree.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Tree {
+    nodes: BTreeMap<[u32; 3], Node>,
+}
+
+/// Index of a child among 2^log along each axis, z fastest.
+fn index(at: [u32; 3], log: u32) -> usize {
+    let [x, y, z] = at.map(|value| (value & ((1 << log) - 1)) as usize);
+    (x << (2 * log)) | (y << log) | z
+}
+
+impl Node {
+    /// The value of all bricks, where they are tiles of one.
+    fn uniform(&self) -> Option<i32> {
+        let mut values = self.tiles.values();
+        let first = *values.next()?;
+        (self.tiles.len() == LEAVES && values.all(|value| *value == first)).then_some(first)
+    }
+
+    fn write_topology(&self, out: &mut dyn Write) -> io::Result<()> {
+        write_node(out, LEAVES, self.leaves.keys().map(|n| usize::from(*n)), &mut self.tiles.iter().map(tile))?;
+        self.leaves.values().try_for_each(|leaf| write_mask(out, &leaf.mask))
+    }
+}
+
+fn tile((n, value): (&u16, &i32)) -> (usize, i32) {
+    (usize::from(*n), *value)
+}
+
+impl Tree {
+    pub(super) fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    fn node(&mut self, brick: [u32; 3]) -> (&mut Node, u16) {
+        let node = self.nodes.entry(brick.map(|value| value >> NODE)).or_default();
+        (node, index(brick, NODE) as u16)
+    }
+
+    /// Makes all voxels of a brick active, with one value.
+    pub(super) fn set_tile(&mut self, brick: [u32; 3], value: i32) {
+        let (node, n) = self.node(brick);
+        node.tiles.insert(n, value);
+    }
+
+    pub(super) fn set_leaf(&mut self, brick: [u32; 3], leaf: Leaf) {
+        let (node, n) = self.node(brick);
+        node.leaves.insert(n, leaf);
+    }
+
+    /// Active voxels, and least and greatest index of a brick that holds any.
+    pub(super) fn active(&self) -> (u64, [[u32; 3]; 2]) {
+        let (mut count, mut low, mut high) = (0, [u32::MAX; 3], [0; 3]);
+        for (origin, node) in &self.nodes {
+            count += 512 * node.tiles.len() as u64;
+            count +=
+                node.leaves.values().flat_map(|leaf| leaf.mask).map(|word| u64::from(word.count_ones())).sum::<u64>();
+            for n in node.tiles.keys().chain(node.leaves.keys()) {
+                let within = [n >> (2 * NODE), n >> NODE & 15, n & 15].map(u32::from);
+                for axis in 0..3 {
+                    let brick = (origin[axis] << NODE) + within[axis];
+                    low[axis] = low[axis].min(brick);
+                    high[axis] = high[axis].max(brick);
+                }
+            }
+        }
+        (count, [low, high])
+    }
+
+    /// Nodes by the upper node that holds them.
+    fn uppers(&self) -> BTreeMap<[u32; 3], BTreeMap<usize, &Node>> {
+        let mut uppers: BTreeMap<[u32; 3], BTreeMap<usize, &Node>> = BTreeMap::new();
+        for (at, node) in &self.nodes {
+            uppers.entry(at.map(|value| value >> UPPER)).or_default().insert(index(*at, UPPER), node);
+        }
+        uppers
+    }
+
+    /// Writes masks and tiles.
+    pub(super) fn write_topology(&self, out: &mut dyn Write, watch: &dyn Watch) -> io::Result<()> {
+        let uppers = self.uppers();
+        // One buffer of values a leaf; the background; no tiles of the root.
+        for number in [1, 0, 0, uppers.len() as u32] {
+            out.write_all(&number.to_le_bytes())?;
+        }
+        for (origin, nodes) in uppers {
+            let voxel = origin.map(|value| value << (UPPER + NODE + 3));
+            voxel.iter().try_for_each(|value| out.write_all(&value.to_le_bytes()))?;
+            let children = nodes.iter().filter(|(_, node)| node.uniform().is_none());
+            let mut tiles = nodes.iter().filter_map(|(n, node)| Some((*n, node.uniform()?)));
+            write_node(out, NODES, children.clone().map(|(n, _)| *n), &mut tiles)?;
+            for (_, node) in children {
+                watch.go_on().map_err(io::Error::other)?;
+                node.write_topology(out)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the values of leaves; `ones` are those of a leaf without values of its own, by how many are active.
+    pub(super) fn write_values(&self, out: &mut dyn Write, ones: &[Vec<u8>], watch: &dyn Watch) -> io::Result<()> {
+        for nodes in self.uppers().values() {
+            for node in nodes.values() {
+                watch.go_on().map_err(io::Error::other)?;
+                for leaf in node.leaves.values() {
+                    write_mask(out, &leaf.mask)?;
+                    out.write_all(&[ALL_BACKGROUND])?;
+                    let active: u32 = leaf.mask.iter().map(|word| word.count_ones()).sum();
+                    out.write_all(leaf.values.as_ref().unwrap_or(&ones[active as usize]))?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Writes the masks of a node of `size` children or tiles, and the values of its tiles, all active, in their order.
+fn write_node(
+    out: &mut dyn Write,
+    size: usize,
+    children: impl Iterator<Item = usize>,
+    tiles: &mut dyn Iterator<Item = (usize, i32)>,
+) -> io::Result<()> {
+    let (mut child_mask, mut tile_mask) = (vec![0_u64; size / 64], vec![0_u64; size / 64]);
+    children.for_each(|n| child_mask[n / 64] |= 1 << (n % 64));
+    let words: Vec<u32> = tiles
+        .map(|(n, value)| {
+            tile_mask[n / 64] |= 1 << (n % 64);
+            value as u32
+        })
+        .collect();
+    write_mask(out, &child_mask)?;
+    write_mask(out, &tile_mask)?;
+    out.write_all(&[ALL_BACKGROUND])?;
+    out.write_all(&values(&words)?)
+}
+
+fn write_mask(out: &mut dyn Write, mask: &[u64]) -> io::Result<()> {
+    mask.iter().try_for_each(|word| out.write_all(&word.to_le_bytes()))
+}

@@ -1,0 +1,132 @@
+//! Will it print? What of a job breaks, falls off, washes away or cannot look as it should, counted before it is printed.
+//!
+//! **In:** a [`Prepared`] job. **Out:** a [`Printable`]: numbers, sentences with what cures them, and a picture.
+//!
+//! | question | answered by |
+//! | --- | --- |
+//! | does it hang together? | voxels that share faces, of all objects, at the printer's own pitch: [`pieces`] |
+//! | is it strong enough? | the largest ball inside at points of the surface that is limited from the other side: [`walls`] |
+//! | does support lie bare, or alone between two skins? | the layers below those points |
+//! | is it thick enough for its layers? | likewise, where thin parts get no stackings of their own |
+
+mod picture;
+mod pieces;
+mod walls;
+
+use glam::DVec3;
+use serde::Serialize;
+
+pub use pieces::Pieces;
+pub use walls::Walls;
+
+use super::{Prepared, RunError};
+use crate::{watch::Watch, words::counted};
+
+/// What of a job will not print well.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Printable {
+    /// What hangs together.
+    pub pieces: Pieces,
+    /// Walls and wires of every object, in the order of the job.
+    pub walls: Vec<Walls>,
+    /// Voxels inside of the objects, each counted for itself.
+    #[serde(skip)]
+    pub(in crate::job) inside_voxels: u64,
+}
+
+/// Shares of a surface below this are not worth a word: a thousandth.
+const WORTH_SAYING: f64 = 1e-3;
+/// Parts too thin for their layers are common at tips; below a hundredth no one sees them.
+const SHALLOW_WORTH_SAYING: f64 = 0.01;
+
+impl Prepared {
+    /// Looks for what will not print well.
+    ///
+    /// # Errors
+    /// [`RunError::Stopped`].
+    pub fn printable(&self, watch: &dyn Watch) -> Result<Printable, RunError> {
+        watch.stage("will it print", 0);
+        let (pieces, inside_voxels) = self.pieces(watch)?;
+        let walls = (0..self.objects.len()).map(|object| self.walls(object, watch)).collect::<Result<_, _>>()?;
+        Ok(Printable { pieces, walls, inside_voxels })
+    }
+}
+
+fn at(mm: [f64; 3]) -> String {
+    let [x, y, z] = mm;
+    format!("({x:.1}, {y:.1}, {z:.1}) mm")
+}
+
+fn percent(share: f64) -> String {
+    if share >= 0.1 { format!("{:.0}%", 100.0 * share) } else { format!("{:.1}%", 100.0 * share) }
+}
+
+impl Printable {
+    /// What was found, a sentence each, with what cures it; nothing where nothing is wrong.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut words = Vec::new();
+        let Pieces { count, crumbs, crumbs_mm3, first_crumb_mm, in_the_air, .. } = &self.pieces;
+        if let Some(first) = first_crumb_mm {
+            words.push(format!(
+                "{} fall off, {crumbs_mm3:.2} mm³ together, the first at {}: wires and walls thinner than voxels break \
+                 into beads; thicken them, print larger, or take a printer of finer pitch",
+                counted(*crumbs as usize, "crumb"),
+                at(*first)
+            ));
+        }
+        let whole = count - crumbs;
+        if whole > self.walls.len() as u64 {
+            words.push(format!(
+                "{} that nothing holds together, of {}{}: join them in the mesh if they belong together",
+                counted(whole as usize, "piece"),
+                counted(self.walls.len(), "object"),
+                match in_the_air {
+                    0 => String::new(),
+                    n => format!("; {n} of them begin above the tray, on support alone"),
+                }
+            ));
+        }
+        for walls in &self.walls {
+            let Walls { mesh, limit_mm, .. } = walls;
+            if let Some((thinnest, place)) = walls.thinnest_mm.zip(walls.thinnest_at_mm)
+                && walls.thin_share > WORTH_SAYING
+            {
+                words.push(format!(
+                    "{mesh}: {} of its surface is on walls and wires thinner than {} voxels ({limit_mm:.3} mm), {thinnest:.3} \
+                     mm at {}: they break or are lost; thicken them, or print {:.1} times as large",
+                    percent(walls.thin_share),
+                    walls::VOXELS,
+                    at(place),
+                    limit_mm / thinnest.max(1e-3)
+                ));
+            }
+            if walls.bare_share > WORTH_SAYING {
+                words.push(format!(
+                    "{mesh}: support lies bare on {} of its surface, where it is washed off; min-depth-mm in \
+                     [[stacking.limit]] keeps it below",
+                    percent(walls.bare_share)
+                ));
+            }
+            if walls.hollow_share > WORTH_SAYING {
+                words.push(format!(
+                    "{mesh}: {} of its surface is a skin over a wall of support, which holds nothing together; thicken \
+                     the part, or limit support with max-mm",
+                    percent(walls.hollow_share)
+                ));
+            }
+            if walls.shallow_share > SHALLOW_WORTH_SAYING {
+                words.push(format!(
+                    "{mesh}: {} of its surface is on parts too thin for their layers, which look as a core below them \
+                     would make them; appearance.thin-parts = true gives them layers of their own",
+                    percent(walls.shallow_share)
+                ));
+            }
+        }
+        words
+    }
+}
+
+/// A position in the lattice's frame, mm.
+fn position(p: DVec3) -> [f64; 3] {
+    p.to_array()
+}

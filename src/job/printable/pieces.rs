@@ -1,0 +1,253 @@
+//! What hangs together: voxels inside of objects that share a face, counted by runs along rows.
+//!
+//! ```text
+//!   slice k − 1, row j     ████      ███
+//!   slice k, row j − 1        ████████        a run joins the sets of those that it overlaps in the row before it and
+//!   slice k, row j         ███     ██         in the same row of the slice below
+//! ```
+//!
+//! Voxels that touch along an edge only are not held together: a drop of resin is.
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::position;
+use crate::{
+    disjoint_sets::DisjointSets,
+    job::{Prepared, RunError},
+    sdf::SliceRuns,
+    slice::ObjectField,
+    voxel::{BlockShape, Lattice},
+    watch::Watch,
+};
+
+/// Pieces of a print.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Pieces {
+    /// How many there are, crumbs among them.
+    pub count: u64,
+    /// Those of less than a cubic millimetre.
+    pub crumbs: u64,
+    /// Their volume, mm³.
+    pub crumbs_mm3: f64,
+    /// The middle of the lowest, mm in the lattice's frame.
+    pub first_crumb_mm: Option<[f64; 3]>,
+    /// Other pieces that begin above the lowest slice.
+    pub in_the_air: u64,
+    /// Corners of the boxes around crumbs, the first [`MOST_BOXES`], for the picture.
+    #[serde(skip)]
+    pub(in crate::job) boxes: Vec<[DVec3; 2]>,
+}
+
+/// What is smaller is a crumb, mm³.
+const CRUMB_MM3: f64 = 1.0;
+/// Boxes that are kept.
+const MOST_BOXES: usize = 4096;
+/// Slabs between two looks at the watch.
+const SLABS_AT_ONCE: usize = 8;
+
+/// What is known of a set of runs.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    voxels: u64,
+    low: [u32; 3],
+    high: [u32; 3],
+}
+
+impl Part {
+    fn add(&mut self, other: &Self) {
+        self.voxels += other.voxels;
+        for axis in 0..3 {
+            self.low[axis] = self.low[axis].min(other.low[axis]);
+            self.high[axis] = self.high[axis].max(other.high[axis]);
+        }
+    }
+}
+
+/// A run with the set it is in.
+type Labelled = ([u32; 2], u32);
+
+/// Sets that grow slice by slice.
+struct Growing {
+    sets: DisjointSets,
+    parts: Vec<Part>,
+    /// Runs of the slice below, row by row.
+    below: Vec<Vec<Labelled>>,
+}
+
+impl Growing {
+    fn new(rows: u32) -> Self {
+        Self { sets: DisjointSets::new(0), parts: Vec::new(), below: vec![Vec::new(); rows as usize] }
+    }
+
+    /// Adds the next slice; `row` gives the runs of a row, ascending and apart.
+    fn add(&mut self, k: u32, mut row: impl FnMut(u32, &mut Vec<[u32; 2]>)) {
+        let mut before: Vec<Labelled> = Vec::new();
+        let mut runs = Vec::new();
+        for j in 0..self.below.len() as u32 {
+            runs.clear();
+            row(j, &mut runs);
+            let under = std::mem::take(&mut self.below[j as usize]);
+            let mut here = Vec::with_capacity(runs.len());
+            let mut starts = [0, 0];
+            for &[start, end] in &runs {
+                let mut label = None;
+                for (neighbours, first) in [&before, &under].into_iter().zip(&mut starts) {
+                    while neighbours.get(*first).is_some_and(|(run, _)| run[1] <= start) {
+                        *first += 1;
+                    }
+                    let touching = neighbours[*first..].iter().take_while(|(run, _)| run[0] < end);
+                    for &(_, other) in touching {
+                        match label {
+                            None => label = Some(other),
+                            Some(known) => self.sets.join(known, other),
+                        }
+                    }
+                }
+                let part = Part { voxels: u64::from(end - start), low: [start, j, k], high: [end, j + 1, k + 1] };
+                let label = label.unwrap_or_else(|| {
+                    self.parts.push(Part { voxels: 0, ..part });
+                    self.sets.push()
+                });
+                self.parts[label as usize].add(&part);
+                here.push(([start, end], label));
+            }
+            // What is before the next row is this one; it goes below when the next slice comes.
+            self.below[j as usize] = here.clone();
+            before = here;
+        }
+    }
+
+    fn finish(mut self) -> Vec<Part> {
+        for label in (0..self.parts.len() as u32).rev() {
+            let root = self.sets.root(label);
+            if root != label {
+                let part = self.parts[label as usize];
+                self.parts[root as usize].add(&part);
+                self.parts[label as usize].voxels = 0;
+            }
+        }
+        self.parts.retain(|part| part.voxels > 0);
+        self.parts
+    }
+}
+
+/// Makes one run of those that touch.
+fn merge(runs: &mut Vec<[u32; 2]>) {
+    runs.sort_unstable();
+    let mut kept = 0;
+    for n in 1..runs.len() {
+        if runs[n][0] <= runs[kept][1] {
+            runs[kept][1] = runs[kept][1].max(runs[n][1]);
+        } else {
+            kept += 1;
+            runs[kept] = runs[n];
+        }
+    }
+    runs.truncate(kept + 1);
+}
+
+impl Prepared {
+    /// The pieces of all objects together, and the voxels inside of each for itself.
+    pub(super) fn pieces(&self, watch: &dyn Watch) -> Result<(Pieces, u64), RunError> {
+        let lattice = &self.lattice;
+        let height = BlockShape::for_lattice(lattice).voxels()[2];
+        let slabs: Vec<u32> = (0..lattice.dims[2]).step_by(height as usize).collect();
+        let mut growing = Growing::new(lattice.dims[1]);
+        let mut inside = 0;
+        for slabs in slabs.chunks(SLABS_AT_ONCE) {
+            watch.go_on()?;
+            let fill = |&first: &u32| -> Vec<Vec<SliceRuns>> {
+                let slices = height.min(lattice.dims[2] - first) as usize;
+                let of = |object: &ObjectField| {
+                    let mut runs = vec![SliceRuns::default(); slices];
+                    object.fill_inside(first, &mut runs);
+                    runs
+                };
+                self.slicer().objects().iter().map(of).collect()
+            };
+            let filled: Vec<_> = slabs.par_iter().map(fill).collect();
+            for (&first, objects) in slabs.iter().zip(&filled) {
+                for k in 0..height.min(lattice.dims[2] - first) {
+                    growing.add(first + k, |j, row| {
+                        objects.iter().for_each(|slices| row.extend(slices[k as usize].row(j)));
+                        inside += row.iter().map(|[start, end]| u64::from(end - start)).sum::<u64>();
+                        if objects.len() > 1 {
+                            merge(row);
+                        }
+                    });
+                }
+            }
+        }
+        Ok((Pieces::of(growing.finish(), lattice), inside))
+    }
+}
+
+impl Pieces {
+    fn of(mut parts: Vec<Part>, lattice: &Lattice) -> Self {
+        parts.sort_unstable_by_key(|part| (part.low[2], part.low[1], part.low[0], part.voxels));
+        let corner = |index: [u32; 3]| lattice.origin + DVec3::from(index.map(f64::from)) * lattice.pitch;
+        let mm3 = |part: &Part| part.voxels as f64 * lattice.voxel_volume();
+        let mut found = Self { count: parts.len() as u64, ..Self::default() };
+        // A job that is smaller than a crumb by itself has none.
+        let largest = parts.iter().map(|part| part.voxels).max().unwrap_or(0);
+        for part in &parts {
+            if mm3(part) < CRUMB_MM3 && part.voxels < largest {
+                let ends = [corner(part.low), corner(part.high)];
+                found.crumbs += 1;
+                found.crumbs_mm3 += mm3(part);
+                found.first_crumb_mm.get_or_insert(position(0.5 * (ends[0] + ends[1])));
+                if found.boxes.len() < MOST_BOXES {
+                    found.boxes.push(ends);
+                }
+            } else if part.low[2] > 0 {
+                found.in_the_air += 1;
+            }
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Slices of rows of text, `#` inside.
+    fn parts(slices: &[&[&str]]) -> Vec<(u64, [u32; 3], [u32; 3])> {
+        let mut growing = Growing::new(slices[0].len() as u32);
+        for (k, slice) in (0..).zip(slices) {
+            growing.add(k, |j, runs| {
+                let row = slice[j as usize].as_bytes();
+                let inside = (0..row.len() as u32).filter(|&i| row[i as usize] == b'#');
+                runs.extend(inside.map(|i| [i, i + 1]));
+                merge(runs);
+            });
+        }
+        let mut parts: Vec<_> = growing.finish().iter().map(|part| (part.voxels, part.low, part.high)).collect();
+        parts.sort_unstable();
+        parts
+    }
+
+    #[test]
+    fn what_shares_a_face_hangs_together() {
+        let u = parts(&[&["##.##", "#...#", "#####"]]);
+        assert_eq!(u, [(11, [0, 0, 0], [5, 3, 1])]);
+        // Over an edge only, it does not.
+        let diagonal = parts(&[&["##...", "..##."], &["....#", "....."]]);
+        assert_eq!(diagonal.len(), 3);
+        // Two columns that meet in the third slice.
+        let arch = parts(&[&["#.#"], &["#.#"], &["###"]]);
+        assert_eq!(arch, [(7, [0, 0, 0], [3, 1, 3])]);
+        assert_eq!(parts(&[&["#.#"], &["#.#"], &["#.#"]]).len(), 2);
+        assert_eq!(parts(&[&["..."]]), []);
+    }
+
+    #[test]
+    fn runs_that_touch_are_one() {
+        let mut runs = vec![[5, 9], [0, 3], [3, 4], [8, 12], [20, 21]];
+        merge(&mut runs);
+        assert_eq!(runs, [[0, 4], [5, 12], [20, 21]]);
+        merge(&mut Vec::new());
+    }
+}

@@ -1,0 +1,174 @@
+//! The files of a job that hold all of it: opened before its first slice, fed slab after slab, put in their places when
+//! all is done.
+
+use std::{collections::BTreeSet, io};
+
+use super::RunError;
+use crate::{
+    container::{
+        Container, ContainerError, Content, ContentResin, Counts, SliceImage, Voxels, bmp,
+        gcvf::{Gcvf, Resolution},
+        mapping_text,
+        nrrd::Nrrd,
+        vdb::Vdb,
+        vti::Vti,
+    },
+    job::{Manifest, Prepared, file::OutputFormat, manifest::MaterialRecord},
+    output::{Growing, OutputError, OutputFolder},
+    voxel::MaterialId,
+    watch::Watch,
+};
+
+/// Folder of files that hold a whole job.
+pub(super) const EXPORTS: &str = "exports";
+/// Name of the table of colours and resins.
+pub const MAPPING: &str = "mapping.txt";
+
+/// Path of the file that holds the whole job in `format`.
+pub(crate) fn export_path(job: &str, format: OutputFormat) -> String {
+    format!("{EXPORTS}/{job}.{}", format.name())
+}
+
+/// The containers of a run.
+pub(super) struct Containers<'a> {
+    output: &'a OutputFolder,
+    content: Content,
+    open: Vec<(Growing, Box<dyn Container>)>,
+}
+
+impl<'a> Containers<'a> {
+    /// Opens those of `formats` that are single files. The rest is passed over.
+    pub(super) fn open(output: &'a OutputFolder, content: Content, formats: &[OutputFormat]) -> Result<Self, RunError> {
+        let mut open: Vec<(Growing, Box<dyn Container>)> = Vec::new();
+        for &format in formats {
+            let grow = || output.grow(&export_path(&content.name, format));
+            match format {
+                OutputFormat::Gcvf => {
+                    // Refused before, where it is none.
+                    let Some(resolution) = Resolution::of(&content.lattice) else { continue };
+                    let (growing, file) = grow()?;
+                    open.push((growing, Box::new(Gcvf::new(file, content.clone(), resolution))));
+                }
+                OutputFormat::Vti | OutputFormat::Nrrd | OutputFormat::Vdb => {
+                    let (growing, file) = grow()?;
+                    let container: io::Result<Box<dyn Container>> = match format {
+                        OutputFormat::Vti => Vti::new(file, &content).map(|vti| Box::new(vti) as _),
+                        OutputFormat::Nrrd => Nrrd::new(file, &content).map(|nrrd| Box::new(nrrd) as _),
+                        _ => Vdb::new(file, content.clone()).map(|vdb| Box::new(vdb) as _),
+                    };
+                    let container = container.map_err(|error| failed(output, &growing, error.into()))?;
+                    open.push((growing, container));
+                }
+                _ => {}
+            }
+        }
+        Ok(Self { output, content, open })
+    }
+
+    /// Whether there is none.
+    pub(super) fn is_empty(&self) -> bool {
+        self.open.is_empty()
+    }
+
+    /// Whether one of them wants the images of slices.
+    pub(super) fn want_images(&self) -> bool {
+        self.open.iter().any(|(_, container)| container.wants_images())
+    }
+
+    /// Hands on voxels, bottom up, with the images of their slices.
+    pub(super) fn take(
+        &mut self,
+        voxels: &dyn Voxels,
+        images: &[SliceImage],
+        watch: &dyn Watch,
+    ) -> Result<(), RunError> {
+        for (growing, container) in &mut self.open {
+            container.take(voxels, images, watch).map_err(|error| failed(self.output, growing, error))?;
+        }
+        Ok(())
+    }
+
+    /// Ends all files and puts them under their names.
+    pub(super) fn finish(self, counts: &Counts, watch: &dyn Watch) -> Result<Content, RunError> {
+        for (growing, container) in self.open {
+            container.finish(counts, watch).map_err(|error| failed(self.output, &growing, error))?;
+            self.output.place(growing)?;
+        }
+        Ok(self.content)
+    }
+}
+
+fn failed(output: &OutputFolder, growing: &Growing, error: ContainerError) -> RunError {
+    match error {
+        ContainerError::Stopped(stopped) => stopped.into(),
+        ContainerError::Io(source) => {
+            OutputError::Io { action: "writing", path: output.root().join(growing.relative()), source }.into()
+        }
+    }
+}
+
+/// Writes the small texts that go with the formats of a whole job: the mapping of colours, the list of bitmaps.
+pub(super) fn write_texts(
+    output: &OutputFolder,
+    content: &Content,
+    bitmaps: &[MaterialId],
+    formats: &[OutputFormat],
+    counts: &Counts,
+) -> Result<(), OutputError> {
+    let wants = |format| formats.contains(&format);
+    if wants(OutputFormat::Png) || wants(OutputFormat::Gcvf) {
+        output.write(MAPPING, mapping_text(content, counts).as_bytes())?;
+    }
+    if wants(OutputFormat::Bmp) {
+        let materials: Vec<_> = content.resins.iter().filter(|resin| bitmaps.contains(&resin.id)).collect();
+        output.write(&bmp::text_path(&content.name), bmp::text(content, &materials).as_bytes())?;
+    }
+    Ok(())
+}
+
+impl Prepared {
+    /// What containers say of the job.
+    pub(in crate::job) fn content(&self) -> Content {
+        let resin = |(index, resin): (usize, &crate::optics::Resin)| {
+            let id = MaterialId::from_resin(index);
+            ContentResin { id, name: resin.name.clone(), rgba: self.palette[usize::from(id.0)] }
+        };
+        Content {
+            name: self.job.name.clone(),
+            lattice: self.lattice,
+            resins: self.materials.resins.iter().enumerate().map(resin).collect(),
+            max_colors: self.job.printer.max_colors,
+        }
+    }
+
+    /// The printed resins that may occur in stackings, by id: those that have bitmaps.
+    pub(in crate::job) fn bitmap_materials(&self) -> Vec<MaterialId> {
+        let used: BTreeSet<_> = self.objects.iter().flat_map(|object| object.stackings.materials()).collect();
+        used.into_iter().filter(|id| self.palette[usize::from(id.0)][3] != 0).collect()
+    }
+}
+
+impl Manifest {
+    /// What containers say of the job.
+    pub(in crate::job) fn content(&self) -> Content {
+        let resin = |record: &MaterialRecord| ContentResin {
+            id: MaterialId(record.id),
+            name: record.name.clone(),
+            rgba: record.rgba,
+        };
+        let most = self.job.pointer("/printer/max-colors").and_then(serde_json::Value::as_u64);
+        Content {
+            name: self.name.clone(),
+            lattice: self.lattice.lattice(),
+            resins: self.materials.iter().map(resin).collect(),
+            max_colors: most.map(|most| most as usize),
+        }
+    }
+
+    /// Voxels by material id; the background is not counted.
+    pub(in crate::job) fn counts(&self) -> Counts {
+        let mut counts = [0; 256];
+        self.materials.iter().for_each(|material| counts[usize::from(material.id)] = material.voxels);
+        counts
+    }
+}

@@ -1,0 +1,114 @@
+//! Will it print: what breaks, falls off or washes away is said before it is printed, and drawn.
+
+use crate::support::{Bench, Triangle, stl};
+
+/// A box between two corners.
+fn block(low: [f32; 3], high: [f32; 3]) -> Vec<Triangle> {
+    let corner = |n: usize| [0, 1, 2].map(|axis| if n >> axis & 1 == 1 { high[axis] } else { low[axis] });
+    let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).map(|corners| corners.map(corner)).collect()
+}
+
+/// A cord of short prisms along a slope, 0.1 mm thick: thinner than the voxels of 0.2 mm that it crosses at an angle.
+fn cord() -> Vec<Triangle> {
+    let (from, to, r) = ([4.0_f32, 2.0, 2.0], [9.0_f32, 3.3, 3.7], 0.05);
+    let end = |at: [f32; 3]| {
+        [[0.0, -r, -r], [0.0, r, -r], [0.0, r, r], [0.0, -r, r]].map(|d| [0, 1, 2].map(|a| at[a] + d[a]))
+    };
+    let (a, b) = (end(from), end(to));
+    let mut found = vec![[a[0], a[2], a[1]], [a[0], a[3], a[2]], [b[0], b[1], b[2]], [b[0], b[2], b[3]]];
+    for n in 0..4 {
+        let m = (n + 1) % 4;
+        found.extend([[a[n], a[m], b[m]], [a[n], b[m], b[n]]]);
+    }
+    found
+}
+
+#[test]
+fn a_sound_block_is_not_spoken_of() {
+    let bench = Bench::new();
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(0);
+    assert!(!ran.stderr.contains("warning:"), "{}", ran.stderr);
+    let json = bench.run(["slice", "job.toml", "--dry-run", "--json"]).exits(0).json();
+    assert_eq!((&json["printable"]["pieces"]["count"], &json["printable"]["pieces"]["crumbs"]), (&1.into(), &0.into()));
+    assert_eq!(json["printable"]["walls"][0]["thin_share"], 0.0);
+}
+
+#[test]
+fn a_cord_that_breaks_into_beads_is_said_and_drawn() {
+    let bench = Bench::new();
+    let mut parts = block([0.0; 3], [4.1, 4.0, 4.0]);
+    parts.extend(cord());
+    parts.extend(block([8.9, 0.0, 0.0], [13.0, 4.0, 4.0]));
+    bench.write("cube.stl", &stl(&parts));
+    bench.job_with("[\"png\", \"masks\"]", "[\"png\", \"preview\"]");
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(0);
+    for word in
+        ["break into beads", "2 pieces that nothing holds together, of 1 object", "thinner than 3 voxels (0.600 mm)"]
+    {
+        assert!(ran.stderr.contains(word), "{word}: {}", ran.stderr);
+    }
+    let json = bench.run(["slice", "job.toml", "--dry-run", "--json"]).exits(0).json();
+    let walls = &json["printable"]["walls"][0];
+    let thinnest = walls["thinnest_mm"].as_f64().unwrap();
+    assert!((0.05..0.15).contains(&thinnest), "{thinnest}");
+    // The cord is 5 mm of four sides of 0.1 mm, of 205 mm².
+    let share = walls["thin_share"].as_f64().unwrap();
+    assert!((0.002..0.03).contains(&share), "{share}");
+    bench.slice("out");
+    assert!(bench.path("out/preview/checks.png").is_file());
+    let warnings = bench.manifest("out")["warnings"].to_string();
+    assert!(warnings.contains("break into beads"), "{warnings}");
+    bench.run(["verify", "out"]).exits(0);
+}
+
+#[test]
+fn support_that_lies_bare_or_alone_is_said() {
+    let bench = Bench::new();
+    bench.job_with("white:0.5,support:0.6", "support:0.4,white:0.5");
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(0);
+    assert!(ran.stderr.contains("support lies bare on 100% of its surface"), "{}", ran.stderr);
+    // A plate of 1.6 mm: 0.3 mm of white on either side, and nothing but support between.
+    bench.job_with("white:0.5,support:0.6", "white:0.3,support:1.0");
+    bench.write("cube.stl", &stl(&block([0.0; 3], [12.0, 12.0, 1.6])));
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(0);
+    for word in ["a skin over a wall of support", "too thin for their layers"] {
+        assert!(ran.stderr.contains(word), "{word}: {}", ran.stderr);
+    }
+}
+
+#[test]
+fn copies_are_arranged_on_the_tray_and_cost_what_they_weigh() {
+    let bench = Bench::new();
+    bench.run(["material", "simulate", "synthetic", "--photons", "40000", "-o", "m"]).exits(0);
+    let resins = std::fs::read_to_string(bench.path("m/synthetic.toml")).unwrap();
+    bench.write("m/synthetic.toml", resins.replace("\nrgba", "\nprice-per-kg = 200\nrgba").as_bytes());
+    bench.job_with("set = \"synthetic\"", "file = \"m/synthetic.toml\"");
+    let job = std::fs::read_to_string(bench.path("job.toml")).unwrap();
+    let job = job.replace("mesh = \"cube.stl\"", "mesh = \"cube.stl\"\ncount = 3");
+    bench.write("job.toml", job.as_bytes());
+    bench
+        .run(["slice", "job.toml", "--dry-run"])
+        .refuses(2, &["object[0].count: found 3 at one place", "arrange = true"]);
+    let job = format!("arrange = true\ngap-mm = 1.5\n{job}").replace("[\"png\", \"masks\"]", "[\"png\", \"preview\"]");
+    let job = job.replace("pitch-mm = [0.2, 0.2, 0.2]", "pitch-mm = [0.2, 0.2, 0.2]\ntray-mm = [10, 10, 10]");
+    bench.write("job.toml", job.as_bytes());
+    let json = bench.run(["slice", "job.toml", "--dry-run", "--json"]).exits(0).json();
+    // Two fit beside each other on 10 mm; 4 + 1.5 mm is 5.6 mm in voxels of 0.2 mm.
+    let places: Vec<_> = json["objects"].as_array().unwrap().iter().map(|o| o["position_mm"].clone()).collect();
+    for (place, expected) in places.iter().zip([[0.0, 0.0], [5.6, 0.0], [0.0, 5.6]]) {
+        let found = [0, 1].map(|axis| place[axis].as_f64().unwrap());
+        assert!(found.iter().zip(expected).all(|(found, mm)| (found - mm).abs() < 1e-9), "{place} {expected:?}");
+    }
+    let white = &json["materials"][0];
+    assert!((white["cost"].as_f64().unwrap() - 0.2 * white["mass_g"].as_f64().unwrap()).abs() < 1e-9);
+    let ran = bench.run(["slice", "job.toml", "-o", "out"]).exits(0);
+    assert!(ran.stdout.contains("by the prices of the material file"), "{}", ran.stdout);
+    assert!(bench.path("out/preview/tray.png").is_file());
+    let voxels: u64 =
+        bench.manifest("out")["materials"].as_array().unwrap().iter().map(|m| m["voxels"].as_u64().unwrap()).sum();
+    assert_eq!(voxels, 3 * 8000);
+    let moved = job.replace("count = 3", "count = 3\nposition-mm = [1, 1, 0]");
+    bench.write("job.toml", moved.as_bytes());
+    bench.run(["slice", "job.toml", "--dry-run"]).refuses(2, &["object[0].position-mm", "the job finds one"]);
+}

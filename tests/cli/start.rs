@@ -1,0 +1,135 @@
+//! From a mesh alone: a job beside it, or none at all.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::support::{Bench, JOB, cube, run, stl};
+
+/// An OBJ box of 30 × 20 × 10 units, y up, that stands on a flat foot; coloured by vertex, or not.
+fn obj(colour: &str) -> Vec<u8> {
+    let mut text = String::new();
+    for [x, y, z] in [[0, 0, 0], [30, 0, 0], [30, 20, 0], [0, 20, 0], [0, 0, 10], [30, 0, 10], [29, 20, 9], [1, 20, 9]]
+    {
+        text += &format!("v {x} {y} {z} {colour}\n");
+    }
+    text += "f 5 6 7 8\nf 1 4 3 2\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+    text.into_bytes()
+}
+
+#[test]
+fn init_writes_a_job_that_says_what_was_guessed() {
+    let bench = Bench::new();
+    bench.write("meshes/figure.obj", &obj("0.8 0.2 0.1"));
+    let ran = bench.run(["init", "meshes/figure.obj"]).exits(0);
+    assert_eq!(ran.stdout.trim().replace('\\', "/"), "meshes/figure.toml");
+    for word in
+        ["note: size: 30.0000 × 10.0000 × 20.0000 mm", "note: orientation: guessed", "note: colour: the mesh's own"]
+    {
+        assert!(ran.stderr.contains(word), "{word}: {}", ran.stderr);
+    }
+    let text = fs::read_to_string(bench.path("meshes/figure.toml")).unwrap();
+    for part in [
+        "mesh = \"figure.obj\"",
+        "scale = 1.0",
+        "rotate-deg = [90, 0, 0]",
+        "preset = \"j750-27um\"",
+        "tray 490 × 390 × 200 mm: fits",
+        "set = \"inks-rgb-7\"",
+        "kind = \"texture\"",
+    ] {
+        assert!(text.contains(part), "{part}:\n{text}");
+    }
+    // It never overwrites.
+    bench.run(["init", "meshes/figure.obj"]).refuses(2, &["figure.toml: found a file", "init never overwrites"]);
+    assert_eq!(fs::read_to_string(bench.path("meshes/figure.toml")).unwrap(), text);
+    bench.run(["init", "meshes/figure.toml"]).refuses(2, &["expected a mesh: glb"]);
+    bench.run(["init", "missing.glb"]).refuses(2, &["missing.glb"]);
+}
+
+#[test]
+fn units_colours_and_heights_are_guessed() {
+    let bench = Bench::new();
+    let job = |name: &str, flags: &[&str]| {
+        let path = bench.path(name).with_extension("toml");
+        let _ = fs::remove_file(&path);
+        bench.run(["init", name].iter().chain(flags)).exits(0);
+        fs::read_to_string(path).unwrap()
+    };
+    // 0.06 of something is metres; a foot along y stands the box up as it is turned.
+    bench.write("small.stl", &stl(&cube(0.06)));
+    let small = job("small.stl", &[]);
+    assert!(small.contains("unit = \"m\"") && small.contains("scale = 1.0"), "{small}");
+    assert!(small.contains("preset = \"marble\"") && small.contains("set = \"synthetic\""), "{small}");
+    // An image that is named after the mesh is its colour, projected where there are no coordinates.
+    bench.write("small-normal.png", b"");
+    bench.write("small_Albedo.png", b"");
+    let small = job("small.stl", &["--height-mm", "40", "--printer", "connex500-30um"]);
+    for part in ["height-mm = 40", "albedo = \"small_Albedo.png\"", "projection = \"triplanar\"", "connex500-30um"] {
+        assert!(small.contains(part), "{part}:\n{small}");
+    }
+    assert!(!small.contains("unit ="), "{small}");
+    let skin = job("small.stl", &["--look", "skin"]);
+    assert!(skin.contains("preset = \"skin\"") && !skin.contains("\nalbedo ="), "{skin}");
+    // A house does not fit.
+    bench.write("house.stl", &stl(&cube(9000.0)));
+    let house = job("house.stl", &["--materials", "inks-rgb"]);
+    assert!(house.contains("height-mm = 40") && house.contains("no size to print"), "{house}");
+    assert!(house.contains("set = \"inks-rgb\""), "{house}");
+    for (flags, says) in [
+        (["--look", "jade"], "expected a material that was measured"),
+        (["--printer", "j75"], "unknown printer"),
+        (["--height-mm", "0"], "expected a height in mm"),
+    ] {
+        let ran = bench.run(["init", "small.stl"].iter().chain(&flags)).exits(2);
+        assert!(ran.stderr.contains(says), "{}", ran.stderr);
+    }
+}
+
+#[test]
+fn a_mesh_is_sliced_without_a_job() {
+    let bench = Bench::new();
+    bench.write("figure.stl", &stl(&cube(4.0)));
+    let ran = bench.run(["slice", "figure.stl", "--dry-run", "--height-mm", "6", "--look", "wholemilk"]).exits(0);
+    for part in ["mesh = \"figure.stl\"", "height-mm = 6", "preset = \"wholemilk\"", "figure: 6.01 × 6.01 × 6.02 mm"]
+    {
+        assert!(ran.stdout.contains(part), "{part}: {}", ran.stdout);
+    }
+    let json = bench.run(["slice", "figure.stl", "--dry-run", "--height-mm", "6", "--json"]).exits(0).json();
+    // The job that was made up does the same when it is kept.
+    bench.write("figure.toml", json["job"].as_str().unwrap().as_bytes());
+    let kept = bench.run(["slice", "figure.toml", "--dry-run", "--json"]).exits(0).json();
+    assert_eq!((&kept["dims"], &kept["materials"]), (&json["dims"], &json["materials"]));
+    bench.run(["slice", "job.toml", "--height-mm", "6"]).refuses(2, &["--height-mm: found beside job.toml"]);
+}
+
+#[test]
+fn a_quick_look_is_pictures_alone() {
+    let bench = Bench::new();
+    let ran = bench.run(["slice", "job.toml", "--quick"]).exits(0);
+    assert!(ran.stdout.contains("pictures of a coarse print: job-look"), "{}", ran.stdout);
+    assert!(bench.path("job-look/look.json").is_file() && !bench.path("job-out").exists());
+    let files = bench.files("job-look");
+    assert!(files.keys().any(|name| name.ends_with(".png")), "{:?}", files.keys());
+    bench.run(["slice", "job.toml", "--quick"]).refuses(2, &["job-look"]);
+    bench.run(["slice", "job.toml", "--quick", "--dry-run"]).exits(2);
+}
+
+#[test]
+fn the_schema_knows_what_a_job_may_say() {
+    let schema: Value = run(["schema"]).exits(0).json();
+    let keys = |table: &str| schema["definitions"][table]["properties"].clone();
+    assert_eq!(schema["additionalProperties"], false);
+    assert!(keys("object")["height-mm"]["description"].as_str().unwrap().contains("extent along z"));
+    for name in ["wholemilk", "skin"] {
+        assert!(keys("target")["preset"]["enum"].as_array().unwrap().contains(&name.into()));
+    }
+    // Every table and key of a job that is read is in it.
+    let job: toml::Table = JOB.parse().unwrap();
+    for (table, value) in &job {
+        let entries = value.as_array().map_or(value, |list| &list[0]).as_table().unwrap();
+        for key in entries.keys() {
+            assert!(keys(table).get(key).is_some(), "{table}.{key}");
+        }
+    }
+}
