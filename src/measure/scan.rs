@@ -10,7 +10,7 @@ use super::frame::{self, ColourPlane, Plane};
 use super::outliers::Outliers;
 use super::rings::{Grid, Model, Rings};
 use super::{Camera, Finding, MeasureError};
-use crate::optics::{ProfileError, RadialProfile};
+use crate::optics::{MIN_SAMPLES, ProfileError, RadialProfile};
 use crate::watch::Watch;
 
 /// Fewest whole rings a centre must have about it.
@@ -40,7 +40,7 @@ const SAME_FORESHORTENING: f64 = 0.5;
 const LOPSIDED_SIGMAS: f64 = 6.0;
 /// A spot is near the border where whole rings reach less than this share of the way to the farthest border…
 const NEAR_BORDER: f64 = 0.6;
-/// …and end at more than this share of the brightest.
+/// …and end at more than this share of the brightest, or above noise: few rings leave blur and stray light open.
 const LIGHT_AT_BORDER: f64 = 1e-3;
 /// More masked pixels than this share are no outliers but another scene.
 const MAX_MASKED: f64 = 0.05;
@@ -177,6 +177,11 @@ pub(super) fn scan(
         )));
     }
     let extrapolated_from = profile.extrapolate(&mut findings);
+    if profile.mean.len() < MIN_SAMPLES {
+        let found = format!("{} rings whose light is above noise, stray light taken off", profile.mean.len());
+        let expected = format!("at least {MIN_SAMPLES}: a brighter spot, or exposures that fit together");
+        return Err(MeasureError::scene(format!("{what}: light"), found, expected));
+    }
     let relative = rings.harmonics.iter().zip(&rings.mean);
     let harmonics = relative.map(|([a, b, c, d], mean)| [a.hypot(*b) / mean, c.hypot(*d) / mean]).collect();
     let mut exposures_s: Vec<f64> = checked.used.iter().map(|exposure| exposure.seconds).collect();
@@ -339,7 +344,8 @@ fn name_border(profile: &ProfileEstimate, width: usize, height: usize, findings:
     let reach_mm = grid.bins as f64 * grid.bin_mm;
     let last = &profile.mean[grid.bins.saturating_sub(5)..];
     let share = last.iter().sum::<f64>() / last.len().max(1) as f64 / profile.peak();
-    if reach_mm < NEAR_BORDER * farthest_mm && share > LIGHT_AT_BORDER {
+    let in_light = share > LIGHT_AT_BORDER || background::first_lost(&profile.mean, &profile.error).is_none();
+    if reach_mm < NEAR_BORDER * farthest_mm && in_light {
         findings.push(Finding::NearBorder { reach_mm, farthest_mm, share });
     }
 }
