@@ -1,5 +1,6 @@
 //! Laws of the factorisation.
 
+mod belief;
 mod exact;
 mod input;
 mod laws;
