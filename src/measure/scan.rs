@@ -17,6 +17,8 @@ use crate::watch::Watch;
 pub(super) const MIN_RINGS: usize = 16;
 /// Stray light is subtracted from this many standard errors on; without a dark series, whatever it is.
 const LEVEL_SIGMAS: f64 = 4.0;
+/// A level below the dark is named from this share of the light on.
+const NAMED_BELOW: f64 = 1e-3;
 /// Asymmetries are named from this many standard errors on…
 const NAMED_SIGMAS: f64 = 4.0;
 /// …tilts from a few more: of 118 sound series at random three were seen at 4.0 to 4.5, where chance alone would be 0.01…
@@ -238,7 +240,9 @@ impl ProfileEstimate {
         }
         if value < 0.0 && !whatever {
             let share = self.share_of_light();
-            findings.push(Finding::BelowDark { share: value * share, error: error * share });
+            if value.abs() * share > NAMED_BELOW {
+                findings.push(Finding::BelowDark { share: value * share, error: error * share });
+            }
             return value.hypot(error);
         }
         self.mean.iter_mut().for_each(|mean| *mean -= value);

@@ -44,7 +44,9 @@ fn sixty_sound_captures_are_not_blamed() {
         let reduced = dice.scale(1.5, 12.0);
         let g = dice.roll(0.0, 0.8);
         let absorption = reduced * dice.scale(0.003, 1.5);
-        let thickness = (dice.scale(2.5, 12.0) / (reduced + absorption)).min(3.0);
+        // What is true is traced by photons itself: ten thousand and more of them must come through.
+        let decay = (3.0 * absorption * (absorption + reduced)).sqrt();
+        let thickness = (dice.scale(2.5, 12.0) / (reduced + absorption)).min(3.0).min(5.0 / decay);
         let volume = VolumeCoefficients::new(reduced / (1.0 - g), absorption, g).unwrap();
         let plan = SlabPlan {
             resin: "any".into(),

@@ -78,6 +78,6 @@ fn what_is_doubtful_is_said() {
     doubted("was it cut off", |window, [.., i, j]| plain(window, i, j).min(ceiling));
     doubted("farther along rows", |window, [.., i, j]| {
         let (x, y) = (i as f32 - 6.0, j as f32 - 6.0);
-        plain(window, i, j) * (0.1 * (y.abs() - x.abs()) * -1.0).exp()
+        plain(window, i, j) * (0.1 * (x.abs() - y.abs())).exp()
     });
 }
