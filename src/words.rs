@@ -87,6 +87,11 @@ pub(crate) fn is_device_name(name: &str) -> bool {
     }
 }
 
+/// A text as TOML has it, in quotes.
+pub(crate) fn toml_string(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
 /// `"a", "b", "c"`.
 pub(crate) fn quoted_list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     format!("\"{}\"", names.into_iter().collect::<Vec<_>>().join("\", \""))

@@ -1,9 +1,9 @@
 //! Resins: `materials`, and the class that every call about stacks takes.
 
-use std::{path::Path, sync::Arc};
+use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use lumislice::{
-    job::file::{SUPPORT, SUPPORT_MIN_DEPTH_MM},
+    job::file::min_depth_limits,
     optics::{MaterialFile, MaterialSet, Mixture, OpticsError, ResinId, Stack},
     search::ResinLimit,
     watch::Watch,
@@ -11,7 +11,7 @@ use lumislice::{
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::{
     prelude::*,
-    types::{PyAny, PyDict, PyString},
+    types::{PyAny, PyDict},
 };
 
 use crate::watched::{InputError, raised, watched};
@@ -25,9 +25,7 @@ pub struct Materials {
 }
 
 fn read(name: &str, watch: &dyn Watch) -> Result<(MaterialSet, Vec<String>), OpticsError> {
-    let path = Path::new(name);
-    let is_file = path.is_file() || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-    let mut file = if is_file { MaterialFile::read(path)? } else { MaterialFile::builtin(name)? };
+    let (mut file, _) = MaterialFile::named(Path::new(name))?;
     let unfitted = file.fit(None, watch)?;
     Ok((file.into_set(watch)?, unfitted))
 }
@@ -51,10 +49,7 @@ impl Materials {
         if let Ok(materials) = given.cast::<Materials>() {
             return Ok(materials.get().set.clone());
         }
-        let name: String = given
-            .cast::<PyString>()
-            .map(|name| name.to_string())
-            .or_else(|_| given.str().map(|name| name.to_string()))?;
+        let name = given.str()?.to_string();
         let progress = progress.map(|progress| progress.clone_ref(given.py()));
         Ok(materials(given.py(), &name, progress)?.set)
     }
@@ -87,23 +82,15 @@ pub fn stack_of(set: &MaterialSet, given: &Bound<'_, PyAny>, core: Option<&str>)
 
 /// Depths that resins keep from the surface; support keeps its own unless it is given one.
 pub fn limits_of(set: &MaterialSet, given: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<ResinLimit>> {
-    let mut limits: Vec<ResinLimit> = set
-        .resins
-        .iter()
-        .map(|resin| {
-            let min_depth_mm = if resin.name == SUPPORT { SUPPORT_MIN_DEPTH_MM } else { 0.0 };
-            ResinLimit { min_depth_mm, ..ResinLimit::NONE }
-        })
-        .collect();
-    for (name, mm) in given.into_iter().flatten() {
-        let (name, mm): (String, f64) = (name.extract()?, mm.extract()?);
-        let Some(id) = core_of(set, Some(&name))? else { continue };
-        if !(0.0..=100.0).contains(&mm) {
+    let given: BTreeMap<String, f64> = given.map(|given| given.extract()).transpose()?.unwrap_or_default();
+    for (name, mm) in &given {
+        core_of(set, Some(name))?;
+        if !(0.0..=100.0).contains(mm) {
             return Err(InputError::new_err(format!("min_depth_mm: {name}: found {mm}, expected mm, 0 to 100")));
         }
-        limits[id.0].min_depth_mm = mm;
     }
-    Ok(limits)
+    let names = set.resins.iter().map(|resin| resin.name.as_str());
+    Ok(min_depth_limits(names, |name| given.get(name).copied()))
 }
 
 #[pymethods]

@@ -5,7 +5,7 @@ use std::path::Path;
 use lumislice::{
     job::{
         Job, Prepared, RunError,
-        file::{MaterialSource, SUPPORT, SUPPORT_MIN_DEPTH_MM},
+        file::{self, MaterialSource},
     },
     optics::{MaterialFile, MaterialSet, OpticsError},
     search::ResinLimit,
@@ -29,14 +29,11 @@ impl Materials {
     /// Reads what `name` stands for: a file if there is one or the name ends in `.toml`, else a built-in set. Says
     /// where a built-in set's numbers come from.
     pub fn read(name: &Path) -> Result<Self, OpticsError> {
-        let is_file =
-            name.is_file() || name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-        if is_file {
-            return Ok(Self { file: MaterialFile::read(name)?, built_in: false });
+        let (file, built_in) = MaterialFile::named(name)?;
+        if built_in {
+            say_provenance(file.name(), file.provenance());
         }
-        let file = MaterialFile::builtin(&name.to_string_lossy())?;
-        say_provenance(file.name(), file.provenance());
-        Ok(Self { file, built_in: true })
+        Ok(Self { file, built_in })
     }
 
     /// Fits coefficients to the resins given by profiles only, of those in `names` or of all, and says what was found.
@@ -100,12 +97,8 @@ pub fn min_depth_limits(file: &MaterialFile, given: &[(String, f64)]) -> super::
             refuse!("--min-depth: found {resin} a second time, expected each resin once");
         }
     }
-    let limit = |name: &str| {
-        let given = given.iter().find(|given| given.0 == name).map(|given| given.1);
-        let default = if name == SUPPORT { SUPPORT_MIN_DEPTH_MM } else { 0.0 };
-        ResinLimit { min_depth_mm: given.unwrap_or(default), ..ResinLimit::NONE }
-    };
-    Ok(file.resin_names().map(limit).collect())
+    let given = |name: &str| given.iter().find(|given| given.0 == name).map(|given| given.1);
+    Ok(file::min_depth_limits(file.resin_names(), given))
 }
 
 /// The error of a model that needs what a resin of `materials` does not have.

@@ -7,8 +7,9 @@ use lumislice::{
     appearance::MeasuredMedium,
     job::{
         Job, RunError,
-        start::{MESH_EXTENSIONS, Start, StartOptions, start},
+        start::{Start, StartOptions, start},
     },
+    mesh::extensions,
     voxel::Printer,
 };
 
@@ -73,7 +74,7 @@ impl MeshArgs {
 /// Whether a file is a mesh by its name.
 pub fn is_mesh(path: &std::path::Path) -> bool {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
-    extension.is_some_and(|extension| MESH_EXTENSIONS.contains(&&*extension))
+    extension.is_some_and(|extension| extensions().any(|known| known == extension))
 }
 
 /// The job that a mesh gets where none is written, and its text.
@@ -97,7 +98,7 @@ pub struct InitArgs {
 /// Runs `init`.
 pub fn init(args: &InitArgs) -> Result<Answer> {
     if !is_mesh(&args.mesh) {
-        let extensions = MESH_EXTENSIONS.join(", ");
+        let extensions = extensions().collect::<Vec<_>>().join(", ");
         refuse!("{}: found a file of another kind, expected a mesh: {extensions}", args.mesh.display());
     }
     let path = args.mesh.with_extension("toml");

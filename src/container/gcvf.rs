@@ -57,20 +57,40 @@ impl Resolution {
         })
     }
 
-    /// Whether the machines that GrabCAD Voxel Print is for have it: 600 × 300 dpi, and slices of 14 or 27 µm.
-    pub fn is_known(self) -> bool {
-        self.dpi == [600, 300] && matches!(self.slice_nm, 14_000 | 27_000)
-    }
-
-    /// What to say where it is none that is known.
-    pub fn unknown(self) -> String {
+    /// What to say where it is none that the machines have which GrabCAD Voxel Print is for: 600 × 300 dpi, and slices
+    /// of 14 or 27 µm.
+    pub fn warning(self) -> Option<String> {
         let Self { dpi: [x, y], slice_nm } = self;
-        format!(
-            "gcvf: {x} × {y} dpi and slices of {} µm, where GrabCAD Voxel Print is known to take 600 × 300 dpi and \
-             14 or 27 µm",
-            f64::from(slice_nm) / 1e3
-        )
+        let is_known = [x, y] == [600, 300] && matches!(slice_nm, 14_000 | 27_000);
+        (!is_known).then(|| {
+            format!(
+                "gcvf: {x} × {y} dpi and slices of {} µm, where GrabCAD Voxel Print is known to take 600 × 300 dpi and \
+                 14 or 27 µm",
+                f64::from(slice_nm) / 1e3
+            )
+        })
     }
+}
+
+/// What the format cannot hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unfit {
+    /// Fewer slices than [`MIN_SLICES`]: so many.
+    FewSlices(u32),
+    /// A pitch that is not one of whole numbers, see [`Resolution::of`].
+    Pitch,
+}
+
+/// The resolution of a lattice that the format holds.
+///
+/// # Errors
+/// [`Unfit`].
+pub fn fit(lattice: &Lattice) -> Result<Resolution, Unfit> {
+    let slices = lattice.dims[2];
+    if slices < MIN_SLICES {
+        return Err(Unfit::FewSlices(slices));
+    }
+    Resolution::of(lattice).ok_or(Unfit::Pitch)
 }
 
 /// Name of a slice.

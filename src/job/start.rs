@@ -18,13 +18,11 @@ use std::{
 use glam::DVec3;
 
 use crate::{
-    mesh::{LoadOptions, Loaded, MeshError, TriangleMesh, Unit, load},
+    mesh::{LoadOptions, Loaded, MeshError, TriangleMesh, Unit, bounds, load},
     optics::MaterialSet,
     voxel::Printer,
+    words::toml_string,
 };
-
-/// Extensions of mesh files, in lower case.
-pub const MESH_EXTENSIONS: [&str; 6] = ["glb", "gltf", "obj", "stl", "ply", "3mf"];
 
 /// What is known already.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -77,9 +75,8 @@ pub fn start(mesh: &Path, options: &StartOptions) -> Result<Start, MeshError> {
          #\n# docs/job.md lists every key; `lumislice schema` is what editors complete them by.\n\n",
         crate::words::escaped(&name),
     );
-    let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     line(&mut text, "[[object]]", "");
-    line(&mut text, &format!("mesh = {}", quoted(&name)), "");
+    line(&mut text, &format!("mesh = {}", toml_string(&name)), "");
     if let Some(unit) = size.unit {
         line(&mut text, &format!("unit = \"{}\"", unit.name()), "guessed: the file does not say");
     }
@@ -125,10 +122,7 @@ struct Sized {
 
 impl Sized {
     fn guess(mesh: &TriangleMesh, extension: &str, options: &StartOptions, notes: &mut Vec<String>) -> Self {
-        let (low, high) = mesh
-            .positions
-            .iter()
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
+        let (low, high) = bounds(&mesh.positions);
         let found = high - low;
         let stated = matches!(extension, "glb" | "gltf" | "3mf");
         let (y_up, turned_by) = match stated {
@@ -246,7 +240,6 @@ impl Looks {
     }
 
     fn materials(&self, text: &mut String, options: &StartOptions, mesh: &Path) {
-        let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
         match &options.materials {
             None if self.is_colourful => line(
                 text,
@@ -259,21 +252,20 @@ impl Looks {
             Some(given) => {
                 let name = given.to_string_lossy();
                 if MaterialSet::builtin_names().any(|set| set == name) {
-                    line(text, &format!("set = {}", quoted(&name)), "");
+                    line(text, &format!("set = {}", toml_string(&name)), "");
                     return;
                 }
                 let beside = given.parent() == mesh.parent();
                 let named = if beside { given.file_name().map(PathBuf::from) } else { std::path::absolute(given).ok() };
                 let named = named.unwrap_or_else(|| given.clone());
-                line(text, &format!("file = {}", quoted(&named.to_string_lossy())), "");
+                line(text, &format!("file = {}", toml_string(&named.to_string_lossy())), "");
             }
         }
     }
 
     fn target(&self, text: &mut String, options: &StartOptions) {
-        let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
         match &self.source {
-            Source::Preset(look) => line(text, &format!("preset = {}", quoted(look)), "a measured material"),
+            Source::Preset(look) => line(text, &format!("preset = {}", toml_string(look)), "a measured material"),
             Source::Nothing => {
                 line(text, "preset = \"marble\"", "the mesh has no colour of its own; or skin1, wholemilk, …");
             }
@@ -287,7 +279,7 @@ impl Looks {
             }
             Source::Image { name, has_uvs } => {
                 line(text, "kind = \"texture\"", "");
-                line(text, &format!("albedo = {}", quoted(name)), "found beside the mesh");
+                line(text, &format!("albedo = {}", toml_string(name)), "found beside the mesh");
                 if !has_uvs {
                     line(text, "projection = \"triplanar\"", "the mesh has no texture coordinates");
                 }

@@ -214,13 +214,10 @@ impl Scene {
             let voxel = [place.x as usize, place.y as usize, place.z as usize];
             let brick = (voxel[0] >> 3) + nx * ((voxel[1] >> 3) + ny * (voxel[2] >> 3));
             let [class, radius] = strides.of[brick].map(f64::from);
-            let corner = DVec3::new((voxel[0] & !7) as f64, (voxel[1] & !7) as f64, (voxel[2] & !7) as f64);
-            let edge = BRICK as f64;
             let radius = if class == 0.0 { radius } else { 0.0 };
-            let far = DVec3::select(step.cmpgt(DVec3::ZERO), corner + edge * (radius + 1.0), corner - edge * radius);
-            // A face along the way is never left by.
-            let ways = DVec3::select(step.cmpeq(DVec3::ZERO), DVec3::INFINITY, (far - place) / step);
-            let leaves = ways.min_element().max(0.0);
+            let edge = BRICK as f64;
+            let low = voxel.map(|at| (at & !(BRICK - 1)) as f64 - edge * radius);
+            let leaves = way_out(place, step, low, edge * (1.0 + 2.0 * radius));
             if class > 0.0
                 && let Some(found) = self.first_printed(place, direction, leaves)
             {
@@ -265,6 +262,16 @@ impl Scene {
         }
         Some(if near > 0.0 { place + step * (near + NUDGE_MM) } else { place })
     }
+}
+
+/// Way along `step` (voxels per mm) until a cube of voxels is left, mm.
+#[inline]
+pub(super) fn way_out(place: Place, step: DVec3, low: [f64; 3], edge: f64) -> f64 {
+    let low = DVec3::from(low);
+    let far = DVec3::select(step.cmpgt(DVec3::ZERO), low + edge, low);
+    // A face along the way is never left by.
+    let ways = DVec3::select(step.cmpeq(DVec3::ZERO), DVec3::INFINITY, (far - place) / step);
+    ways.min_element().max(0.0)
 }
 
 /// A brick without anything printed.

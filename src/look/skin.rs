@@ -17,7 +17,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 
 use super::{
     Volume,
-    scene::{NUDGE_MM, Place, Walker, WayOut},
+    scene::{NUDGE_MM, Place, Walker, WayOut, way_out},
     strides::steps_to,
 };
 use crate::optics::{
@@ -260,13 +260,4 @@ impl Walker<'_> {
             Met::Bent(direction) => (ray.direction, ray.medium, ray.place) = (direction, Medium::Resin, next),
         }
     }
-}
-
-/// Way along `step` (voxels per mm) until a cube of voxels is left, mm.
-#[inline]
-fn way_out(place: Place, step: DVec3, low: [f64; 3], edge: f64) -> f64 {
-    let low = DVec3::from(low);
-    let far = DVec3::select(step.cmpgt(DVec3::ZERO), low + edge, low);
-    let ways = DVec3::select(step.cmpeq(DVec3::ZERO), DVec3::INFINITY, (far - place) / step);
-    ways.min_element().max(0.0)
 }

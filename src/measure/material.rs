@@ -12,6 +12,7 @@ use crate::optics::{
     Tail, fit_coefficients, fit_shapes,
 };
 use crate::watch::{Thousandths, Watch};
+use crate::words::toml_string;
 
 const REFLECTION: &str = "reflection";
 const TRANSMISSION: &str = "transmission";
@@ -154,11 +155,6 @@ impl ChannelMeasurement {
         if residual > NOTED_RESIDUAL && self.fit.is_ok() {
             self.findings.push(Finding::PoorFit { residual });
         }
-        let slab = MeasuredSlab {
-            thickness_mm: resin.thickness_mm,
-            reflection: &self.reflection.profile,
-            transmission: &self.transmission.profile,
-        };
         if let Some(shapes) =
             fit_shapes(&slab, resin.refractive_index).filter(|shapes| shapes.residual < 0.5 * residual)
         {
@@ -275,12 +271,11 @@ impl Measurement {
 
     fn toml(&self, reflection: &[String], transmission: &[String]) -> String {
         let (capture, resin) = (&self.capture, &self.capture.resin);
-        let quoted = |text: &str| toml::Value::from(text).to_string();
         let list = |names: &[String]| {
-            let names: Vec<String> = names.iter().map(|name| quoted(name)).collect();
+            let names: Vec<String> = names.iter().map(|name| toml_string(name)).collect();
             if self.channels.len() > 1 { format!("[{}]", names.join(", ")) } else { names.concat() }
         };
-        let channels: Vec<String> = self.channels.iter().map(|channel| quoted(&channel.name)).collect();
+        let channels: Vec<String> = self.channels.iter().map(|channel| toml_string(&channel.name)).collect();
         let mut text = String::from("# Written by `lumislice material measure`.\n");
         for channel in &self.channels {
             for (series, finding) in channel.all_findings() {
@@ -314,8 +309,8 @@ impl Measurement {
             "channels = [{}]\nprovenance = {}\n\n[[resin]]\nname = {}\nrgba = [{r}, {g}, {b}, {a}]\n\
              density-g-per-cm3 = {}\nthickness-mm = {}\nreflection = {}\ntransmission = {}\n",
             channels.join(", "),
-            quoted(&provenance),
-            quoted(&resin.name),
+            toml_string(&provenance),
+            toml_string(&resin.name),
             resin.density_g_per_cm3,
             resin.thickness_mm,
             list(reflection),
@@ -327,7 +322,7 @@ impl Measurement {
         if resin.print_as_background {
             text.push_str("print-as = \"background\"\n");
         }
-        let _ = writeln!(text, "notes = {}", quoted(&notes));
+        let _ = writeln!(text, "notes = {}", toml_string(&notes));
         text
     }
 }

@@ -26,7 +26,7 @@ use std::sync::Arc;
 pub use error::MeshError;
 pub use heal::{MAX_CAP_FRACTION, close, unite};
 pub use place::{Placement, Size, place};
-pub use read::{LoadOptions, Loaded, MAX_EXTENT_MM, MAX_TRIANGLES, MIN_EXTENT_MM, Unit, load};
+pub use read::{LoadOptions, Loaded, MAX_EXTENT_MM, MAX_TRIANGLES, MIN_EXTENT_MM, Unit, extensions, load};
 
 use glam::{DVec3, Vec2};
 
@@ -220,7 +220,7 @@ pub struct HealthReport {
 }
 
 /// Corners of the bounding box; inverted and infinite for no positions.
-fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
+pub(crate) fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
     let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     positions.iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
 }

@@ -1,8 +1,6 @@
 //! An image to draw on.
 
-use png::EncodingError;
-
-use super::style::Rgb;
+use super::{PreviewError, PreviewFile, style::Rgb};
 use crate::picture::{Pixels, png};
 
 /// A rectangle of whole pixels.
@@ -64,8 +62,22 @@ impl Canvas {
         self.fill(Rect { x: left + width - 1, y: top, width: 1, height }, colour);
     }
 
-    /// The canvas as an 8-bit RGB PNG.
-    pub fn png(&self) -> Result<Vec<u8>, EncodingError> {
-        png(self.width, Pixels::Rgb8(&self.pixels))
+    /// Lays a picture of so many columns with its upper left corner at (x, y), all of it on the canvas.
+    pub fn lay(&mut self, [x, y]: [usize; 2], columns: usize, pixels: &[Rgb]) {
+        for (row, pixels) in pixels.chunks(columns).enumerate() {
+            let start = x + self.width * (y + row);
+            self.pixels[start..start + pixels.len()].copy_from_slice(pixels);
+        }
+    }
+
+    /// The canvas as an 8-bit RGB PNG of this path.
+    ///
+    /// # Errors
+    /// [`PreviewError::Encode`].
+    pub fn file(&self, path: String) -> Result<PreviewFile, PreviewError> {
+        match png(self.width, Pixels::Rgb8(&self.pixels)) {
+            Ok(png) => Ok(PreviewFile { path, png }),
+            Err(error) => Err(PreviewError::Encode { path, reason: error.to_string() }),
+        }
     }
 }

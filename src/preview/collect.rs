@@ -136,11 +136,7 @@ impl PreviewBuilder {
             pictures.push((format!("preview/slice_{}.png", section.index), picture));
         }
         pictures.push((film::FILM_STRIP.to_owned(), film::film(&self.volume, &palette)));
-        let encode = |(path, canvas): (String, super::canvas::Canvas)| match canvas.png() {
-            Ok(png) => Ok(PreviewFile { path, png }),
-            Err(error) => Err(PreviewError::Encode { path, reason: error.to_string() }),
-        };
-        pictures.into_par_iter().map(encode).collect()
+        pictures.into_par_iter().map(|(path, canvas)| canvas.file(path)).collect()
     }
 
     fn legend(&self) -> Legend {

@@ -42,15 +42,9 @@ pub(crate) fn look_sheet(
     for (n, panel) in panels.iter().enumerate() {
         let left = MARGIN + n * (width + GAP);
         canvas.frame(Rect { x: left, y: top, width, height }, PANEL_EDGE);
-        for (row, pixels) in panel.pixels.chunks(width).enumerate() {
-            let start = left + canvas.width * (top + row);
-            canvas.pixels[start..start + pixels.len()].copy_from_slice(pixels);
-        }
+        canvas.lay([left, top], width, &panel.pixels);
         let name = Font::Strong.fit(&panel.name, width);
         Font::Strong.draw(&mut canvas, [left, top + height + 10], &name, INK);
     }
-    match canvas.png() {
-        Ok(png) => Ok(PreviewFile { path, png }),
-        Err(error) => Err(PreviewError::Encode { path, reason: error.to_string() }),
-    }
+    canvas.file(path)
 }

@@ -44,24 +44,15 @@ pub(crate) fn marked_sheet(
     for (n, (pixels, (_, name))) in panels.iter().zip(VIEWS).enumerate() {
         let left = MARGIN + n * (SIZE + GAP);
         canvas.frame(Rect { x: left, y: top, width: SIZE, height: SIZE }, PANEL_EDGE);
-        for (row, pixels) in pixels.chunks(SIZE).enumerate() {
-            let start = left + canvas.width * (top + row);
-            canvas.pixels[start..start + SIZE].copy_from_slice(pixels);
-        }
+        canvas.lay([left, top], SIZE, pixels);
         Font::Strong.draw(&mut canvas, [left, top + SIZE + 10], name, INK);
     }
     for (n, (colour, words)) in legend.iter().enumerate() {
         let y = legend_top + n * (swatch + 8);
-        for row in y..y + swatch {
-            let start = MARGIN + canvas.width * row;
-            canvas.pixels[start..start + swatch].fill(*colour);
-        }
+        canvas.fill(Rect { x: MARGIN, y, width: swatch, height: swatch }, *colour);
         Font::Normal.draw(&mut canvas, [MARGIN + swatch + 10, y], words, INK);
     }
-    match canvas.png() {
-        Ok(png) => Ok(PreviewFile { path, png }),
-        Err(error) => Err(PreviewError::Encode { path, reason: error.to_string() }),
-    }
+    canvas.file(path)
 }
 
 /// The pixel's nearest triangle so far.
@@ -87,19 +78,13 @@ pub(crate) fn tray_sheet(
     let top = MARGIN + Font::Title.height() + BLOCK_GAP;
     let mut canvas = Canvas::new(SIZE + 2 * MARGIN, top + SIZE + MARGIN, PAGE);
     Font::Title.draw(&mut canvas, [MARGIN, MARGIN], title, INK);
-    for (row, pixels) in pixels.chunks(SIZE).enumerate() {
-        let start = MARGIN + canvas.width * (top + row);
-        canvas.pixels[start..start + SIZE].copy_from_slice(pixels);
-    }
+    canvas.lay([MARGIN, top], SIZE, &pixels);
     // The tray fills 0.94 of the panel along its longer side.
     let scale = 0.94 * SIZE as f64 / tray.x.max(tray.y);
     let [width, height] = [tray.x, tray.y].map(|side| (side * scale) as usize);
     let at = [MARGIN + (SIZE - width) / 2, top + (SIZE - height) / 2];
     canvas.frame(Rect { x: at[0], y: at[1], width, height }, INK);
-    match canvas.png() {
-        Ok(png) => Ok(PreviewFile { path, png }),
-        Err(error) => Err(PreviewError::Encode { path, reason: error.to_string() }),
-    }
+    canvas.file(path)
 }
 
 /// One view, orthographic, row 0 on top, that shows all triangles and `others`.

@@ -225,16 +225,7 @@ pub fn reciprocity(
     let band_sums = |first: usize| -> Result<Sums, BssrdfError> {
         let rows = first..height.min(first + BAND_ROWS);
         let planes = read(first..height.min(rows.end + reach as usize))?;
-        let mut sums = Sums {
-            offsets: vec![Pairs::default(); half_plane.len()],
-            rows: vec![vec![Pairs::default(); rows.len()]; reach as usize],
-            columns: vec![vec![Pairs::default(); width]; reach as usize],
-            symmetries: [Pairs::default(); 8],
-            zeros: 0,
-            lit: 0,
-            first_zero: None,
-            places: vec![Pairs::default(); rows.len() * width],
-        };
+        let mut sums = Sums::new(half_plane.len(), reach as usize, [width, rows.len()]);
         for y in rows.clone() {
             for (o, &[dx, dy]) in half_plane.iter().enumerate() {
                 let other = y + dy as usize;
@@ -277,16 +268,7 @@ pub fn reciprocity(
     };
     let starts: Vec<usize> = (0..height).step_by(BAND_ROWS).collect();
     let progress = Thousandths::begin(watch, "both ways", height as u64);
-    let mut total = Sums {
-        offsets: vec![Pairs::default(); half_plane.len()],
-        rows: vec![Vec::new(); reach as usize],
-        columns: vec![vec![Pairs::default(); width]; reach as usize],
-        symmetries: [Pairs::default(); 8],
-        zeros: 0,
-        lit: 0,
-        first_zero: None,
-        places: Vec::new(),
-    };
+    let mut total = Sums::new(half_plane.len(), reach as usize, [width, 0]);
     for batch in starts.chunks(rayon::current_num_threads()) {
         progress.go_on()?;
         let parts: Vec<Result<Sums, BssrdfError>> = batch.par_iter().map(|first| band_sums(*first)).collect();
@@ -299,6 +281,20 @@ pub fn reciprocity(
 }
 
 impl Sums {
+    /// Of `rows` rows, nothing so far.
+    fn new(offsets: usize, reach: usize, [width, rows]: [usize; 2]) -> Self {
+        Self {
+            offsets: vec![Pairs::default(); offsets],
+            rows: vec![vec![Pairs::default(); rows]; reach],
+            columns: vec![vec![Pairs::default(); width]; reach],
+            symmetries: [Pairs::default(); 8],
+            zeros: 0,
+            lit: 0,
+            first_zero: None,
+            places: vec![Pairs::default(); rows * width],
+        }
+    }
+
     fn append(&mut self, part: Self) {
         self.offsets.iter_mut().zip(&part.offsets).for_each(|(sum, part)| sum.merge(part));
         self.rows.iter_mut().zip(part.rows).for_each(|(all, part)| all.extend(part));

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::CompareError;
+use crate::job::run::slice_path;
 use crate::{
     job::{Manifest, verify::read_manifest},
     look::VoxelGrid,
@@ -61,7 +62,7 @@ impl Printed {
         }
         let colours = Colours::new(&manifest);
         let read = |&k: &u32| -> Result<Vec<u8>, CompareError> {
-            let path = folder.join(format!("slices/slice_{k}.png"));
+            let path = folder.join(slice_path(k));
             let fault = |found: String| CompareError::Slice { path: path.clone(), found };
             let image = image::open(&path).map_err(|error| fault(error.to_string()))?.into_rgba8();
             if [image.width(), image.height()] != [lattice.dims[0], lattice.dims[1]] {

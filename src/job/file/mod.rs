@@ -31,7 +31,7 @@ pub use error::JobError;
 pub use object::{DepthFrom, ObjectJob, Scaling};
 pub use options::{
     ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, Overlap, SUPPORT,
-    SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions,
+    SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions, min_depth_limits,
 };
 pub use paths::InputPath;
 pub use resolved::ResolvedJob;

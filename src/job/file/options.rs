@@ -99,6 +99,17 @@ pub const SUPPORT: &str = "support";
 /// Depth in mm that support keeps from the surface unless the job says otherwise.
 pub const SUPPORT_MIN_DEPTH_MM: f64 = 0.2;
 
+/// Limits that keep resins from the surface, in the order of their `names`: by the depth that is `given` for each, mm,
+/// else as far as support keeps by default.
+pub fn min_depth_limits<'a>(
+    names: impl Iterator<Item = &'a str>,
+    given: impl Fn(&str) -> Option<f64>,
+) -> Vec<ResinLimit> {
+    let default = |name: &str| if name == SUPPORT { SUPPORT_MIN_DEPTH_MM } else { 0.0 };
+    let limit = |name| ResinLimit { min_depth_mm: given(name).unwrap_or(default(name)), ..ResinLimit::NONE };
+    names.map(limit).collect()
+}
+
 impl StackingOptions {
     /// The limits in the order of `resins`; [`ResinLimit::NONE`] for those without. Names that no resin bears are
     /// left out ([`Job::check_resins`](super::Job::check_resins) reports them).

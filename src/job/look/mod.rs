@@ -22,18 +22,16 @@ pub(in crate::job) mod shade;
 mod surface;
 mod voxels;
 
-use std::{
-    collections::HashMap,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use edges::EdgeShape;
 pub use error::LookError;
 pub use mitsuba::{OWNER as MITSUBA, write_mitsuba};
 pub use pictures::PictureOptions;
-pub(in crate::job) use surface::SurfaceSpot;
+pub(in crate::job) use surface::{SurfaceSpot, normal_and_area};
 
 use super::{Prepared, verify::read_manifest};
 use crate::{
@@ -261,9 +259,9 @@ pub fn look_at(
     let sites: Vec<Spot> = spots.iter().map(|spot| spot.spot.clone()).collect();
     let edge_mm = if options.edges { &EDGE_MM[..] } else { &[] };
     let printed = scene.radiosity(&sites, edge_mm, options.walks, options.seed, watch)?;
-    let asked_edges = if options.edges { edges::asked(prepared, &spots) } else { HashMap::new() };
+    let shapes = if options.edges { edges::asked(prepared, &spots) } else { vec![None; spots.len()] };
     watch.go_on()?;
-    let record = |(spot, printed): (&SurfaceSpot, Vec<Option<Radiosity>>)| {
+    let record = |((spot, shape), printed): ((&SurfaceSpot, &Option<EdgeShape>), Vec<Option<Radiosity>>)| {
         let printed: Vec<Radiosity> = printed.into_iter().collect::<Option<_>>()?;
         let expected = prepared.expected(spot);
         let sky = shade::sky(scene, &spot.middle, 0.0);
@@ -278,9 +276,7 @@ pub fn look_at(
             position_mm: spot.middle.point.to_array(),
             normal: spot.middle.normal.to_array(),
             delta_e_2000: expected.asked.as_deref().and_then(colours),
-            edge: options
-                .edges
-                .then(|| edges::record(prepared, spot, &asked_edges, expected.asked.as_deref(), &printed)),
+            edge: options.edges.then(|| edges::record(spot, shape.as_ref(), expected.asked.as_deref(), &printed)),
             asked: expected.asked,
             predicted: expected.predicted,
             sky,
@@ -288,7 +284,7 @@ pub fn look_at(
             printed: means,
         })
     };
-    let spots: Vec<SpotRecord> = spots.iter().zip(printed).filter_map(record).collect();
+    let spots: Vec<SpotRecord> = spots.iter().zip(&shapes).zip(printed).filter_map(record).collect();
     let pictures = options.pictures.map(|options| pictures::pictures(prepared, scene, &options, watch)).transpose()?;
     let channels = prepared.materials.channels.clone();
     let mut warnings = Vec::new();

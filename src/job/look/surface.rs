@@ -166,7 +166,7 @@ impl Prepared {
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
 /// Outward unit normal and area of a triangle.
-pub(super) fn normal_and_area([a, b, c]: &[DVec3; 3]) -> Option<(DVec3, f64)> {
+pub(in crate::job) fn normal_and_area([a, b, c]: &[DVec3; 3]) -> Option<(DVec3, f64)> {
     let double = (*b - *a).cross(*c - *a);
     double.try_normalize().map(|normal| (normal, 0.5 * double.length()))
 }

@@ -15,24 +15,28 @@ pub(super) fn formats(job: &Job, lattice: &Lattice, warnings: &mut Vec<String>) 
     if !job.wants(OutputFormat::Gcvf) {
         return Ok(());
     }
-    let slices = lattice.dims[2];
-    if slices < gcvf::MIN_SLICES {
-        let found = format!("\"gcvf\" of {}", counted(slices as usize, "slice"));
-        let least = gcvf::MIN_SLICES;
-        let thick = f64::from(least) * lattice.pitch.z;
-        let expected = format!("at least {least}, as GrabCAD Voxel Print does: an object {thick:.2} mm high or more");
-        return Err(job.refuse("output.formats", found, expected));
+    let refuse = |found, expected: &str| Err(job.refuse("output.formats", found, expected));
+    match gcvf::fit(lattice) {
+        Err(gcvf::Unfit::FewSlices(slices)) => {
+            let found = format!("\"gcvf\" of {}", counted(slices as usize, "slice"));
+            let least = gcvf::MIN_SLICES;
+            let thick = f64::from(least) * lattice.pitch.z;
+            refuse(
+                found,
+                &format!("at least {least}, as GrabCAD Voxel Print does: an object {thick:.2} mm high or more"),
+            )
+        }
+        Err(gcvf::Unfit::Pitch) => {
+            let [x, y, z] = lattice.pitch.to_array();
+            let expected =
+                "whole dots per inch in x and y and whole nanometres in z: a printer preset, as \"j750-27um\"";
+            refuse(format!("\"gcvf\" of voxels of {x} × {y} × {z} mm"), expected)
+        }
+        Ok(resolution) => {
+            warnings.extend(resolution.warning());
+            Ok(())
+        }
     }
-    let Some(resolution) = gcvf::Resolution::of(lattice) else {
-        let pitch = lattice.pitch.to_array();
-        let found = format!("\"gcvf\" of voxels of {} × {} × {} mm", pitch[0], pitch[1], pitch[2]);
-        let expected = "whole dots per inch in x and y and whole nanometres in z: a printer preset, as \"j750-27um\"";
-        return Err(job.refuse("output.formats", found, expected));
-    };
-    if !resolution.is_known() {
-        warnings.push(resolution.unknown());
-    }
-    Ok(())
 }
 
 /// Refuses formats that cannot hold so many resins: known once stackings are.

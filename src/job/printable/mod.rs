@@ -5,15 +5,14 @@
 //! | question | answered by |
 //! | --- | --- |
 //! | does it hang together? | voxels that share faces, of all objects, at the printer's own pitch: [`pieces`] |
-//! | is it strong enough? | the largest ball inside at points of the surface that is limited from the other side: [`walls`] |
+//! | is it strong enough? | the way straight through at points of the surface: [`walls`] |
 //! | does support lie bare, or alone between two skins? | the layers below those points |
-//! | is it thick enough for its layers? | likewise, where thin parts get no stackings of their own |
+//! | is it thick enough for its layers? | the largest ball inside at those points that is limited from the other side, where thin parts get no stackings of their own |
 
 mod picture;
 mod pieces;
 mod walls;
 
-use glam::DVec3;
 use serde::Serialize;
 
 pub use pieces::Pieces;
@@ -124,9 +123,4 @@ impl Printable {
         }
         words
     }
-}
-
-/// A position in the lattice's frame, mm.
-fn position(p: DVec3) -> [f64; 3] {
-    p.to_array()
 }

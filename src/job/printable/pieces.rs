@@ -12,7 +12,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::position;
 use crate::{
     disjoint_sets::DisjointSets,
     job::{Prepared, RunError},
@@ -197,7 +196,7 @@ impl Pieces {
                 let ends = [corner(part.low), corner(part.high)];
                 found.crumbs += 1;
                 found.crumbs_mm3 += mm3(part);
-                found.first_crumb_mm.get_or_insert(position(0.5 * (ends[0] + ends[1])));
+                found.first_crumb_mm.get_or_insert((0.5 * (ends[0] + ends[1])).to_array());
                 if found.boxes.len() < MOST_BOXES {
                     found.boxes.push(ends);
                 }

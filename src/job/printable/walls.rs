@@ -3,10 +3,9 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::position;
 use crate::{
     appearance::{PointOfSurface, SurfacePoints},
-    job::{Prepared, RunError},
+    job::{Prepared, RunError, look::normal_and_area},
     optics::{Layer, mixture_parts},
     sdf::{Surface, ball_inside},
     watch::Watch,
@@ -71,8 +70,8 @@ impl PartialEq for Marks {
 /// What is known of one point.
 #[derive(Debug, Clone, Copy, Default)]
 struct Found {
+    /// Thickness of the wall or wire there, where it is thin.
     wall_mm: Option<f64>,
-    thin: bool,
     shallow: bool,
     bare: bool,
     hollow: bool,
@@ -88,8 +87,8 @@ fn through(surface: &Surface, point: &PointOfSurface, limit: f64) -> Option<f64>
     for _ in 0..STEPS {
         let nearest = surface.closest(from - point.normal * way);
         if nearest.distance < 0.5 * THERE * limit {
-            let [a, b, c] = surface.triangles()[nearest.triangle as usize];
-            if (b - a).cross(c - a).normalize_or_zero().dot(point.normal) < FACING {
+            let opposite = normal_and_area(&surface.triangles()[nearest.triangle as usize]);
+            if opposite.is_some_and(|(normal, _)| normal.dot(point.normal) < FACING) {
                 return Some(way);
             }
         }
@@ -123,7 +122,6 @@ impl Prepared {
             let ball = ball_inside(surface, point.point, point.normal, most);
             // A point on an edge touches the face beyond it, at no distance and in no direction.
             let opposite = ball.cosine > OPPOSITE && (THERE * limit_mm..most).contains(&ball.radius);
-            let wall_mm = through(surface, point, limit_mm);
             let shares = field.shares(point.triangle, point.point);
             let most_of =
                 shares.iter().fold(&shares[0], |best, next| if next.share > best.share { next } else { best });
@@ -137,8 +135,7 @@ impl Prepared {
             };
             let void_at = |depth: f64| at(depth).is_some_and(|layer| is_void(&layer.resin));
             Found {
-                wall_mm,
-                thin: wall_mm.is_some(),
+                wall_mm: through(surface, point, limit_mm),
                 shallow: asks_depth && opposite && ball.radius < thickness(layers),
                 bare: void_at(0.0),
                 hollow: asks_depth && opposite && void_at(ball.radius),
@@ -151,21 +148,24 @@ impl Prepared {
         }
         let share =
             |is: fn(&Found) -> bool| found.iter().filter(|found| is(found)).count() as f64 / found.len().max(1) as f64;
-        let thin = found.iter().zip(points.points()).filter(|(found, _)| found.thin);
+        let thin = found.iter().zip(points.points());
         let thinnest = thin.filter_map(|(found, point)| Some((found.wall_mm?, point.point)));
         let thinnest = thinnest.min_by(|a, b| a.0.total_cmp(&b.0));
         let mark = |is: bool| if is { 1.0 } else { 0.0 };
         Ok(Walls {
             mesh: self.objects[object].mesh.clone(),
             limit_mm,
-            thin_share: share(|found| found.thin),
+            thin_share: share(|found| found.wall_mm.is_some()),
             thinnest_mm: thinnest.map(|(mm, _)| mm),
-            thinnest_at_mm: thinnest.map(|(_, point)| position(point)),
+            thinnest_at_mm: thinnest.map(|(_, point)| point.to_array()),
             shallow_share: share(|found| found.shallow),
             bare_share: share(|found| found.bare),
             hollow_share: share(|found| found.hollow),
             marks: Some(Marks {
-                values: found.iter().map(|f| [mark(f.thin), mark(f.shallow), mark(f.bare || f.hollow)]).collect(),
+                values: found
+                    .iter()
+                    .map(|f| [mark(f.wall_mm.is_some()), mark(f.shallow), mark(f.bare || f.hollow)])
+                    .collect(),
                 points,
             }),
         })

@@ -39,28 +39,20 @@ pub(super) struct Containers<'a> {
 impl<'a> Containers<'a> {
     /// Opens those of `formats` that are single files. The rest is passed over.
     pub(super) fn open(output: &'a OutputFolder, content: Content, formats: &[OutputFormat]) -> Result<Self, RunError> {
-        let mut open: Vec<(Growing, Box<dyn Container>)> = Vec::new();
-        for &format in formats {
-            let grow = || output.grow(&export_path(&content.name, format));
-            match format {
-                OutputFormat::Gcvf => {
-                    // Refused before, where it is none.
-                    let Some(resolution) = Resolution::of(&content.lattice) else { continue };
-                    let (growing, file) = grow()?;
-                    open.push((growing, Box::new(Gcvf::new(file, content.clone(), resolution))));
-                }
-                OutputFormat::Vti | OutputFormat::Nrrd | OutputFormat::Vdb => {
-                    let (growing, file) = grow()?;
-                    let container: io::Result<Box<dyn Container>> = match format {
-                        OutputFormat::Vti => Vti::new(file, &content).map(|vti| Box::new(vti) as _),
-                        OutputFormat::Nrrd => Nrrd::new(file, &content).map(|nrrd| Box::new(nrrd) as _),
-                        _ => Vdb::new(file, content.clone()).map(|vdb| Box::new(vdb) as _),
-                    };
-                    let container = container.map_err(|error| failed(output, &growing, error.into()))?;
-                    open.push((growing, container));
-                }
-                _ => {}
-            }
+        let mut open = Vec::new();
+        for &format in formats.iter().filter(|format| format.is_one_file()) {
+            let (growing, file) = output.grow(&export_path(&content.name, format))?;
+            let container: io::Result<Box<dyn Container>> = match format {
+                OutputFormat::Vti => Vti::new(file, &content).map(|vti| Box::new(vti) as _),
+                OutputFormat::Nrrd => Nrrd::new(file, &content).map(|nrrd| Box::new(nrrd) as _),
+                OutputFormat::Vdb => Vdb::new(file, content.clone()).map(|vdb| Box::new(vdb) as _),
+                _ => match Resolution::of(&content.lattice) {
+                    Some(resolution) => Ok(Box::new(Gcvf::new(file, content.clone(), resolution))),
+                    None => Err(io::Error::other("a lattice that is checked before")),
+                },
+            };
+            let container = container.map_err(|error| failed(output, &growing, error.into()))?;
+            open.push((growing, container));
         }
         Ok(Self { output, content, open })
     }

@@ -128,7 +128,6 @@ impl Source<'_> {
     fn fits(&self, format: OutputFormat) -> Result<Vec<String>, ConvertError> {
         let counts = self.manifest.counts();
         let used: Vec<_> = self.content.occurring(&counts).map(|(resin, _)| resin.name.as_str()).collect();
-        let slices = self.content.lattice.dims[2];
         let many = |most: usize| {
             let found = format!("{} resins: {}", used.len(), used.join(", "));
             Err(self.unfit(found, format!("at most {most} for {}", format.name())))
@@ -140,17 +139,16 @@ impl Source<'_> {
                 if used.len() > most {
                     return many(most);
                 }
-                if slices < gcvf::MIN_SLICES {
-                    let expected = format!("at least {} for gcvf", gcvf::MIN_SLICES);
-                    return Err(self.unfit(format!("{slices} slices"), expected));
-                }
-                match gcvf::Resolution::of(&self.content.lattice) {
-                    None => {
+                match gcvf::fit(&self.content.lattice) {
+                    Err(gcvf::Unfit::FewSlices(slices)) => {
+                        let expected = format!("at least {} for gcvf", gcvf::MIN_SLICES);
+                        return Err(self.unfit(format!("{slices} slices"), expected));
+                    }
+                    Err(gcvf::Unfit::Pitch) => {
                         let found = format!("voxels of {:?} mm", self.content.lattice.pitch.to_array());
                         return Err(self.unfit(found, "whole dots per inch and nanometres for gcvf"));
                     }
-                    Some(resolution) if !resolution.is_known() => warnings.push(resolution.unknown()),
-                    Some(_) => {}
+                    Ok(resolution) => warnings.extend(resolution.warning()),
                 }
             }
             OutputFormat::Bmp if used.len() > bmp::MAX_MATERIALS => return many(bmp::MAX_MATERIALS),

@@ -203,7 +203,8 @@ impl Prepared {
     }
 }
 
-fn slice_path(k: u32) -> String {
+/// Path of the image of slice `k`.
+pub(in crate::job) fn slice_path(k: u32) -> String {
     format!("slices/slice_{k}.png")
 }
 
@@ -234,6 +235,8 @@ struct Sinks<'a> {
 struct Buffers {
     rows: RowBuffers,
     file: Vec<u8>,
+    /// [`Prepared::bitmap_materials`], once they are asked for.
+    bitmaps: Option<Vec<MaterialId>>,
 }
 
 impl Sinks<'_> {
@@ -309,7 +312,7 @@ impl Prepared {
             source,
         };
         let mut counts = [0; 256];
-        let Buffers { rows, file } = buffers;
+        let Buffers { rows, file, bitmaps } = buffers;
         file.clear();
         if self.job.wants(OutputFormat::Png) || image.is_some() {
             encode_rgba(slab, k, &self.palette, rows, &mut counts, file).map_err(encoding)?;
@@ -330,9 +333,10 @@ impl Prepared {
             }
         }
         if self.job.wants(OutputFormat::Bmp) {
-            for (number, MaterialId(id)) in (1..).zip(self.bitmap_materials()) {
+            let bitmaps = bitmaps.get_or_insert_with(|| self.bitmap_materials());
+            for (number, MaterialId(id)) in (1..).zip(bitmaps) {
                 file.clear();
-                bmp::encode_bmp(slab, k, id, &mut *file).map_err(encoding)?;
+                bmp::encode_bmp(slab, k, *id, &mut *file).map_err(encoding)?;
                 take(&bmp::bitmap_path(number, k, self.lattice.dims[2]), file)?;
             }
         }

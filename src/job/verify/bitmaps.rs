@@ -6,7 +6,7 @@ use std::io::Read;
 use rayon::prelude::*;
 
 use super::{Check, Finding, VerifyError, files::Sound, image::read_all};
-use crate::{container::bmp, voxel::Lattice};
+use crate::container::bmp;
 
 /// Longest text that names bitmaps, bytes.
 const MAX_TEXT: u64 = 1 << 16;
@@ -14,7 +14,7 @@ const MAX_TEXT: u64 = 1 << 16;
 pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, findings: &mut Vec<Finding>) -> Result<(), VerifyError> {
     let text_path = bmp::text_path(&check.manifest.name);
     let listed = check.manifest.files.iter().any(|file| file.path.starts_with("bmp/"));
-    if !listed && !check.wants("bmp") || check.manifest.lattice.dims.iter().any(|dim| *dim > Lattice::MAX_DIM) {
+    if !listed && !check.wants("bmp") || !check.has_lattice() {
         return Ok(());
     }
     let content = check.manifest.content();
@@ -55,23 +55,22 @@ pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, findings: &mut Vec<Fin
             Ok(counted)
         })
         .collect::<Result<_, VerifyError>>()?;
-    let mut totals = vec![0_u64; resins.len()];
+    let mut totals = check.manifest.counts();
+    resins.iter().for_each(|resin| totals[usize::from(resin.id.0)] = 0);
     let mut whole = true;
     for counts in counted {
         match counts {
-            Ok(counts) => totals.iter_mut().zip(counts).for_each(|(total, count)| *total += count),
+            Ok(counts) => {
+                resins.iter().zip(counts).for_each(|(resin, count)| totals[usize::from(resin.id.0)] += count);
+            }
             Err(finding) => {
                 findings.push(finding);
                 whole = false;
             }
         }
     }
-    for (resin, found) in resins.iter().zip(totals).filter(|_| whole) {
-        let expected = check.manifest.counts()[usize::from(resin.id.0)];
-        if found != expected {
-            let problem = format!("found {found} voxels of {}, the manifest has {expected}", resin.name);
-            findings.push(Finding::new(bmp::FOLDER, problem));
-        }
+    if whole {
+        findings.extend(check.miscounted(&totals).into_iter().map(|problem| Finding::new(bmp::FOLDER, problem)));
     }
     Ok(())
 }

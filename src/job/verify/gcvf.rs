@@ -13,9 +13,9 @@ use zip::ZipArchive;
 use super::{Check, Finding, VerifyError, files::Sound};
 use crate::{
     container::{Counts, gcvf},
+    job::run::slice_path,
     output::hex,
     preview::{SliceColours, decode_slice},
-    voxel::Lattice,
 };
 
 /// Slices read before they are decoded together.
@@ -24,8 +24,7 @@ const BATCH: usize = 32;
 const MAX_PART: u64 = 1 << 30;
 
 pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, path: &str) -> Result<Vec<Finding>, VerifyError> {
-    // Images cannot be held against a lattice that cannot be; `records` has said so.
-    if !sound.contains(path) || check.manifest.lattice.dims.iter().any(|dim| *dim > Lattice::MAX_DIM) {
+    if !sound.contains(path) || !check.has_lattice() {
         return Ok(Vec::new());
     }
     let archive = check.open(path).and_then(|file| {
@@ -129,7 +128,7 @@ impl Parts<'_, '_> {
             let parts: Vec<_> = batch.iter().map(|&k| self.part(&gcvf::slice_name(k))).collect();
             let read = |(k, part): (&u32, &Result<Vec<u8>, String>)| {
                 let (name, png) = (gcvf::slice_name(*k), part.as_ref().map_err(String::clone)?);
-                let twin = format!("slices/slice_{k}.png");
+                let twin = slice_path(*k);
                 if let Some(sha256) = listed.get(twin.as_str())
                     && *sha256 != hex(&Sha256::digest(png))
                 {
@@ -156,13 +155,7 @@ impl Parts<'_, '_> {
             }
             self.check.watch.advance(batch.len() as u64);
         }
-        for material in manifest.materials.iter().filter(|material| material.rgba[3] != 0) {
-            let found = counts[usize::from(material.id)];
-            if found != material.voxels {
-                let (name, expected) = (&material.name, material.voxels);
-                problems.push(format!("found {found} voxels of {name}, the manifest has {expected}"));
-            }
-        }
+        problems.extend(self.check.miscounted(&counts));
         Ok(Some(heights))
     }
 

@@ -11,9 +11,10 @@ use super::{
     Check, Finding, Verification, VerifyError,
     files::Sound,
     image::{Image, Kind},
+    miscount,
     records::MAX_MATERIALS,
 };
-use crate::{job::manifest::MaterialRecord, voxel::Lattice};
+use crate::job::manifest::MaterialRecord;
 
 /// Runs of missing or surplus numbers that are told; the rest is counted.
 const MAX_GAPS: usize = 20;
@@ -40,11 +41,10 @@ struct LayerCount {
 }
 
 pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, result: &mut Verification) -> Result<(), VerifyError> {
-    let lattice = &check.manifest.lattice;
     let layers = sort(check, result);
     number(check, &layers, result);
     // Images cannot be held against a lattice or resins that cannot be; `records` has said so.
-    if lattice.dims.iter().any(|dim| *dim > Lattice::MAX_DIM) || check.manifest.materials.len() > MAX_MATERIALS {
+    if !check.has_lattice() || check.manifest.materials.len() > MAX_MATERIALS {
         return Ok(());
     }
     check.watch.stage("layers", layers.len() as u64);
@@ -324,10 +324,7 @@ fn sum(check: &Check<'_>, counts: &[LayerCount], result: &mut Verification) {
         let found = if whole { Some(("slices", pixels(resin))) } else { masks.map(|voxels| ("masks", voxels)) };
         let Some((folder, voxels)) = found else { continue };
         result.voxels += voxels;
-        if voxels != material.voxels {
-            let problem = format!("found {voxels} voxels of {}, the manifest has {}", material.name, material.voxels);
-            result.findings.push(Finding::new(folder, problem));
-        }
+        result.findings.extend(miscount(material, voxels).map(|problem| Finding::new(folder, problem)));
     }
     if whole {
         let (holes, background) = (materials.iter().filter(|material| !printed(material)), pixels(materials.len()));

@@ -37,10 +37,12 @@ pub use remade::{Remake, RemakeError, verify_job};
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::job::manifest::{MANIFEST_VERSION, Manifest};
+use crate::job::manifest::{MANIFEST_VERSION, Manifest, MaterialRecord};
 use crate::{
     blame::{Blame, Blamed},
+    container::Counts,
     output::{MANIFEST, MAX_MANIFEST_BYTES},
+    voxel::Lattice,
     watch::{Stopped, Watch},
     words::escaped,
 };
@@ -185,6 +187,25 @@ impl Check<'_> {
         let formats = self.manifest.job.pointer("/output/formats").and_then(serde_json::Value::as_array);
         formats.is_some_and(|formats| formats.iter().any(|name| name == format))
     }
+
+    /// Whether files can be held against the lattice at all; `records` says so where it cannot be.
+    fn has_lattice(&self) -> bool {
+        self.manifest.lattice.dims.iter().all(|dim| *dim <= Lattice::MAX_DIM)
+    }
+
+    /// What differs between voxels of printed resins that were counted and those of the manifest. Of background and
+    /// support a finished folder knows less than its job did.
+    fn miscounted(&self, counts: &Counts) -> Vec<String> {
+        let printed = self.manifest.materials.iter().filter(|material| material.rgba[3] != 0);
+        let counted = printed.map(|material| (material, counts[usize::from(material.id)]));
+        counted.filter_map(|(material, voxels)| miscount(material, voxels)).collect()
+    }
+}
+
+/// What is said where other voxels were counted than the manifest has.
+fn miscount(material: &MaterialRecord, voxels: u64) -> Option<String> {
+    let MaterialRecord { name, voxels: expected, .. } = material;
+    (voxels != *expected).then(|| format!("found {voxels} voxels of {name}, the manifest has {expected}"))
 }
 
 /// Reads the manifest; what is wrong with its text is a finding.

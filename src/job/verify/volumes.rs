@@ -11,7 +11,6 @@ use super::{Check, Finding, VerifyError, files::Sound};
 use crate::{
     container::{Counts, nrrd, vti},
     job::file::OutputFormat,
-    voxel::Lattice,
     watch::Watch,
 };
 
@@ -24,7 +23,7 @@ pub(super) fn check(
     path: &str,
     format: OutputFormat,
 ) -> Result<Vec<Finding>, VerifyError> {
-    if !sound.contains(path) || check.manifest.lattice.dims.iter().any(|dim| *dim > Lattice::MAX_DIM) {
+    if !sound.contains(path) || !check.has_lattice() {
         return Ok(Vec::new());
     }
     let mut counts = [0; 256];
@@ -37,16 +36,10 @@ pub(super) fn check(
         counted.map_err(|error| error.to_string())
     });
     check.watch.go_on()?;
-    let mut problems: Vec<String> = counted.err().into_iter().collect();
-    if problems.is_empty() {
-        // Of background and support a finished folder knows less than its job did.
-        for material in check.manifest.materials.iter().filter(|material| material.rgba[3] != 0) {
-            let (found, expected) = (counts[usize::from(material.id)], material.voxels);
-            if found != expected {
-                problems.push(format!("found {found} voxels of {}, the manifest has {expected}", material.name));
-            }
-        }
-    }
+    let problems = match counted {
+        Ok(()) => check.miscounted(&counts),
+        Err(problem) => vec![problem],
+    };
     Ok(problems.into_iter().map(|problem| Finding::new(path, problem)).collect())
 }
 

@@ -194,16 +194,27 @@ enum Format {
     ThreeMf,
 }
 
+/// Extensions of mesh files, in lower case.
+const EXTENSIONS: [(&str, Format); 6] = [
+    ("glb", Format::Gltf),
+    ("gltf", Format::Gltf),
+    ("obj", Format::Obj),
+    ("stl", Format::Stl),
+    ("ply", Format::Ply),
+    ("3mf", Format::ThreeMf),
+];
+
+/// Extensions that mesh files are known by, in lower case.
+pub fn extensions() -> impl Iterator<Item = &'static str> {
+    EXTENSIONS.iter().map(|(extension, _)| *extension)
+}
+
 impl Format {
     fn of(source: &Source) -> Result<Self, MeshError> {
         let extension = source.path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-        Ok(match extension.as_str() {
-            "obj" => Self::Obj,
-            "glb" | "gltf" => Self::Gltf,
-            "stl" => Self::Stl,
-            "ply" => Self::Ply,
-            "3mf" => Self::ThreeMf,
-            _ => match source.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source.bytes) {
+        Ok(match EXTENSIONS.iter().find(|(known, _)| *known == extension) {
+            Some((_, format)) => *format,
+            None => match source.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source.bytes) {
                 [b'g', b'l', b'T', b'F', ..] => Self::Gltf,
                 [b'p', b'l', b'y', b'\n' | b'\r', ..] => Self::Ply,
                 [b'P', b'K', 3, 4, ..] => Self::ThreeMf,

@@ -74,6 +74,19 @@ impl MaterialSet {
 }
 
 impl MaterialFile {
+    /// What `name` stands for, and whether it is built in: a file if there is one of that name or it ends in `.toml`,
+    /// else a built-in set.
+    ///
+    /// # Errors
+    /// As [`Self::read`] and [`Self::builtin`].
+    pub fn named(name: &Path) -> Result<(Self, bool), OpticsError> {
+        let is_toml = |extension: &std::ffi::OsStr| extension.eq_ignore_ascii_case("toml");
+        if name.is_file() || name.extension().is_some_and(is_toml) {
+            return Ok((Self::read(name)?, false));
+        }
+        Ok((Self::builtin(&name.to_string_lossy())?, true))
+    }
+
     /// Names of the resins, in the order of the file.
     pub fn resin_names(&self) -> impl Iterator<Item = &str> + Clone {
         self.resins.iter().map(|draft| draft.name.as_str())

@@ -10,6 +10,7 @@ use super::resin_table::Draft;
 use super::simulate::{SimulatedProfile, simulate_profile};
 use crate::optics::{OpticsError, VolumeCoefficients};
 use crate::watch::Watch;
+use crate::words::toml_string;
 
 /// One slab to be simulated: a resin in a channel.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,17 +77,17 @@ impl MaterialFile {
     /// The text of a material file whose resins are those of `plans`, with the planned profiles beside it; the others
     /// have no coefficients or were left out of the plans.
     pub fn toml_with(&self, plans: &[SlabPlan]) -> String {
-        let mut text = format!("name = {}\n", quoted(&self.name));
+        let mut text = format!("name = {}\n", toml_string(&self.name));
         // Writing to a String cannot fail.
-        let _ = writeln!(text, "channels = {}", list(self.channels.iter().map(|name| quoted(name))));
-        let _ = writeln!(text, "provenance = {}", quoted(&format!("{}; profiles simulated", self.provenance)));
+        let _ = writeln!(text, "channels = {}", list(self.channels.iter().map(|name| toml_string(name))));
+        let _ = writeln!(text, "provenance = {}", toml_string(&format!("{}; profiles simulated", self.provenance)));
         for draft in &self.resins {
             let own: Vec<&SlabPlan> = plans.iter().filter(|plan| plan.resin == draft.name).collect();
             if own.len() != self.channels.len() {
                 continue;
             }
             let numbers = |value: fn(&SlabPlan) -> f64| list(own.iter().map(|plan| value(plan).to_string()));
-            let _ = writeln!(text, "\n[[resin]]\nname = {}", quoted(&draft.name));
+            let _ = writeln!(text, "\n[[resin]]\nname = {}", toml_string(&draft.name));
             let _ = writeln!(text, "rgba = {}", list(draft.rgba.iter().map(u8::to_string)));
             let _ = writeln!(text, "density-g-per-cm3 = {}", draft.density);
             if let Some(price) = draft.price {
@@ -97,12 +98,12 @@ impl MaterialFile {
             let _ = writeln!(text, "g = {}", numbers(|plan| plan.coefficients.g));
             let _ = writeln!(text, "refractive-index = {}", draft.refractive_index);
             let _ = writeln!(text, "thickness-mm = {}", numbers(|plan| plan.thickness_mm));
-            let _ = writeln!(text, "reflection = {}", list(own.iter().map(|plan| quoted(&plan.file))));
+            let _ = writeln!(text, "reflection = {}", list(own.iter().map(|plan| toml_string(&plan.file))));
             if draft.background {
                 text += "print-as = \"background\"\n";
             }
             if !draft.notes.is_empty() {
-                let _ = writeln!(text, "notes = {}", quoted(&draft.notes));
+                let _ = writeln!(text, "notes = {}", toml_string(&draft.notes));
             }
         }
         text
@@ -111,11 +112,6 @@ impl MaterialFile {
 
 /// Longest part of a file name taken from a set's name, characters.
 const MAX_STEM: usize = 100;
-
-/// A TOML string.
-fn quoted(text: &str) -> String {
-    toml::Value::from(text).to_string()
-}
 
 fn list(items: impl Iterator<Item = String>) -> String {
     format!("[{}]", items.collect::<Vec<_>>().join(", "))
