@@ -188,6 +188,21 @@ pub enum Finding {
     Remark(String),
 }
 
+impl Finding {
+    /// Whether it may be why a measurement is wrong; others tell what is usual, or where what can be seen ends.
+    pub fn is_doubt(&self) -> bool {
+        !matches!(
+            self,
+            Self::NoDarkSeries
+                | Self::Estimated { .. }
+                | Self::NoFlatField
+                | Self::StrayLight { .. }
+                | Self::Extrapolated { .. }
+                | Self::Remark(_)
+        )
+    }
+}
+
 fn name(file: &Path) -> String {
     file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned()
 }

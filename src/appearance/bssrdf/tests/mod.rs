@@ -5,3 +5,4 @@ mod exact;
 mod input;
 mod laws;
 mod patch;
+mod squares;
