@@ -77,8 +77,8 @@ impl GamutMapEntry {
                 .iter()
                 .map(|from| from.map(|[_, radius]| rounded(radius)))
                 .collect(),
-            albedo_factor: rounded(moved.albedo_factor),
-            width_factor: rounded(moved.width_factor),
+            albedo_factor: moved.albedo_factor,
+            width_factor: moved.width_factor,
             objective_as_asked: four_digits(objective_as_asked),
         }
     }

@@ -18,6 +18,7 @@
 
 use super::{Gamut, place_of};
 use crate::{
+    numeric::rounding::rounded,
     optics::{FrequencyGrid, InverseHankel},
     search::SearchTarget,
 };
@@ -110,11 +111,10 @@ impl GamutMap {
                 .map(|(_, factors)| factors)
                 .unwrap_or_default()
         };
-        let moves = places
-            .into_iter()
-            .zip(factors)
-            .zip(inside)
-            .map(|((from, [albedo_factor, width_factor]), inside)| Move { albedo_factor, width_factor, from, inside });
+        let moves = places.into_iter().zip(factors).zip(inside).map(|((from, factors), inside)| {
+            let [albedo_factor, width_factor] = factors.map(rounded);
+            Move { albedo_factor, width_factor, from, inside }
+        });
         Self { moves: moves.collect() }
     }
 
