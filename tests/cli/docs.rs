@@ -77,7 +77,7 @@ fn every_command_of_the_documentation_is_understood() {
 fn what_the_pages_do_in_a_moment_is_done() {
     let bench = Bench::new();
     for name in ["rabbit.glb", "cord.obj", "cord.toml"] {
-        bench.write(&format!("samples/{name}"), &fs::read(root().join("samples").join(name)).unwrap());
+        bench.write(format!("samples/{name}"), &fs::read(root().join("samples").join(name)).unwrap());
     }
     bench.write("figure.glb", &fs::read(root().join("samples/rabbit.glb")).unwrap());
     let page = |name: &str| root().join(name);

@@ -10,6 +10,7 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
+mod cache;
 mod compare;
 mod containers;
 mod docs;
