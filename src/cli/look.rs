@@ -16,6 +16,7 @@ use lumislice::{
 
 use super::{
     Answer, Result,
+    cache::CacheArgs,
     failure::{refusal, refuse},
     materials::{Corrected, prepared},
     print, print_json,
@@ -87,6 +88,8 @@ pub struct LookArgs {
     /// Where the camera stands: azimuth (counter-clockwise from +x) and elevation (2 to 90) in degrees.
     #[arg(long, value_name = "AZ,EL", value_parser = parse_view, allow_hyphen_values = true, help_heading = "Pictures")]
     view: Option<View>,
+    #[command(flatten)]
+    cache: CacheArgs,
     /// Print one JSON document instead of words.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -139,7 +142,7 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         OutputFolder::check(folder, &look::MITSUBA, existing)?;
     }
     let bars = Bars::new(args.json);
-    let prepared = prepared(job, folder.map_or(Corrected::Anew, Corrected::As), &bars);
+    let prepared = prepared(job, &args.cache, folder.map_or(Corrected::Anew, Corrected::As), &bars);
     let pictures = PictureOptions {
         size: args.size,
         samples: args.samples,

@@ -151,10 +151,10 @@ impl KubelkaMunk {
             return if sh.is_finite() { (sh / (1.0 + sh), 1.0 / (1.0 + sh)) } else { (1.0, 0.0) };
         }
         let gamma_h = gamma * h;
-        let u = -(-2.0 * gamma_h).exp_m1() / (2.0 * gamma);
-        let cosh = 0.5 * (1.0 + (-2.0 * gamma_h).exp());
+        let u = -libm::expm1(-2.0 * gamma_h) / (2.0 * gamma);
+        let cosh = 0.5 * (1.0 + libm::exp(-2.0 * gamma_h));
         let denominator = self.k_plus_s(i) * u + cosh;
-        (s * u / denominator, (-gamma_h).exp() / denominator)
+        (s * u / denominator, libm::exp(-gamma_h) / denominator)
     }
 
     /// K + S = αS of coefficient `i`, per mm; finite also where S is 0.

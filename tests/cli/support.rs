@@ -69,8 +69,11 @@ impl Ran {
     }
 }
 
+/// The program. What one test has searched, others need not search again; the user's cache is left alone.
 pub fn lumislice() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_lumislice"))
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lumislice"));
+    command.env("XDG_CACHE_HOME", Path::new(env!("CARGO_TARGET_TMPDIR")).join("cache"));
+    command
 }
 
 /// Runs the program in no particular folder.
