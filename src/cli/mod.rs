@@ -8,6 +8,7 @@ mod compare;
 mod convert;
 mod factor;
 mod failure;
+mod fit;
 mod gamut;
 mod look;
 mod match_plot;

@@ -4,8 +4,9 @@
 //!   R(xᵢ, xₒ) ≈ √(P(xᵢ, r) P(xₒ, r))          ln R = ln g(r) + ½ (q(xᵢ, r) + q(xₒ, r)),   q = ln(P/g)
 //! ```
 //!
-//! g is the mean response at each distance that occurs in a window, so the 1/r at the centre and the fall with distance
-//! are in it and q is smooth; q is one number per texel and ring. The paper takes logarithms and solves a sparse
+//! g is what all texels have in common at each distance that occurs in a window ([`super::shape`]), so the 1/r at the
+//! centre and the fall with distance are in it and q is smooth: one number per texel and ring, and straight lines in r
+//! between the rings. The paper takes logarithms and solves a sparse
 //! least-squares problem. The logarithm of a noisy value near zero is wrong on average, and dropping such values is
 //! wrong too: what stays is too bright. So this is the same problem as a generalised linear model with a logarithmic
 //! link (McCullagh and Nelder 1989, chapter 2.5): in every round the residual is (D − R̂)/R̂, whose mean is right
