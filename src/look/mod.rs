@@ -15,6 +15,7 @@ mod film;
 mod grid;
 mod lamps;
 mod light;
+mod packed;
 mod scene;
 mod skin;
 mod smooth;
