@@ -26,6 +26,7 @@ mod tally;
 #[cfg(test)]
 mod tests;
 mod volume;
+mod voxel_surface;
 mod walk;
 
 use std::ops::Range;
