@@ -163,7 +163,7 @@ impl ChannelMeasurement {
             let both = [(REFLECTION, self.reflection.albedo), (TRANSMISSION, self.transmission.albedo)];
             for ((series, albedo), (fitted, error)) in both.into_iter().zip(shapes.totals) {
                 let off = (albedo.value - fitted).abs();
-                if off > CONTRADICTED_SHARE * fitted && off > CONTRADICTED_SIGMAS * error.hypot(albedo.error) {
+                if off > CONTRADICTED_SHARE * fitted && off > CONTRADICTED_SIGMAS * libm::hypot(error, albedo.error) {
                     let measured = albedo.value;
                     self.findings.push(Finding::AlbedoContradicted { series, measured, fitted, error });
                 }

@@ -185,7 +185,8 @@ pub(super) fn scan(
         return Err(MeasureError::scene(format!("{what}: light"), found, expected));
     }
     let relative = rings.harmonics.iter().zip(&rings.mean);
-    let harmonics = relative.map(|([a, b, c, d], mean)| [a.hypot(*b) / mean, c.hypot(*d) / mean]).collect();
+    let harmonics =
+        relative.map(|([a, b, c, d], mean)| [libm::hypot(*a, *b) / mean, libm::hypot(*c, *d) / mean]).collect();
     let mut exposures_s: Vec<f64> = checked.used.iter().map(|exposure| exposure.seconds).collect();
     exposures_s.sort_by(f64::total_cmp);
     Ok(ScannedProfile {
@@ -213,9 +214,10 @@ impl ScannedProfile {
     /// As a profile, still in DN/s; its errors cover the rings' own, exposure times, stray light, and that of the albedo
     /// it will be scaled to, a share of each value.
     pub(super) fn profile(&self, albedo_share: f64) -> Result<RadialProfile, ProfileError> {
-        let common = self.time_share.hypot(albedo_share);
+        let common = libm::hypot(self.time_share, albedo_share);
         let all = self.value.iter().zip(&self.error);
-        let errors = all.map(|(value, error)| error.hypot(self.level_error).hypot(common * value)).collect();
+        let errors =
+            all.map(|(value, error)| libm::hypot(libm::hypot(*error, self.level_error), common * value)).collect();
         RadialProfile::from_rings(self.edges_mm.clone(), self.value.clone(), Some(errors))
     }
 }
@@ -236,18 +238,18 @@ impl ProfileEstimate {
     fn subtract_level(&mut self, whatever: bool, findings: &mut Vec<Finding>) -> f64 {
         let Some(Level { value, error }) = background::level(&self.grid, &self.mean, &self.error) else { return 0.0 };
         if value.abs() < LEVEL_SIGMAS * error && !whatever {
-            return value.hypot(error);
+            return libm::hypot(value, error);
         }
         if value < 0.0 && !whatever {
             let share = self.share_of_light();
             if value.abs() * share > NAMED_BELOW {
                 findings.push(Finding::BelowDark { share: value * share, error: error * share });
             }
-            return value.hypot(error);
+            return libm::hypot(value, error);
         }
         self.mean.iter_mut().for_each(|mean| *mean -= value);
         // All rings are off together by the level's error; each carries it.
-        self.error.iter_mut().for_each(|own| *own = own.hypot(error));
+        self.error.iter_mut().for_each(|own| *own = libm::hypot(*own, error));
         let share = self.share_of_light();
         findings.push(Finding::StrayLight { share: value * share, error: error * share });
         0.0
@@ -288,7 +290,7 @@ fn name_asymmetry(
 ) -> Option<SeenTilt> {
     let asymmetry = Asymmetry::of(rings);
     let tilt = distance_mm.filter(|_| asymmetry.perspective.error > 0.0).map(|distance| {
-        let degrees = |sine: f64| (sine * distance).min(1.0).asin().to_degrees();
+        let degrees = |sine: f64| libm::asin((sine * distance).min(1.0)).to_degrees();
         SeenTilt { degrees: degrees(asymmetry.perspective.length()), error: degrees(asymmetry.perspective.error) }
     });
     if let Some(SeenTilt { degrees, error }) = tilt.filter(SeenTilt::is_seen) {
@@ -318,7 +320,7 @@ fn name_asymmetry(
 
 /// The ring of the largest first harmonic over its mean, of those that are well above the harmonic's own noise.
 fn largest_first_harmonic(rings: &Rings) -> Option<(usize, f64)> {
-    let size = |bin: usize| rings.harmonics[bin][0].hypot(rings.harmonics[bin][1]);
+    let size = |bin: usize| libm::hypot(rings.harmonics[bin][0], rings.harmonics[bin][1]);
     let clear = (1..rings.mean.len()).filter(|&bin| {
         let error = rings.error[bin];
         rings.mean[bin] > 20.0 * error && size(bin) > LOPSIDED_SIGMAS * std::f64::consts::SQRT_2 * error
@@ -416,6 +418,6 @@ fn preview(picture: &Radiance, grid: &Grid) -> Preview {
     };
     let means: Vec<f32> = (0..side * side).map(mean).collect();
     let largest = means.iter().copied().filter(|mean| !mean.is_nan()).fold(f32::MIN, f32::max);
-    let log10 = means.iter().map(|mean| (mean / largest).log10()).collect();
+    let log10 = means.iter().map(|mean| libm::log10f(mean / largest)).collect();
     Preview { side, log10, mm_per_pixel: grid.mm_per_pixel * block as f64 }
 }
