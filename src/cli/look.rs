@@ -8,7 +8,8 @@ use lumislice::{
     job::{
         Job, RunError,
         look::{
-            self, Differences, Fit, Look, LookError, LookOptions, PictureOptions, look_at, scene_for, write_mitsuba,
+            self, Differences, FinishedFolder, Fit, Look, LookError, LookOptions, PictureOptions, look_at, scene_for,
+            write_mitsuba,
         },
     },
     output::{Existing, OutputFolder},
@@ -18,7 +19,7 @@ use super::{
     Answer, Result,
     cache::CacheArgs,
     failure::{refusal, refuse},
-    materials::{Corrected, prepared},
+    materials::{Corrected, Materials, prepared},
     print, print_json,
     progress::Bars,
     say,
@@ -34,9 +35,13 @@ pub struct LookArgs {
     /// A job file, or the folder of a finished job, whose slices are looked at.
     #[arg(value_name = "OUT|JOB.toml")]
     what: PathBuf,
-    /// The job that OUT was made from: its meshes, and what it asks for.
+    /// The job that OUT was made from: its meshes, and what it asks for. Without it, what OUT knows: its slices, and what
+    /// was asked for at the spots of its look.json.
     #[arg(long, value_name = "JOB.toml", help_heading = "Input")]
     job: Option<PathBuf>,
+    /// Resins of OUT without a job, where they are of no built-in set: a TOML file or the name of a set.
+    #[arg(long, value_name = "M", conflicts_with = "job", help_heading = "Input")]
+    materials: Option<PathBuf>,
     /// Folder to write pictures and look.json into.
     #[arg(short, long, value_name = "FOLDER", help_heading = "Output")]
     output: Option<PathBuf>,
@@ -125,15 +130,16 @@ fn parse_seconds(text: &str) -> Result<Duration, String> {
 /// Runs the command.
 pub fn run(args: &LookArgs) -> Result<Answer> {
     let folder = args.what.is_dir().then_some(args.what.as_path());
-    let path = match (folder, &args.job) {
-        (None, None) => &args.what,
-        (Some(_), Some(job)) => job,
-        (Some(folder), None) => {
-            refuse!("{}: found a folder, expected --job JOB.toml too, the job it was made from", folder.display())
-        }
+    let job = match (folder, &args.job) {
+        (None, None) => Some(&args.what),
+        (Some(_), job) => job.as_ref(),
         (None, Some(_)) => refuse!("{}: found no folder, expected one with --job", args.what.display()),
     };
-    let job = Job::load(path).map_err(RunError::from)?;
+    if job.is_some() && args.materials.is_some() {
+        refuse!("--materials: found a job, which names its resins, expected a folder without");
+    }
+    let materials = args.materials.as_deref().map(Materials::read).transpose()?.map(|materials| materials.file);
+    let job = job.map(|job| Job::load(job).map_err(RunError::from)).transpose()?;
     let existing = Existing::overwrite(args.overwrite);
     if let Some(folder) = &args.output {
         OutputFolder::check(folder, &look::OWNER, existing)?;
@@ -142,7 +148,6 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         OutputFolder::check(folder, &look::MITSUBA, existing)?;
     }
     let bars = Bars::new(args.json);
-    let prepared = prepared(job, &args.cache, folder.map_or(Corrected::Anew, Corrected::As), &bars);
     let pictures = PictureOptions {
         size: args.size,
         samples: args.samples,
@@ -158,14 +163,23 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         edges: true,
         pictures: args.output.is_some().then_some(pictures),
     };
-    let result = prepared.map_err(LookError::from).and_then(|prepared| {
-        let inputs = prepared.files();
+    let with_job = |job: Job| -> Result<(Look, Vec<PathBuf>), LookError> {
+        let prepared = prepared(job, &args.cache, folder.map_or(Corrected::Anew, Corrected::As), &bars)?;
         let scene = scene_for(&prepared, folder, &bars)?;
         if let Some(folder) = &args.mitsuba {
             write_mitsuba(&prepared, &scene, &pictures, folder, existing, &bars)?;
         }
-        Ok((look_at(&prepared, &scene, &options, &bars)?, inputs))
-    });
+        Ok((look_at(&prepared, &scene, &options, &bars)?, prepared.files()))
+    };
+    let alone = || -> Result<(Look, Vec<PathBuf>), LookError> {
+        let inputs: Vec<PathBuf> = std::iter::once(&args.what).chain(&args.materials).cloned().collect();
+        let print = FinishedFolder::read(&args.what, materials.as_ref(), &bars)?;
+        if let Some(folder) = &args.mitsuba {
+            print.write_mitsuba(&pictures, folder, existing, &inputs, &bars)?;
+        }
+        Ok((print.look(&options, &bars)?, inputs))
+    };
+    let result = job.map_or_else(alone, with_job);
     bars.finish();
     let (look, inputs) = result?;
     look.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
@@ -182,6 +196,9 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
     print(&summary(&look))?;
     Ok(Answer::Yes)
 }
+
+/// Spots that are listed where nothing is known of what they should show.
+const FIRST: usize = 10;
 
 pub(super) fn summary(look: &Look) -> String {
     let against = |name: &str, fits: &[Fit]| -> Vec<Vec<String>> {
@@ -202,22 +219,28 @@ pub(super) fn summary(look: &Look) -> String {
         look.edges_against_asked.as_deref().map_or_else(Vec::new, |fits| against("asked, shadow's edge", fits)),
     );
     let mut text = format!("{}: {} spots under even light\n", look.job, look.spots.len());
-    text += &table(&["channel", "printed against", "bias", "rms", "relative"], &rows);
+    if !rows.is_empty() {
+        text += &table(&["channel", "printed against", "bias", "rms", "relative"], &rows);
+    }
     if let Some(Differences { median, ninety_percent, worst }) = look.delta_e_2000 {
         text += &format!("ΔE2000 to asked: median {median:.2}, 90% below {ninety_percent:.2}, worst {worst:.2}\n");
     }
     let numbers = |values: &[f64]| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(" ");
+    let or_dash = |values: &[f64]| if values.is_empty() { "–".to_owned() } else { numbers(values) };
     let row = |index: &usize| {
         let spot = &look.spots[*index];
         vec![
             spot.position_mm.map(|at| format!("{at:.2}")).join(", "),
             spot.asked.as_deref().map_or_else(|| "–".to_owned(), numbers),
-            numbers(&spot.predicted),
+            or_dash(&spot.predicted),
             numbers(&spot.printed),
             numbers(&spot.standard_error),
         ]
     };
-    let worst: Vec<_> = look.worst.iter().map(row).collect();
-    text += "\nworst spots\n";
-    text + &table(&["position (mm)", "asked", "predicted", "printed", "±"], &worst)
+    // Without anything to hold it against there is no worst; the first spots stand for all.
+    let known = !look.worst.is_empty();
+    let first: Vec<usize> = (0..look.spots.len().min(FIRST)).collect();
+    let listed: Vec<_> = if known { &look.worst } else { &first }.iter().map(row).collect();
+    text += if known { "\nworst spots\n" } else { "\nspots\n" };
+    text + &table(&["position (mm)", "asked", "predicted", "printed", "±"], &listed)
 }

@@ -73,7 +73,8 @@ impl Voxels for VolumeLayer<'_> {
     }
 
     fn brick(&self, at: [u32; 3], ids: &mut [u8; BRICK_VOXELS]) -> Option<MaterialId> {
-        within(self.lattice(), at, self.volume.tile_at(at.map(|index| index as usize)), ids)
+        let mut dense = [0; BRICK_VOXELS];
+        within(self.lattice(), at, self.volume.tile_at(at.map(|index| index as usize), &mut dense), ids)
     }
 }
 

@@ -298,26 +298,44 @@ impl Looks {
         }
         // Many greys keep their ratios; what has one albedo, or is dark enough, keeps that.
         match options.materials.is_none() && !self.is_colourful && self.is_bright {
-            true => line(text, "max-albedo = 0.6", "the brightest that 5 mm of white on black can do is 0.63"),
+            true => {
+                line(text, &format!("max-albedo = {GREYS}"), "the brightest that 5 mm of white on black can do is 0.63")
+            }
             false => line(text, "gamut-map = true", "what the resins cannot do is brought smoothly to what they can"),
         }
     }
 }
 
-/// Every albedo that a mesh has, linear, 0 to 1.
+/// Every albedo of a mesh's surface, linear, 0 to 1: a corner's colour times its material's; of a textured one every
+/// texel times the most that its corners have.
 fn colors(mesh: &TriangleMesh) -> impl Iterator<Item = [f32; 3]> {
-    let corners = mesh.corner_colors.iter().flatten().copied();
-    let materials = mesh.materials.iter().flat_map(|material| {
+    let corners = |triangle: usize| mesh.corner_colors.get(triangle).copied().unwrap_or([[1.0; 3]; 3]);
+    let material = |triangle: usize| mesh.material_of.get(triangle).map_or(0, |material| usize::from(*material));
+    let mut most: Vec<Option<[f32; 3]>> = vec![None; mesh.materials.len()];
+    for triangle in 0..mesh.triangles.len() {
+        if let Some(most) = most.get_mut(material(triangle)) {
+            let all = corners(triangle).into_iter().chain(*most);
+            *most = all.reduce(|a, b| [0, 1, 2].map(|channel| a[channel].max(b[channel])));
+        }
+    }
+    let times = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|channel| a[channel] * b[channel]);
+    let textured = mesh.materials.iter().zip(most).flat_map(move |(material, most)| {
         let [r, g, b, _] = material.base_color;
+        let tint = most.map(|most| times(most, [r, g, b]));
         let texels = material.base_color_texture.iter().flat_map(|texture| &texture.texels);
-        let tinted = move |[s, t, u, _]: &[u8; 4]| {
-            let [s, t, u] = [*s, *t, *u].map(crate::colour::byte_to_linear);
-            [r * s, g * t, b * u]
-        };
-        let plain = material.base_color_texture.is_none().then_some([r, g, b]);
-        plain.into_iter().chain(texels.map(tinted))
+        let of = move |[r, g, b, _]: &[u8; 4]| Some(times(tint?, [*r, *g, *b].map(crate::colour::byte_to_linear)));
+        texels.filter_map(of)
     });
-    corners.chain(materials)
+    let plain = (0..mesh.triangles.len()).flat_map(move |triangle| {
+        let material = mesh.materials.get(material(triangle));
+        let base = match material {
+            Some(material) if material.base_color_texture.is_some() => None,
+            Some(material) => Some([material.base_color[0], material.base_color[1], material.base_color[2]]),
+            None => Some([1.0; 3]),
+        };
+        base.into_iter().flat_map(move |base| corners(triangle).map(|corner| times(corner, base)))
+    });
+    plain.chain(textured)
 }
 
 /// Whether it is a colour rather than a grey.

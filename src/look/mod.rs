@@ -15,6 +15,7 @@ mod film;
 mod grid;
 mod lamps;
 mod light;
+mod packed;
 mod scene;
 mod skin;
 mod smooth;
@@ -25,6 +26,7 @@ mod tally;
 #[cfg(test)]
 mod tests;
 mod volume;
+mod voxel_surface;
 mod walk;
 
 use std::ops::Range;

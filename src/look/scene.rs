@@ -9,13 +9,17 @@ use std::sync::Arc;
 use glam::DVec3;
 use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::Rng};
 
-use super::{Volume, skin::Skin, strides::Strides};
+use super::{
+    Volume,
+    skin::Skin,
+    strides::{Strides, octant},
+};
 use crate::optics::{
     OpticsError, VolumeCoefficients,
     monte_carlo::photon::{Direction, FAINT, HenyeyGreenstein, REVIVED, azimuth, uniform},
 };
 use crate::sdf::Surface;
-use crate::voxel::{BRICK, MaterialId, Tile};
+use crate::voxel::BRICK;
 
 /// Voxels of resins, and light's coefficients in them.
 #[derive(Debug)]
@@ -213,12 +217,15 @@ impl Scene {
         while self.holds(place) {
             let voxel = [place.x as usize, place.y as usize, place.z as usize];
             let brick = (voxel[0] >> 3) + nx * ((voxel[1] >> 3) + ny * (voxel[2] >> 3));
-            let [class, radius] = strides.of[brick].map(f64::from);
-            let radius = if class == 0.0 { radius } else { 0.0 };
-            let edge = BRICK as f64;
-            let low = voxel.map(|at| (at & !(BRICK - 1)) as f64 - edge * radius);
-            let leaves = way_out(place, step, low, edge * (1.0 + 2.0 * radius));
-            if class > 0.0
+            let stride = strides.of[brick];
+            let bricks = if stride.class == 0 { f64::from(stride.edges[octant(step)]) } else { 1.0 };
+            let edge = BRICK as f64 * bricks;
+            let low: [f64; 3] = std::array::from_fn(|axis| {
+                let low = (voxel[axis] & !(BRICK - 1)) as f64;
+                if step[axis] < 0.0 { low + BRICK as f64 - edge } else { low }
+            });
+            let leaves = way_out(place, step, low, edge);
+            if stride.class > 0
                 && let Some(found) = self.first_printed(place, direction, leaves)
             {
                 return Some(self.position(found));
@@ -243,7 +250,7 @@ impl Scene {
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let n = self.volume.bricks();
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for brick in (0..n.iter().product()).filter(|&brick| self.volume.tile(brick) != AIR) {
+        for brick in (0..n.iter().product()).filter(|&brick| !self.volume.is_void(brick)) {
             let at = [brick % n[0], brick / n[0] % n[1], brick / (n[0] * n[1])].map(|at| (at * BRICK) as f64);
             low = low.min(at.into());
             high = high.max(DVec3::from(at) + BRICK as f64);
@@ -273,9 +280,6 @@ pub(super) fn way_out(place: Place, step: DVec3, low: [f64; 3], edge: f64) -> f6
     let ways = DVec3::select(step.cmpeq(DVec3::ZERO), DVec3::INFINITY, (far - place) / step);
     ways.min_element().max(0.0)
 }
-
-/// A brick without anything printed.
-const AIR: Tile<'static> = Tile::Uniform(MaterialId::BACKGROUND);
 
 /// How far beyond a face a flight goes on, mm, so that rounding cannot leave it before the face.
 pub(super) const NUDGE_MM: f64 = 1e-7;
@@ -309,7 +313,8 @@ impl Media {
     /// Class of a brick, and within how many bricks around it nothing is denser.
     #[inline]
     pub fn stride(&self, brick: usize) -> [u8; 2] {
-        self.strides.of[brick]
+        let stride = &self.strides.of[brick];
+        [stride.class, stride.radius()]
     }
 
     /// The density that bounds a class, per mm.
@@ -347,57 +352,75 @@ impl<'a> Walker<'a> {
     /// Flies from `place` to the next event, and tells in which material it is; `None` if the flight leaves the scene.
     #[inline]
     pub fn fly(&self, place: &mut Place, direction: Direction, rng: &mut Xoshiro256PlusPlus) -> Option<u8> {
+        let mut depth = self.media.optical_depths.draw(rng);
+        self.fly_on(place, direction, &mut depth, rng)
+    }
+
+    /// [`Self::fly`] over a random optical depth that was drawn before; leaves one that was drawn for the next flight.
+    ///
+    /// Random numbers are drawn before it is known what they are for: whether a collision is real nobody can foresee, a
+    /// processor neither, and what it has to do after it was wrong should be little.
+    #[inline]
+    fn fly_on(
+        &self,
+        place: &mut Place,
+        direction: Direction,
+        depth: &mut f64,
+        rng: &mut Xoshiro256PlusPlus,
+    ) -> Option<u8> {
         let Self { scene, media } = self;
         let per_mm = scene.per_mm;
         // −0 + 0 = +0, so that the face ahead of a flight along it is infinitely far off, and not infinitely far behind.
         let step = DVec3::new(direction.x * per_mm.x, direction.y * per_mm.y, direction.z * per_mm.z) + 0.0;
-        let inverse = step.recip();
-        // Which face of a cube of bricks is left, counted in bricks from its middle one.
-        let ahead = step.to_array().map(|step| if step >= 0.0 { [BRICK as f64, 1.0] } else { [0.0, -1.0] });
+        let octant = octant(step);
+        // Which face of a cube of bricks is left, from the lower corner of the brick that it begins with.
+        let ahead = step.to_array().map(|step| if step >= 0.0 { [0.0, 1.0] } else { [BRICK as f64, -1.0] });
         let [nx, ny, _] = scene.volume.bricks();
         // The last class may be the first, that of air, which must be crossed.
         let last = if media.strides.sigma.len() > 1 { media.strides.sigma.len() - 1 } else { usize::MAX };
         let mut at = *place;
-        let mut depth = media.optical_depths.draw(rng);
+        if !scene.holds(at) {
+            return None;
+        }
         loop {
-            if !scene.holds(at) {
-                *place = at;
-                return None;
-            }
             let voxel = [at.x as usize, at.y as usize, at.z as usize];
             let brick = (voxel[0] >> 3) + nx * ((voxel[1] >> 3) + ny * (voxel[2] >> 3));
-            let [class, radius] = media.strides.of[brick].map(usize::from);
-            let sigma = media.strides.sigma[class];
+            let stride = &media.strides.of[brick];
+            let class = usize::from(stride.class);
             // Nothing anywhere is denser than the last class, so a flight through it asks for no end.
             if class != last {
-                let bricks = (radius * BRICK) as f64;
+                let edge = f64::from(stride.edges[octant]) * BRICK as f64;
                 let mut leaves = f64::INFINITY;
                 for axis in 0..3 {
                     let [corner, sign] = ahead[axis];
-                    let face = (voxel[axis] & !(BRICK - 1)) as f64 + corner + sign * bricks;
-                    leaves = leaves.min((face - at[axis]) * inverse[axis]);
+                    let face = (voxel[axis] & !(BRICK - 1)) as f64 + corner + sign * edge;
+                    leaves = leaves.min((face - at[axis]) / step[axis]);
                 }
-                let passed = leaves * sigma;
-                if passed <= depth {
-                    depth -= passed;
+                let passed = leaves * media.strides.sigma[class];
+                if passed <= *depth {
+                    *depth -= passed;
                     at += step * (leaves + NUDGE_MM);
+                    if !scene.holds(at) {
+                        *place = at;
+                        return None;
+                    }
                     continue;
                 }
             }
-            at += step * (depth * media.mean_free_path[class]);
+            at += step * (*depth * media.mean_free_path[class]);
             if !scene.holds(at) {
                 *place = at;
                 return None;
             }
+            let chance = uniform(rng);
+            *depth = media.optical_depths.draw(rng);
             let voxel = [at.x as usize, at.y as usize, at.z as usize];
             let brick = (voxel[0] >> 3) + nx * ((voxel[1] >> 3) + ny * (voxel[2] >> 3));
             let id = scene.volume.id_in(brick, voxel);
-            let real = media.real[class][usize::from(id)];
-            if real >= 1.0 || uniform(rng) < f64::from(real) {
+            if chance < f64::from(media.real[class][usize::from(id)]) {
                 *place = at;
                 return Some(id);
             }
-            depth = media.optical_depths.draw(rng);
         }
     }
 
@@ -451,9 +474,12 @@ impl<'a> Walker<'a> {
             return self.walk_under(skin, place, direction, normal, rng);
         }
         let mut weight = 1.0;
+        let mut depth = self.media.optical_depths.draw(rng);
         loop {
             let from = place;
-            let Some(id) = self.fly(&mut place, direction, rng) else { return WayOut { weight, from, direction } };
+            let Some(id) = self.fly_on(&mut place, direction, &mut depth, rng) else {
+                return WayOut { weight, from, direction };
+            };
             match self.scatter(id, direction, weight, rng) {
                 Some(next) => (direction, weight) = next,
                 None => return WayOut { weight: 0.0, from, direction },

@@ -25,7 +25,7 @@ use crate::optics::{
     monte_carlo::photon::{Direction, uniform},
 };
 use crate::sdf::Surface;
-use crate::voxel::{BRICK, Tile};
+use crate::voxel::{BRICK, BRICK_VOXELS, Tile};
 
 /// What bends light, and where.
 pub(super) struct Skin {
@@ -65,7 +65,7 @@ impl Skin {
     pub fn new(volume: &Volume, surfaces: Vec<Arc<Surface>>, indices: &[f64]) -> Self {
         let [nx, ny, nz] = volume.bricks();
         // Bit 0: something is printed in it; bit 1: something is not.
-        let holds = |brick: usize| match volume.tile(brick) {
+        let holds = |brick: usize| match volume.tile(brick, &mut [0; BRICK_VOXELS]) {
             Tile::Uniform(id) => 1 + u8::from(id.0 == 0),
             Tile::Dense(ids) => ids.iter().map(|id| 1 + u8::from(*id == 0)).fold(0, |all: u8, one| all | one),
         };

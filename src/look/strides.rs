@@ -2,25 +2,62 @@
 //!
 //! Delta tracking (Woodcock et al. 1965) draws flights as if one density filled space and then asks whether a collision
 //! is real. One density for a whole print is expensive where air or clear resin lies beside white: most collisions are
-//! not real there. So every brick has a **class**, the density that bounds all of its voxels, and a **radius**: within
-//! so many bricks around it nothing is denser. A flight goes through that cube of bricks at once. In air the bound is 0
-//! and the cube is left in one step, however large; in the densest resin the cube has no end and nothing is asked.
+//! not real there. So every brick has a **class**, the density that bounds all of its voxels, and for each octant of
+//! directions the edge of a cube of bricks that begins with it and in which nothing is denser. A flight goes through that
+//! cube at once. In air the bound is 0 and the cube is left in one step, however large; in the densest resin the cube has
+//! no end and nothing is asked.
+//!
+//! ```text
+//!   ┌───┬───┬───┐   edge 3 for flights up and to the right from B: beyond the cube comes something denser, or its
+//!   │   │   │   │   edge would be larger
+//!   ├───┼───┼───┤
+//!   │   │   │   │   beyond the lattice is air: a cube that reaches there goes on
+//!   ├───┼───┼───┤
+//!   │ B │   │   │
+//!   └───┴───┴───┘
+//! ```
 //!
 //! Bounds only decide the work, never the result: any bound gives an estimate without bias.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Volume;
-use crate::voxel::Tile;
+use crate::voxel::{BRICK_VOXELS, Tile};
 
 /// Density bounds of the bricks of a volume in one channel.
 #[derive(Debug, Clone)]
 pub(super) struct Strides {
     /// σt of each class, per mm, ascending, the first one 0.
     pub sigma: Vec<f64>,
-    /// Class and radius of each brick.
-    pub of: Vec<[u8; 2]>,
+    /// What is known of each brick.
+    pub of: Vec<Stride>,
 }
+
+/// A brick's class, and how far nothing is denser.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stride {
+    pub class: u8,
+    /// Edges of cubes of bricks in which nothing is denser, at least 1: bits 0, 1 and 2 of the index say that the cube
+    /// goes down along x, y and z.
+    pub edges: [u8; 8],
+}
+
+impl Stride {
+    /// Within so many bricks on every side nothing is denser.
+    pub fn radius(&self) -> u8 {
+        self.edges.iter().fold(FAR, |least, edge| least.min(*edge)) - 1
+    }
+}
+
+/// Which octant a direction lies in.
+#[inline(always)]
+pub(super) fn octant(step: DVec3) -> usize {
+    usize::from(step.x < 0.0) | usize::from(step.y < 0.0) << 1 | usize::from(step.z < 0.0) << 2
+}
+
+/// The largest edge of a cube.
+const FAR: u8 = u8::MAX - 1;
 
 /// Most classes; resins of more densities share the next larger one.
 pub(super) const MAX_CLASSES: usize = 8;
@@ -41,24 +78,57 @@ impl Strides {
         let class_of: [u8; 256] =
             std::array::from_fn(|id| sigma.partition_point(|class| *class < sigma_t[id]).min(sigma.len() - 1) as u8);
         let bricks = volume.bricks();
-        let class = |brick: usize| match volume.tile(brick) {
+        let class = |brick: usize| match volume.tile(brick, &mut [0; BRICK_VOXELS]) {
             Tile::Uniform(id) => class_of[usize::from(id.0)],
             Tile::Dense(ids) => ids.iter().map(|id| class_of[usize::from(*id)]).max().unwrap_or(0),
         };
         let classes: Vec<u8> = (0..bricks.iter().product()).into_par_iter().map(class).collect();
-        let mut of: Vec<[u8; 2]> = classes.iter().map(|class| [*class, u8::MAX]).collect();
+        let mut of: Vec<Stride> = classes.iter().map(|class| Stride { class: *class, edges: [FAR; 8] }).collect();
         let densest = classes.iter().copied().max().unwrap_or(0);
         for level in 0..densest {
             if !classes.contains(&level) {
                 continue;
             }
-            let steps = steps_to(&classes, bricks, |class| class > level);
-            for (stride, steps) in of.iter_mut().zip(steps).filter(|(stride, _)| stride[0] == level) {
-                stride[1] = steps - 1; // it is not denser than itself, so at least one step off
+            let edges: Vec<Vec<u8>> =
+                (0..8).into_par_iter().map(|octant| cubes(&classes, bricks, level, octant)).collect();
+            for (brick, stride) in of.iter_mut().enumerate().filter(|(_, stride)| stride.class == level) {
+                stride.edges = std::array::from_fn(|octant| edges[octant][brick]);
             }
         }
         Self { sigma, of }
     }
+}
+
+/// Edges of the largest cubes of bricks that begin with each brick, go on into an octant, and hold nothing above `level`;
+/// 0 where the brick itself does. A cube is one brick and what is common to the cubes of its seven neighbours there.
+fn cubes(classes: &[u8], [nx, ny, nz]: [usize; 3], level: u8, octant: usize) -> Vec<u8> {
+    let mut edges = vec![0_u8; classes.len()];
+    let down = [0, 1, 2].map(|axis| octant >> axis & 1 == 1);
+    // From the far end of the octant backwards.
+    let from_far = |n: usize, down: bool| (0..n).map(move |at| if down { at } else { n - 1 - at });
+    let beyond =
+        |at: usize, n: usize, down: bool| if down { at.checked_sub(1) } else { Some(at + 1).filter(|at| *at < n) };
+    for z in from_far(nz, down[2]) {
+        for y in from_far(ny, down[1]) {
+            for x in from_far(nx, down[0]) {
+                let brick = x + nx * (y + ny * z);
+                if classes[brick] > level {
+                    continue;
+                }
+                let [xs, ys, zs] = [(x, nx, down[0]), (y, ny, down[1]), (z, nz, down[2])]
+                    .map(|(at, n, down)| [Some(at), beyond(at, n, down)]);
+                let mut least = FAR - 1;
+                for (i, j, k) in (1..8).map(|corner| (xs[corner & 1], ys[corner >> 1 & 1], zs[corner >> 2])) {
+                    // Beyond the lattice there is air.
+                    if let (Some(x), Some(y), Some(z)) = (i, j, k) {
+                        least = least.min(edges[x + nx * (y + ny * z)]);
+                    }
+                }
+                edges[brick] = least + 1;
+            }
+        }
+    }
+    edges
 }
 
 /// Steps of a king in three dimensions from every brick to the nearest that is `denser`, at most 255.
@@ -97,6 +167,34 @@ pub(super) fn steps_to(classes: &[u8], [nx, ny, nz]: [usize; 3], denser: impl Fn
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Every cube by looking into it: nothing above the level is in it, and something is in the next larger one.
+    #[test]
+    fn cubes_end_where_something_denser_comes() {
+        let n = [7_i64, 5, 6];
+        let classes: Vec<u8> = (0..210).map(|brick: usize| (brick * brick % 61 % 37 / 18) as u8).collect();
+        let holds_denser = |at: [i64; 3], edge: i64, octant: usize, level: u8| {
+            let along = |axis: usize, step: i64| at[axis] + if octant >> axis & 1 == 1 { -step } else { step };
+            (0..edge.pow(3)).any(|cell| {
+                let [x, y, z] = [along(0, cell % edge), along(1, cell / edge % edge), along(2, cell / (edge * edge))];
+                let inside = [x, y, z].iter().zip(n).all(|(at, n)| (0..n).contains(at));
+                inside && classes[(x + n[0] * (y + n[1] * z)) as usize] > level
+            })
+        };
+        let mut ends = 0;
+        for (level, octant) in (0..2).flat_map(|level| (0..8).map(move |octant| (level, octant))) {
+            for (brick, edge) in (0..).zip(cubes(&classes, n.map(|n| n as usize), level, octant)) {
+                let at = [brick % n[0], brick / n[0] % n[1], brick / (n[0] * n[1])];
+                let edge = i64::from(edge);
+                // Wider than the whole lattice: no end.
+                let seen = edge.min(8);
+                assert!(edge == 0 || !holds_denser(at, seen, octant, level), "{at:?} {octant} {edge}");
+                assert!(edge > 8 || holds_denser(at, edge + 1, octant, level), "{at:?} {octant} {edge}");
+                ends += usize::from((1..8).contains(&edge));
+            }
+        }
+        assert!(ends > 300, "{ends} cubes with an end test little");
+    }
 
     #[test]
     fn steps_are_those_of_a_king() {

@@ -5,16 +5,15 @@
 //! ```
 //!
 //! Filled from slabs as the slicer streams them, or from rows of a finished folder's slices; the same voxels either
-//! way. Memory is 4 bytes a brick and 512 bytes for each that is not of one material.
+//! way. Memory is 4 bytes a brick and 128 to 512 bytes for each that is not of one material, as its ids need.
 
 use std::ops::Range;
 
+use super::packed::PackedBricks;
 use crate::voxel::{BRICK, BRICK_VOXELS, Lattice, MaterialId, Slab, Tile};
 
 /// Marks a brick of one material.
 const UNIFORM: u32 = 1 << 31;
-/// Bricks that room is set aside for at once, as address space that costs nothing until it is used.
-const RESERVED: usize = 4 << 20;
 /// Most bricks: 2 GB of words for them, 260 G voxels' worth of which most must be uniform.
 const MAX_BRICKS: usize = 1 << 29;
 
@@ -24,7 +23,7 @@ pub struct Volume {
     lattice: Lattice,
     bricks: [usize; 3],
     tiles: Vec<u32>,
-    pool: Vec<[u8; BRICK_VOXELS]>,
+    pool: PackedBricks,
 }
 
 /// A lattice of more voxels than can be held.
@@ -52,7 +51,7 @@ impl Volume {
         let bricks = lattice.dims.map(|dim| (dim as usize).div_ceil(BRICK));
         let count = bricks.iter().try_fold(1_usize, |product, &n| product.checked_mul(n));
         let count = count.filter(|count| *count <= MAX_BRICKS).ok_or(VolumeTooLarge { dims: lattice.dims })?;
-        Ok(Self { lattice, bricks, tiles: vec![UNIFORM; count], pool: Vec::with_capacity(count.min(RESERVED)) })
+        Ok(Self { lattice, bricks, tiles: vec![UNIFORM; count], pool: PackedBricks::new(count) })
     }
 
     /// Takes in a slab of the same lattice.
@@ -106,7 +105,7 @@ impl Volume {
         }
         let brick = self.brick(at);
         self.tiles[brick] = self.pool.len() as u32;
-        self.pool.push(*ids);
+        self.pool.push(ids);
     }
 
     fn brick(&self, [x, y, z]: [usize; 3]) -> usize {
@@ -123,16 +122,25 @@ impl Volume {
         self.bricks
     }
 
-    /// The content of a brick, x fastest.
+    /// The content of a brick, x fastest, unpacked into `ids` if it is not of one material.
     #[inline]
-    pub(super) fn tile(&self, brick: usize) -> Tile<'_> {
+    pub(super) fn tile<'a>(&self, brick: usize, ids: &'a mut [u8; BRICK_VOXELS]) -> Tile<'a> {
         let tile = self.tiles[brick];
-        if tile & UNIFORM != 0 { Tile::Uniform(MaterialId(tile as u8)) } else { Tile::Dense(&self.pool[tile as usize]) }
+        if tile & UNIFORM != 0 {
+            return Tile::Uniform(MaterialId(tile as u8));
+        }
+        *ids = self.pool.ids(tile as usize);
+        Tile::Dense(ids)
     }
 
-    /// The content of the brick at `[x, y, z]`, x fastest.
-    pub(crate) fn tile_at(&self, at: [usize; 3]) -> Tile<'_> {
-        self.tile(self.brick(at))
+    /// The content of the brick at `[x, y, z]`, as [`Self::tile`] has it.
+    pub(crate) fn tile_at<'a>(&self, at: [usize; 3], ids: &'a mut [u8; BRICK_VOXELS]) -> Tile<'a> {
+        self.tile(self.brick(at), ids)
+    }
+
+    /// Whether nothing is printed in a brick.
+    pub(super) fn is_void(&self, brick: usize) -> bool {
+        self.tiles[brick] == VOID
     }
 
     /// The id of voxel `[x, y, z]` of a brick.
@@ -142,7 +150,7 @@ impl Volume {
         if tile & UNIFORM != 0 {
             return tile as u8;
         }
-        self.pool[tile as usize][(x & 7) | (y & 7) << 3 | (z & 7) << 6]
+        self.pool.id(tile as usize, (x & 7) | (y & 7) << 3 | (z & 7) << 6)
     }
 
     /// The material of a voxel; the background beyond the lattice.
@@ -159,7 +167,7 @@ impl Volume {
     pub fn present(&self) -> [bool; 256] {
         let mut present = [false; 256];
         self.tiles.iter().filter(|tile| *tile & UNIFORM != 0).for_each(|tile| present[usize::from(*tile as u8)] = true);
-        self.pool.iter().flatten().for_each(|id| present[usize::from(*id)] = true);
+        (0..self.pool.len()).flat_map(|brick| self.pool.ids(brick)).for_each(|id| present[usize::from(id)] = true);
         present
     }
 
@@ -168,7 +176,7 @@ impl Volume {
         let [across, up, _] = self.bricks;
         let within = |(brick, tile): (usize, &u32)| {
             if tile & UNIFORM == 0 {
-                return self.pool[*tile as usize].iter().filter(|other| **other == id.0).count() as u64;
+                return self.pool.ids(*tile as usize).iter().filter(|other| **other == id.0).count() as u64;
             }
             let at = [brick % across, brick / across % up, brick / (across * up)];
             let inside = |axis: usize| BRICK.min(self.lattice.dims[axis] as usize - at[axis] * BRICK) as u64;
@@ -179,7 +187,7 @@ impl Volume {
 
     /// Memory in use, bytes.
     pub fn bytes(&self) -> usize {
-        4 * self.tiles.len() + BRICK_VOXELS * self.pool.len()
+        4 * self.tiles.len() + self.pool.bytes()
     }
 
     /// Fills background that no path over voxel faces joins to the outside with `id`: what a printer fills with
@@ -191,11 +199,15 @@ impl Volume {
             let reached = outside.masks(self.tiles[brick], brick);
             match self.tiles[brick] {
                 tile if tile & UNIFORM == 0 => {
-                    let ids = &mut self.pool[tile as usize];
+                    let (mut ids, mut filled) = (self.pool.ids(tile as usize), false);
                     for (voxel, value) in ids.iter_mut().enumerate().filter(|(_, value)| **value == 0) {
                         if reached[voxel / 64] >> (voxel % 64) & 1 == 0 {
                             *value = id.0;
+                            filled = true;
                         }
+                    }
+                    if filled {
+                        self.pool.replace(tile as usize, &ids);
                     }
                 }
                 VOID if reached[0] == 0 => self.tiles[brick] = UNIFORM | u32::from(id.0),
@@ -222,7 +234,7 @@ struct Outside {
 impl Outside {
     fn new(volume: &Volume) -> Self {
         let mut found = Self { dense: vec![[0; BRICK]; volume.pool.len()], uniform: vec![false; volume.tiles.len()] };
-        let void: Vec<Bits> = volume.pool.iter().map(background).collect();
+        let void: Vec<Bits> = (0..volume.pool.len()).map(|brick| background(&volume.pool.ids(brick))).collect();
         let n = volume.bricks;
         // Bricks to look at again, each with what comes in from outside of it.
         let mut work: Vec<(usize, Bits)> = Vec::new();

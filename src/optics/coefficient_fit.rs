@@ -263,7 +263,7 @@ impl Data {
         let r = r.min(0.98 - 0.5 * t);
         let alpha = ((1.0 + r * r - t * t) / (2.0 * r)).max(1.0 + 1e-6);
         let beta = (alpha * alpha - 1.0).sqrt();
-        let scattering = (beta * r / t).asinh() / beta / slab.thickness_mm;
+        let scattering = libm::asinh(beta * r / t) / beta / slab.thickness_mm;
         [
             libm::log((scattering / 0.75).max(LEAST_PER_MM)),
             libm::log(((alpha - 1.0) * scattering / 2.0).max(LEAST_PER_MM)),

@@ -121,7 +121,7 @@ impl KubelkaMunk {
             let alpha_plus_1_r = 0.5 * (1.0 + r - t).max(0.0) * (1.0 + r + t);
             let beta_r = (alpha_minus_1_r * alpha_plus_1_r).sqrt();
             let x = beta_r / t;
-            let gamma_h = x.asinh();
+            let gamma_h = libm::asinh(x);
             let scattering_h = if x > 0.0 { r / t * (gamma_h / x) } else { r / t };
             let scatters = r > 0.0;
             parameters.alpha.push(if scatters { 1.0 + alpha_minus_1_r / r } else { f64::INFINITY });

@@ -7,33 +7,41 @@
 use std::{
     env,
     fmt::Debug,
-    fs, io,
+    fs,
+    io::{self, ErrorKind, Write},
     path::{Path, PathBuf},
-    time::{SystemTime, UNIX_EPOCH},
+    sync::OnceLock,
+    time::{Duration, SystemTime},
 };
 
 use serde::{Serialize, de::DeserializeOwned};
 use sha2::{Digest, Sha256};
-use tempfile::NamedTempFile;
 
 use crate::{regular_file, words::hex};
 
 /// A folder of answers. Results do not depend on it.
+///
+/// Answers are those of the program that runs: of another executable, byte for byte, none are taken. A program that
+/// loads the library when it runs must not keep answers by it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SearchCache {
     folder: PathBuf,
+    /// Answers that are kept, and their bytes together; the oldest go first.
+    most: (usize, u64),
 }
 
 /// Largest answer that is kept, bytes.
 const MAX_ANSWER: u64 = 32 << 20;
-/// Answers that are kept, and their bytes together; the oldest go first.
-const MAX_ANSWERS: usize = 200;
-const MAX_BYTES: u64 = 128 << 20;
+/// See [`SearchCache::most`].
+const MOST: (usize, u64) = (200, 128 << 20);
+/// Files that are being written begin with this; what is older than a day is left of a program that was killed.
+const UNFINISHED: &str = "unfinished-";
+const DAY: Duration = Duration::from_secs(86_400);
 
 impl SearchCache {
-    /// Answers in `folder`, which is made when there is one to keep.
+    /// Answers in `folder`, which is made when there is one to keep. Of what else lies there nothing is touched.
     pub fn in_folder(folder: impl Into<PathBuf>) -> Self {
-        Self { folder: folder.into() }
+        Self { folder: folder.into(), most: MOST }
     }
 
     /// The answer to `question`: what was found before, or what `search` finds now. Without a cache, that.
@@ -49,8 +57,8 @@ impl SearchCache {
     where
         T: Serialize + DeserializeOwned + PartialEq,
     {
-        let Some(cache) = cache else { return search() };
-        let path = cache.folder.join(format!("{kind}-{}.json", key(question)));
+        let place = cache.and_then(|cache| Some((cache, cache.folder.join(name(kind, question)?))));
+        let Some((cache, path)) = place else { return search() };
         if let Some(found) = read(&path) {
             return Ok(found);
         }
@@ -66,40 +74,59 @@ impl SearchCache {
             return Ok(());
         }
         fs::create_dir_all(&self.folder)?;
-        let mut file = NamedTempFile::new_in(&self.folder)?;
-        io::Write::write_all(&mut file, &[digest(&text).as_bytes(), b"\n", &text].concat())?;
+        let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(&self.folder)?;
+        file.write_all(&[digest(&text).as_bytes(), b"\n", &text].concat())?;
         file.persist(path)?;
         self.shrink()
     }
 
-    /// Removes the oldest answers until the rest are few and small enough.
+    /// Removes the oldest answers until the rest are few and small enough, and what was never finished.
     fn shrink(&self) -> io::Result<()> {
-        let mut files: Vec<(SystemTime, u64, PathBuf)> = Vec::new();
+        let now = SystemTime::now();
+        let mut answers: Vec<(SystemTime, u64, PathBuf)> = Vec::new();
         for entry in fs::read_dir(&self.folder)? {
             let entry = entry?;
-            let metadata = entry.metadata()?;
-            if metadata.is_file() && entry.path().extension().is_some_and(|extension| extension == "json") {
-                files.push((metadata.modified()?, metadata.len(), entry.path()));
+            let (name, metadata) = (entry.file_name(), entry.metadata()?);
+            let (name, written) = (name.to_string_lossy(), metadata.modified()?);
+            if !metadata.is_file() {
+                continue;
+            }
+            if name.starts_with(UNFINISHED) && now.duration_since(written).is_ok_and(|age| age > DAY) {
+                removed(&entry.path())?;
+            } else if is_answer(&name) {
+                answers.push((written, metadata.len(), entry.path()));
             }
         }
-        files.sort_by(|a, b| b.cmp(a));
+        answers.sort_by(|a, b| b.cmp(a));
         let mut bytes = 0;
-        for (at, (_, size, path)) in files.into_iter().enumerate() {
+        for (at, (_, size, path)) in answers.into_iter().enumerate() {
             bytes += size;
-            if at >= MAX_ANSWERS || bytes > MAX_BYTES {
-                fs::remove_file(path)?;
+            if at >= self.most.0 || bytes > self.most.1 {
+                removed(&path)?;
             }
         }
         Ok(())
     }
 }
 
-/// Of the question and of the program that answers: another build may find something else.
-fn key(question: &impl Debug) -> String {
-    let program = env::current_exe().and_then(fs::metadata);
-    let built = program.and_then(|metadata| Ok((metadata.len(), metadata.modified()?)));
-    let built = built.map(|(size, at)| (size, at.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos()));
-    digest(format!("{} {:?} {question:?}", env!("CARGO_PKG_VERSION"), built.ok()).as_bytes())
+/// Removes a file, which another program may have done.
+fn removed(path: &Path) -> io::Result<()> {
+    fs::remove_file(path).or_else(|error| if error.kind() == ErrorKind::NotFound { Ok(()) } else { Err(error) })
+}
+
+/// Name of the answer's file: by the question and by the program that answers, for another may find something else.
+/// `None` where the program cannot be read.
+fn name(kind: &str, question: &impl Debug) -> Option<String> {
+    static PROGRAM: OnceLock<Option<String>> = OnceLock::new();
+    let program = PROGRAM.get_or_init(|| Some(digest(&fs::read(env::current_exe().ok()?).ok()?)));
+    let program = program.as_ref()?;
+    Some(format!("{kind}-{}.json", digest(format!("{program} {question:?}").as_bytes())))
+}
+
+/// Whether a file is named like an answer.
+fn is_answer(name: &str) -> bool {
+    let parts = name.strip_suffix(".json").and_then(|name| name.rsplit_once('-'));
+    parts.is_some_and(|(_, key)| key.len() == 64 && key.bytes().all(|byte| byte.is_ascii_hexdigit()))
 }
 
 fn digest(bytes: &[u8]) -> String {
@@ -158,14 +185,34 @@ mod tests {
 
     #[test]
     fn the_oldest_go() {
-        let folder = tempfile::tempdir().unwrap();
-        let cache = SearchCache::in_folder(folder.path());
-        for at in 0..MAX_ANSWERS + 5 {
-            SearchCache::recall(Some(&cache), "test", &at, || Ok::<_, ()>(at)).unwrap();
+        // Of answers of 70 bytes each the newest three, or two, are kept.
+        for most in [(3, u64::MAX), (100, 150)] {
+            let folder = tempfile::tempdir().unwrap();
+            let cache = SearchCache { most, ..SearchCache::in_folder(folder.path()) };
+            let path = |at: u64| folder.path().join(name("test", &at).unwrap());
+            let other = folder.path().join("job.json");
+            let unfinished = [1, 100_000].map(|age| (folder.path().join(format!("{UNFINISHED}{age}")), age));
+            fs::write(&other, b"mine").unwrap();
+            let aged = |path: &Path, seconds: u64| {
+                let file = fs::File::options().write(true).open(path).unwrap();
+                file.set_modified(SystemTime::now() - Duration::from_secs(seconds)).unwrap();
+            };
+            for (path, age) in &unfinished {
+                fs::write(path, b"").unwrap();
+                aged(path, *age);
+            }
+            aged(&other, 1_000_000);
+            for at in [2, 0, 3, 1] {
+                SearchCache::recall(Some(&cache), "test", &at, || Ok::<_, ()>(10_000 + at)).unwrap();
+                aged(&path(at), 10 * (at + 1));
+            }
+            SearchCache::recall(Some(&cache), "test", &9_u64, || Ok::<_, ()>(9)).unwrap();
+            let kept: Vec<bool> = [9, 0, 1, 2, 3].map(|at| path(at).is_file()).to_vec();
+            let expected =
+                if most.0 == 3 { [true, true, true, false, false] } else { [true, true, false, false, false] };
+            assert_eq!(kept, expected, "{most:?}");
+            assert!(other.is_file(), "what is no answer is not touched");
+            assert_eq!(unfinished.map(|(path, _)| path.is_file()), [true, false]);
         }
-        let left = fs::read_dir(folder.path()).unwrap().count();
-        assert!(left <= MAX_ANSWERS, "{left} files");
-        let last = MAX_ANSWERS + 4;
-        assert_eq!(SearchCache::recall(Some(&cache), "test", &last, || Err(())), Ok(last));
     }
 }

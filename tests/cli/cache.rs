@@ -14,7 +14,7 @@ fn searching() -> Bench {
 }
 
 fn answers(bench: &Bench) -> Vec<PathBuf> {
-    let Ok(folder) = fs::read_dir(bench.path("cache/lumislice/search")) else { return Vec::new() };
+    let Ok(folder) = fs::read_dir(bench.path("cache")) else { return Vec::new() };
     folder.map(|entry| entry.unwrap().path()).collect()
 }
 
@@ -23,7 +23,7 @@ fn a_dry_run_leaves_its_search_to_the_run() {
     let bench = searching();
     let with = |args: &[&str]| -> Command {
         let mut command = bench.command(["slice", "job.toml"].iter().chain(args));
-        command.env("XDG_CACHE_HOME", bench.path("cache"));
+        command.env("LUMISLICE_CACHE", bench.path("cache"));
         command
     };
     let run = |args: &[&str]| Ran::from(with(args).output().unwrap()).exits(0);

@@ -37,6 +37,54 @@ fn the_job_and_its_slices_look_the_same() {
     assert_eq!(field["against_predicted"].as_array().unwrap().len(), 1);
 }
 
+/// Without its job a folder shows the same light; what nobody can know then is said, and what its look.json knows is used.
+#[test]
+fn a_folder_is_looked_at_without_its_job() {
+    let bench = Bench::new();
+    bench.slice("out");
+    let numbers = ["--photons", "20000", "--at", "2,2,4.3", "--json"];
+    let seen = |spots: &str| {
+        let alone = bench.run(["look", "out", "--spots", spots].iter().chain(&numbers)).exits(0);
+        serde_json::from_str::<serde_json::Value>(&alone.stdout).unwrap()
+    };
+    let alone = seen("6");
+    let job = bench.run(["look", "job.toml", "--spots", "0"].iter().chain(&numbers)).exits(0).json();
+    assert_eq!(alone["spots"].as_array().unwrap().len(), 7);
+    assert!(alone["warnings"][0].as_str().unwrap().contains("not known"), "{}", alone["warnings"]);
+    assert_eq!([&alone["against_asked"], &alone["worst"]], [&serde_json::json!(null), &serde_json::json!([])]);
+    for spot in alone["spots"].as_array().unwrap() {
+        assert!(spot["asked"].is_null() && spot["predicted"] == serde_json::json!([]), "{spot}");
+    }
+    // The middle of the top, by the mesh and by the voxels.
+    let of = |spot: &serde_json::Value, name: &str| spot[name][0].as_f64().unwrap();
+    let (by_voxels, by_mesh) = (&alone["spots"][6], &job["spots"][0]);
+    assert!((0..2).all(|axis| by_voxels["normal"][axis].as_f64().unwrap().abs() < 0.05), "{by_voxels}");
+    let sigma = of(by_voxels, "standard_error").hypot(of(by_mesh, "standard_error"));
+    let apart = of(by_voxels, "printed") - of(by_mesh, "printed");
+    assert!(apart.abs() < 4.0 * sigma + 0.005, "{by_voxels} and {by_mesh}");
+
+    // With what an earlier look has written down.
+    bench.run(["look", "job.toml", "--spots", "3", "--photons", "500", "--size", "16", "-o", "seen"]).exits(0);
+    std::fs::copy(bench.path("seen/look.json"), bench.path("out/look.json")).unwrap();
+    let earlier: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(bench.path("seen/look.json")).unwrap()).unwrap();
+    let again = seen("3");
+    assert!(again["warnings"][0].as_str().unwrap().contains("3 spots of look.json"), "{}", again["warnings"]);
+    for (spot, earlier) in again["spots"].as_array().unwrap().iter().zip(earlier["spots"].as_array().unwrap()) {
+        for name in ["position_mm", "predicted", "sky"] {
+            assert_eq!(spot[name], earlier[name]);
+        }
+    }
+    let text =
+        bench.run(["look", "out", "--materials", "synthetic", "--spots", "2", "--photons", "100"]).exits(0).stdout;
+    assert!(text.contains("2 spots under even light"), "{text}");
+    // Pictures, of the print alone.
+    bench
+        .run(["look", "out", "--spots", "1", "--photons", "2", "--size", "16", "--samples", "1", "-o", "alone"])
+        .exits(0);
+    assert!(bench.path("alone/soft.png").is_file());
+}
+
 #[test]
 fn the_numbers_are_written_and_summed_up() {
     let bench = Bench::new();
@@ -52,7 +100,8 @@ fn the_numbers_are_written_and_summed_up() {
 fn what_cannot_be_looked_at_is_refused() {
     let bench = Bench::new();
     bench.slice("out");
-    bench.run(["look", "out"]).refuses(2, &["out", "--job JOB.toml"]);
+    bench.run(["look", "job.toml", "--materials", "synthetic"]).refuses(2, &["--materials", "a job"]);
+    bench.run(["look", "out", "--job", "job.toml", "--materials", "synthetic"]).exits(2);
     bench.run(["look", "job.toml", "--job", "job.toml"]).refuses(2, &["job.toml", "expected one with --job"]);
     bench.run(["look", "job.toml", "--at", "1,2"]).exits(2);
     bench.run(["look", "job.toml", "--photons", "1"]).exits(2);

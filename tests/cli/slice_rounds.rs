@@ -51,7 +51,7 @@ fn they_find_the_same_in_parts_and_on_any_number_of_threads() {
     let bench = bench();
     bench.slice("out");
     let whole = bench.files("out");
-    let mut alone = bench.command(["slice", "job.toml", "-o", "alone", "--no-cache", "--slices", "7..12"]);
+    let mut alone = bench.command(["slice", "job.toml", "-o", "alone", "--slices", "7..12"]);
     assert!(alone.env("RAYON_NUM_THREADS", "1").output().unwrap().status.success());
     let part = bench.files("alone");
     for name in ["rounds.json", "stackings.json", "slices/slice_7.png", "slices/slice_11.png"] {

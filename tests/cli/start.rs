@@ -48,6 +48,20 @@ fn init_writes_a_job_that_says_what_was_guessed() {
 }
 
 #[test]
+fn dark_greys_stay_dark_and_bright_ones_keep_their_ratios() {
+    let bench = Bench::new();
+    for (colour, line) in [("0.3 0.3 0.3", "gamut-map = true"), ("0.9 0.9 0.9", "max-albedo = 0.6")] {
+        // Every corner its own grey.
+        let text = String::from_utf8(obj(colour)).unwrap().replacen(colour, "0.2 0.2 0.2", 1);
+        bench.write("grey.obj", text.as_bytes());
+        bench.run(["init", "grey.obj"]).exits(0);
+        let job = fs::read_to_string(bench.path("grey.toml")).unwrap();
+        assert!(job.contains("set = \"synthetic\"") && job.contains(line), "{job}");
+        fs::remove_file(bench.path("grey.toml")).unwrap();
+    }
+}
+
+#[test]
 fn units_colours_and_heights_are_guessed() {
     let bench = Bench::new();
     let job = |name: &str, flags: &[&str]| {

@@ -4,7 +4,10 @@
 //! `scene_<channel>.xml` with `-Dlamp=sky|edge|behind|spot`. Mitsuba blends two phase functions, so a set of resins
 //! with three different g in a channel is refused.
 
-use std::{fmt::Write, path::Path};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+};
 
 use super::{LookError, PictureOptions, pictures::stage};
 use crate::{
@@ -36,6 +39,27 @@ pub fn write_mitsuba(
     existing: Existing,
     watch: &dyn Watch,
 ) -> Result<(), LookError> {
+    let coefficients = super::voxels::coefficients(&prepared.materials)?;
+    let print = Print { scene, channels: &prepared.materials.channels, coefficients: &coefficients };
+    write_scenes(&print, &prepared.files(), options, folder, existing, watch)
+}
+
+/// A print, and what its resins do to light by channel and id.
+pub(super) struct Print<'a> {
+    pub scene: &'a Scene,
+    pub channels: &'a [String],
+    pub coefficients: &'a [Vec<VolumeCoefficients>],
+}
+
+/// [`write_mitsuba`] for voxels without a job; `inputs` are the files that were read.
+pub(super) fn write_scenes(
+    &Print { scene, channels, coefficients }: &Print<'_>,
+    inputs: &[PathBuf],
+    options: &PictureOptions,
+    folder: &Path,
+    existing: Existing,
+    watch: &dyn Watch,
+) -> Result<(), LookError> {
     let fault = |found: String, expected: &str| LookError::Folder {
         folder: folder.to_owned(),
         found,
@@ -44,14 +68,13 @@ pub fn write_mitsuba(
     let Some(stage) = stage(scene, options) else {
         return Err(fault("nothing that is printed".to_owned(), "some to look at"));
     };
-    let coefficients = super::voxels::coefficients(&prepared.materials)?;
     if scene.volume().lattice().voxels() > MAX_VOXELS {
         return Err(fault(format!("{} voxels", scene.volume().lattice().voxels()), "at most 1 G for Mitsuba's grids"));
     }
-    let output = OutputFolder::create(folder, &OWNER, existing, &prepared.files())?;
-    watch.stage("Mitsuba", prepared.materials.channels.len() as u64);
+    let output = OutputFolder::create(folder, &OWNER, existing, inputs)?;
+    watch.stage("Mitsuba", channels.len() as u64);
     let present = scene.volume().present();
-    for (name, media) in prepared.materials.channels.iter().zip(&coefficients) {
+    for (name, media) in channels.iter().zip(coefficients) {
         let mut phases: Vec<f64> = (1..media.len()).filter(|&id| present[id]).map(|id| media[id].g).collect();
         phases.sort_by(f64::total_cmp);
         phases.dedup();

@@ -12,7 +12,9 @@
 //! | `mitsuba` | the same scene for Mitsuba 3 |
 //! | `edges` | what shows by a shadow's edge, asked and printed |
 //! | `surface` | spots of the surface, and what is expected there |
+//! | `alone`   | a finished folder without its job |
 
+mod alone;
 mod asked;
 mod edges;
 mod error;
@@ -27,10 +29,12 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+pub use alone::FinishedFolder;
 use edges::EdgeShape;
 pub use error::LookError;
 pub use mitsuba::{OWNER as MITSUBA, write_mitsuba};
 pub use pictures::PictureOptions;
+use surface::Expected;
 pub(in crate::job) use surface::{SurfaceSpot, normal_and_area};
 
 use super::{Prepared, verify::read_manifest};
@@ -105,7 +109,7 @@ pub struct Look {
     /// Printed against asked, in each channel; `None` where nothing was asked for. Where a spot sees a share V of the sky,
     /// against what a surface of the asked albedo ρ would show there, V ρ / (1 − (1 − V) ρ).
     pub against_asked: Option<Vec<Fit>>,
-    /// Printed against predicted, in each channel, likewise.
+    /// Printed against predicted, in each channel, likewise; empty where no prediction is known.
     pub against_predicted: Vec<Fit>,
     /// Where colours were asked for: their differences.
     #[serde(default)]
@@ -190,9 +194,9 @@ pub struct SpotRecord {
     pub position_mm: [f64; 3],
     /// Outward unit normal there.
     pub normal: [f64; 3],
-    /// What is asked for; `None` where a stacking was given.
+    /// What is asked for; `None` where a stacking was given, or where that is not known.
     pub asked: Option<Vec<f64>>,
-    /// What was predicted for an endless flat slab.
+    /// What was predicted for an endless flat slab; empty where that is not known.
     pub predicted: Vec<f64>,
     /// Share of the sky that it sees, 0 to 1: in a hollow print is held against what a surface of that albedo would show
     /// among its like, see [`Look::against_asked`].
@@ -255,15 +259,52 @@ pub fn look_at(
 ) -> Result<Look, LookError> {
     let mut spots = prepared.random_spots(scene, options.spots, options.seed);
     spots.extend(options.at.iter().filter_map(|at| prepared.spot_near(scene, *at)));
-    watch.stage("light", spots.len() as u64);
-    let sites: Vec<Spot> = spots.iter().map(|spot| spot.spot.clone()).collect();
-    let edge_mm = if options.edges { &EDGE_MM[..] } else { &[] };
-    let printed = scene.radiosity(&sites, edge_mm, options.walks, options.seed, watch)?;
     let shapes = if options.edges { edges::asked(prepared, &spots) } else { vec![None; spots.len()] };
     watch.go_on()?;
-    let record = |((spot, shape), printed): ((&SurfaceSpot, &Option<EdgeShape>), Vec<Option<Radiosity>>)| {
+    let with_goal =
+        |(spot, edge): (SurfaceSpot, Option<EdgeShape>)| Goal { expected: prepared.expected(&spot), spot, edge };
+    let goals: Vec<Goal> = spots.into_iter().zip(shapes).map(with_goal).collect();
+    let mut warnings = Vec::new();
+    if prepared.materials.resins.iter().any(|resin| resin.refractive_index != 1.0) {
+        warnings.push("pictures leave refractive indices out; printed albedos have them".to_owned());
+    }
+    let about = About { job: &prepared.job.name, channels: &prepared.materials.channels, warnings };
+    let mut look = look_at_spots(about, scene, &goals, options, watch)?;
+    let pictures = options.pictures.map(|options| pictures::pictures(Some(prepared), scene, &options, watch));
+    look.pictures = pictures.transpose()?.unwrap_or_default();
+    Ok(look)
+}
+
+/// A spot and what should show there.
+struct Goal {
+    spot: SurfaceSpot,
+    /// Without a prediction where none is known.
+    expected: Expected,
+    edge: Option<EdgeShape>,
+}
+
+/// What a look says of its job.
+struct About<'a> {
+    job: &'a str,
+    channels: &'a [String],
+    warnings: Vec<String>,
+}
+
+/// The numbers of a look, without pictures. Opens a stage of spots.
+fn look_at_spots(
+    about: About<'_>,
+    scene: &Scene,
+    goals: &[Goal],
+    options: &LookOptions,
+    watch: &dyn Watch,
+) -> Result<Look, LookError> {
+    watch.stage("light", goals.len() as u64);
+    let sites: Vec<Spot> = goals.iter().map(|goal| goal.spot.spot.clone()).collect();
+    let edge_mm = if options.edges { &EDGE_MM[..] } else { &[] };
+    let printed = scene.radiosity(&sites, edge_mm, options.walks, options.seed, watch)?;
+    let record = |(Goal { spot, expected, edge }, printed): (&Goal, Vec<Option<Radiosity>>)| {
         let printed: Vec<Radiosity> = printed.into_iter().collect::<Option<_>>()?;
-        let expected = prepared.expected(spot);
+        let expected = expected.clone();
         let sky = shade::sky(scene, &spot.middle, 0.0);
         let means: Vec<f64> = printed.iter().map(|channel| channel.albedo.mean).collect();
         let colours = |asked: &[f64]| -> Option<f64> {
@@ -276,7 +317,7 @@ pub fn look_at(
             position_mm: spot.middle.point.to_array(),
             normal: spot.middle.normal.to_array(),
             delta_e_2000: expected.asked.as_deref().and_then(colours),
-            edge: options.edges.then(|| edges::record(spot, shape.as_ref(), expected.asked.as_deref(), &printed)),
+            edge: options.edges.then(|| edges::record(spot, edge.as_ref(), expected.asked.as_deref(), &printed)),
             asked: expected.asked,
             predicted: expected.predicted,
             sky,
@@ -284,44 +325,43 @@ pub fn look_at(
             printed: means,
         })
     };
-    let spots: Vec<SpotRecord> = spots.iter().zip(&shapes).zip(printed).filter_map(record).collect();
-    let pictures = options.pictures.map(|options| pictures::pictures(prepared, scene, &options, watch)).transpose()?;
-    let channels = prepared.materials.channels.clone();
-    let mut warnings = Vec::new();
-    if prepared.materials.resins.iter().any(|resin| resin.refractive_index != 1.0) {
-        warnings.push("pictures leave refractive indices out; printed albedos have them".to_owned());
-    }
+    let spots: Vec<SpotRecord> = goals.iter().zip(printed).filter_map(record).collect();
+    let channels = about.channels.to_vec();
     let shown = |albedo: &[f64], spot: &SpotRecord| -> Vec<f64> {
         albedo.iter().map(|albedo| shade::shown(*albedo, spot.sky)).collect()
     };
     let asked = spots.iter().map(|spot| Some(shown(spot.asked.as_deref()?, spot))).collect::<Option<Vec<_>>>();
-    let predicted: Vec<_> = spots.iter().map(|spot| shown(&spot.predicted, spot)).collect();
-    let goal = asked.as_ref().unwrap_or(&predicted);
-    let off = |spot: usize| {
-        let apart = spots[spot].printed.iter().zip(&goal[spot]).map(|(printed, goal)| (printed - goal).powi(2));
-        apart.sum::<f64>()
-    };
-    let mut worst: Vec<usize> = (0..spots.len()).collect();
-    worst.sort_by(|a, b| off(*b).total_cmp(&off(*a)));
-    worst.truncate(WORST);
+    let known = |spot: &SpotRecord| Some(shown(&spot.predicted, spot)).filter(|known| known.len() == channels.len());
+    let predicted = spots.iter().map(known).collect::<Option<Vec<_>>>();
+    let mut worst: Vec<usize> = Vec::new();
+    if let Some(goal) = asked.as_ref().or(predicted.as_ref()) {
+        let off = |spot: usize| {
+            let apart = spots[spot].printed.iter().zip(&goal[spot]).map(|(printed, goal)| (printed - goal).powi(2));
+            apart.sum::<f64>()
+        };
+        worst.extend(0..spots.len());
+        worst.sort_by(|a, b| off(*b).total_cmp(&off(*a)));
+        worst.truncate(WORST);
+    }
     let differences: Option<Vec<f64>> = spots.iter().map(|spot| spot.delta_e_2000).collect();
+    let against = |goal: &Vec<Vec<f64>>| fits(&spots, goal, channels.len());
     Ok(Look {
         delta_e_2000: differences.and_then(Differences::of),
         edge_mm: edge_mm.to_vec(),
         edges_against_asked: edges::against_asked(&spots, channels.len()),
         generator: GENERATOR.to_owned(),
         version: LOOK_VERSION,
-        job: prepared.job.name.clone(),
+        job: about.job.to_owned(),
         walks: options.walks,
         seed: options.seed,
         spot_radius_mm: surface::SPOT_RADIUS_MM,
-        against_asked: asked.as_ref().map(|asked| fits(&spots, asked, channels.len())),
-        against_predicted: fits(&spots, &predicted, channels.len()),
+        against_asked: asked.as_ref().map(against),
+        against_predicted: predicted.as_ref().map(against).unwrap_or_default(),
         channels,
-        warnings,
+        warnings: about.warnings,
         worst,
         spots,
-        pictures: pictures.unwrap_or_default(),
+        pictures: Vec::new(),
     })
 }
 

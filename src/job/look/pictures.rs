@@ -85,13 +85,13 @@ struct Seen {
     surface: Option<(usize, u32, DVec3)>,
 }
 
-/// Takes the pictures, one file for each kind of light. Opens a stage of samples.
+/// Takes the pictures, one file for each kind of light; without a job, of the print alone. Opens a stage of samples.
 ///
 /// # Errors
 /// [`LookError::Stopped`] before the first samples are whole; after that a stop ends the samples, and the pictures
 /// show what there is.
 pub(super) fn pictures(
-    prepared: &Prepared,
+    job: Option<&Prepared>,
     scene: &Scene,
     options: &PictureOptions,
     watch: &dyn Watch,
@@ -101,9 +101,11 @@ pub(super) fn pictures(
     watch.stage("look", u64::from(options.samples));
     let mut film = stage.film();
     watch.go_on()?;
-    let seen = seen(prepared, &stage, &film);
-    let asked =
-        AskedLight::new(prepared, &stage, &options.detail(), options.seed).map(|light| asked(prepared, &light, &seen));
+    let seen = seen(job, &stage, &film);
+    let asked = job.and_then(|job| {
+        let light = AskedLight::new(job, &stage, &options.detail(), options.seed)?;
+        Some(asked(job, &light, &seen))
+    });
     watch.go_on()?;
     let in_time = || options.time.is_none_or(|time| began.elapsed() < time);
     match stage.expose(&mut film, options.samples, options.seed, watch, in_time) {
@@ -111,7 +113,7 @@ pub(super) fn pictures(
         _ => {}
     }
     let printed = printed(scene, &stage, &film, &seen);
-    MOODS.iter().map(|mood| sheet(prepared, mood, &stage, &seen, asked.as_deref(), &printed, film.samples())).collect()
+    MOODS.iter().map(|mood| sheet(mood, &stage, &seen, asked.as_deref(), &printed, film.samples())).collect()
 }
 
 /// The print on the ground before a camera, with its lamps; `None` where nothing is printed.
@@ -126,17 +128,20 @@ pub(super) fn stage<'a>(scene: &'a Scene, options: &PictureOptions) -> Option<St
 }
 
 /// What every pixel shows.
-fn seen(prepared: &Prepared, stage: &Stage<'_>, film: &Film) -> Vec<Seen> {
+fn seen(job: Option<&Prepared>, stage: &Stage<'_>, film: &Film) -> Vec<Seen> {
     let width = film.size[0];
     let pixel = |(pixel, met): (usize, &Option<DVec3>)| match met {
         Some(met) => {
-            let near = prepared.slicer().objects().iter().enumerate();
-            let near = near.map(|(object, field)| (object, field.surface().closest(*met)));
+            let objects = job.map_or(&[][..], |job| job.slicer().objects());
+            let near = objects.iter().enumerate().map(|(object, field)| (object, field.surface().closest(*met)));
             let found = near.min_by(|a, b| a.1.distance.total_cmp(&b.1.distance));
-            let normal = found.and_then(|(object, found)| {
-                let corners = prepared.slicer().objects()[object].surface().triangles()[found.triangle as usize];
-                super::surface::normal_and_area(&corners).map(|(normal, _)| normal)
-            });
+            let normal = match found {
+                Some((object, found)) => {
+                    let corners = objects[object].surface().triangles()[found.triangle as usize];
+                    super::surface::normal_and_area(&corners).map(|(normal, _)| normal)
+                }
+                None => stage.scene.normal_near(*met),
+            };
             let kind = found.map_or(1, |(object, _)| object as u32 + 1);
             let normal = normal.unwrap_or(stage.camera.axes[2]).as_vec3();
             Seen {
@@ -190,7 +195,6 @@ fn colour(channels: &[f32]) -> LinearRgb {
 }
 
 fn sheet(
-    prepared: &Prepared,
     mood: &Mood,
     stage: &Stage<'_>,
     seen: &[Seen],
@@ -198,7 +202,7 @@ fn sheet(
     printed: &[Vec<Vec<f32>>],
     samples: u32,
 ) -> Result<PreviewFile, LookError> {
-    let channels = prepared.materials.channels.len();
+    let channels = stage.scene.channels();
     let sum = |of: &dyn Fn(usize, usize) -> f32| {
         let channel = |channel: usize| (0..LAMPS).map(|lamp| mood.lamps[lamp] * of(channel, lamp)).sum();
         colour(&(0..channels).map(channel).collect::<Vec<f32>>())

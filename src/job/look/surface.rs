@@ -139,27 +139,40 @@ impl Prepared {
         let surface = self.slicer().objects()[object].surface();
         let normal = |triangle: u32| normal_and_area(&surface.triangles()[triangle as usize]).map(|(normal, _)| normal);
         let middle = Site { point, normal: normal(triangle)? };
-        if !scene.is_open(&middle) {
-            return None;
-        }
-        let across = middle.normal.any_orthonormal_vector();
-        let along = middle.normal.cross(across);
-        let mut sites = vec![middle];
-        for n in 1..SITES {
-            // Even over the disc: radii by equal areas, turned by the golden angle.
-            let radius = SPOT_RADIUS_MM * (n as f64 / SITES as f64).sqrt();
-            let turn = n as f64 * GOLDEN_ANGLE;
-            let aside = point + (across * libm::cos(turn) + along * libm::sin(turn)) * radius;
+        let beside = |aside: DVec3| {
             let found = surface.closest(aside);
-            let site = normal(found.triangle).map(|normal| Site { point: found.point, normal });
-            sites.extend(site.filter(|site| {
-                site.normal.dot(middle.normal) > SAME_FACE
-                    && site.point.distance(point) <= 1.5 * SPOT_RADIUS_MM
-                    && scene.is_open(site)
-            }));
-        }
-        Some(SurfaceSpot { object, middle, spot: Spot { sites } })
+            Some(Site { point: found.point, normal: normal(found.triangle)? })
+        };
+        spot_around(scene, object, middle, beside)
     }
+}
+
+/// The spot around a site; `beside` finds the surface next to a position in the plane of the site. `None` where the
+/// surface lies inside of the print.
+pub(super) fn spot_around(
+    scene: &Scene,
+    object: usize,
+    middle: Site,
+    beside: impl Fn(DVec3) -> Option<Site>,
+) -> Option<SurfaceSpot> {
+    if !scene.is_open(&middle) {
+        return None;
+    }
+    let across = middle.normal.any_orthonormal_vector();
+    let along = middle.normal.cross(across);
+    let mut sites = vec![middle];
+    for n in 1..SITES {
+        // Even over the disc: radii by equal areas, turned by the golden angle.
+        let radius = SPOT_RADIUS_MM * (n as f64 / SITES as f64).sqrt();
+        let turn = n as f64 * GOLDEN_ANGLE;
+        let aside = middle.point + (across * libm::cos(turn) + along * libm::sin(turn)) * radius;
+        sites.extend(beside(aside).filter(|site| {
+            site.normal.dot(middle.normal) > SAME_FACE
+                && site.point.distance(middle.point) <= 1.5 * SPOT_RADIUS_MM
+                && scene.is_open(site)
+        }));
+    }
+    Some(SurfaceSpot { object, middle, spot: Spot { sites } })
 }
 
 /// π(3 − √5): no two multiples of it point the same way.

@@ -99,10 +99,6 @@ pub(super) fn read_volume(
         };
         return Err(fault(words(&lattice), format!("that of the job, {}", words(&prepared.lattice))));
     }
-    if manifest.slices != [0, lattice.dims[2]] {
-        let [first, end] = manifest.slices;
-        return Err(fault(format!("slices {first}..{end}"), format!("all {} of the job", lattice.dims[2])));
-    }
     let known = |material: &MaterialRecord| {
         let at = prepared.materials.resins.iter().position(|resin| resin.name == material.name);
         at.map(|at| MaterialId::from_resin(at).0) == Some(material.id)
@@ -112,14 +108,33 @@ pub(super) fn read_volume(
         let expected = format!("the resins of the job: {}", names.join(", "));
         return Err(fault(format!("resin {} as number {}", other.name, other.id), expected));
     }
+    read_slices(folder, manifest, &from_top(prepared), support(&prepared.materials), watch)
+}
+
+/// The voxels that the slices in `folder` show. `support` fills what is enclosed, and what lies open below something in
+/// the boxes `from_top` (mm), those of objects whose depth is measured from their top. Opens a stage of slices.
+pub(super) fn read_slices(
+    folder: &Path,
+    manifest: &Manifest,
+    from_top: &[[DVec3; 2]],
+    support: Option<MaterialId>,
+    watch: &dyn Watch,
+) -> Result<Volume, LookError> {
+    let lattice = manifest.lattice.lattice();
+    if manifest.slices != [0, lattice.dims[2]] {
+        let [first, end] = manifest.slices;
+        return Err(LookError::Folder {
+            folder: folder.to_owned(),
+            found: format!("slices {first}..{end}"),
+            expected: format!("all {} of the job", lattice.dims[2]),
+        });
+    }
     let colours = SliceColours::new(manifest.materials.iter().map(|material| (material.rgba, material.id)));
     let mut volume = Volume::new(lattice)?;
     watch.stage("slices", u64::from(lattice.dims[2]));
     let (width, height) = (lattice.dims[0] as usize, lattice.dims[1] as usize);
     // From above, so that what lies over a column is known.
-    let from_top = from_top(prepared);
     let mut covered = vec![false; if from_top.is_empty() { 0 } else { width * height }];
-    let support = support(&prepared.materials);
     let starts: Vec<u32> = (0..lattice.dims[2]).step_by(BRICK).collect();
     for start in starts.into_iter().rev() {
         let slices = start..lattice.dims[2].min(start + BRICK as u32);

@@ -1,3 +1,3 @@
 mod skin;
 mod slabs;
-mod spots;
+pub(super) mod spots;
