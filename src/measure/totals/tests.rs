@@ -195,3 +195,29 @@ fn what_is_no_table_is_refused() {
     // Thick sheets that let more through than thin ones.
     refused("thickness_mm,reflectance,transmittance\n0.3,0.6,0.1\n3,0.3,0.4\n", "missed by");
 }
+
+/// A measured sample: a phantom of PDMS, 2.65 mm without slides, in a dual-beam spectrometer (A. Bahl, King's College;
+/// docs/phantom-with-no-slides.rxt and phantom_with_no_slides.txt of scottprahl/iad, MIT), and what inverse
+/// adding–doubling 3-16-2 makes of it, which also takes off the light lost at the ports' edges of a beam of 10 mm.
+#[test]
+fn a_measured_phantom_is_what_inverse_adding_doubling_finds() {
+    // nm, refractive index, reflectance, transmittance, σa and σs (1 − g) per mm.
+    const ROWS: [[f64; 6]; 6] = [
+        [1180.0, 1.41963, 0.25386, 0.14445, 0.1211, 1.0317],
+        [900.0, 1.42210, 0.53089, 0.24458, 0.0240, 1.6744],
+        [700.0, 1.42604, 0.61826, 0.20438, 0.0183, 2.4302],
+        [600.0, 1.42970, 0.64189, 0.17381, 0.0195, 2.9135],
+        [500.0, 1.43591, 0.66478, 0.15106, 0.0197, 3.4238],
+        [420.0, 1.44470, 0.66685, 0.13376, 0.0220, 3.7511],
+    ];
+    for [nm, index, r, t, absorption, reduced] in ROWS {
+        let folder = folder_with(&format!("thickness_mm,reflectance,transmittance\n2.65,{r},{t}\n"), "pdms", 0.9);
+        let mut totals = Totals::read(&folder.path().join("fit.toml")).unwrap();
+        totals.resin.refractive_index = index;
+        let fit = fit_totals(&totals, &Unwatched).unwrap().remove(0);
+        let [(scattering, _), (found, _)] = fit.coefficients_with_errors();
+        let off = [scattering / reduced - 1.0, found / absorption - 1.0];
+        println!("{nm} nm: {off:.4?}");
+        assert!(off[0].abs() < 0.02 && off[1].abs() < 0.05, "{nm} nm: {off:?}");
+    }
+}
