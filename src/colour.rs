@@ -20,7 +20,7 @@ macro_rules! decoded {
 
 /// The light of an encoded value, 0 to 1.
 pub fn srgb_to_linear(encoded: f32) -> f32 {
-    decoded!(encoded, f32::powf)
+    decoded!(encoded, libm::powf)
 }
 
 /// The light of an encoded value in double precision, the same on every system.

@@ -112,6 +112,9 @@
 //!
 //! A program that slices by itself needs none of them: `default-features = false`.
 
+// Files are the same bytes on every processor.
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub use glam;
 
 pub mod appearance;

@@ -65,7 +65,7 @@ impl NormalizedDiffusion {
             return 0.0;
         }
         let x = r_mm / self.d_mm;
-        self.albedo * ((-x).exp() + (-x / 3.0).exp()) / (8.0 * PI * self.d_mm * r_mm)
+        self.albedo * (libm::exp(-x) + libm::exp(-x / 3.0)) / (8.0 * PI * self.d_mm * r_mm)
     }
 
     /// Share of the reflected light that leaves within `r_mm` of the point of entry, 0…1.
@@ -74,7 +74,7 @@ impl NormalizedDiffusion {
             return 1.0;
         }
         let x = r_mm / self.d_mm;
-        1.0 - 0.25 * (-x).exp() - 0.75 * (-x / 3.0).exp()
+        1.0 - 0.25 * libm::exp(-x) - 0.75 * libm::exp(-x / 3.0)
     }
 
     /// R̂(k) at `k` rad/mm.

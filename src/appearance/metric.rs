@@ -40,7 +40,7 @@ impl Metric {
         for (c, channel) in point.chunks(self.coefficients).enumerate() {
             let to_unit = self.share(channel).sqrt();
             if relative {
-                lengths[c] = self.root_n() * self.size(channel).ln();
+                lengths[c] = self.root_n() * libm::log(self.size(channel));
             }
             let at = c * self.coefficients;
             let scaled = channel.iter().zip(&self.roots).map(|(r, root)| to_unit * root * r);

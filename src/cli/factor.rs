@@ -146,7 +146,7 @@ fn summary(factored: &Factored, folder: &str) -> String {
             percent(fit.relative_error),
             counted(fit.rounds.len(), "round"),
             percent(fit.relative_error_beyond_centre),
-            percent(fit.noise_beyond_centre),
+            percent(fit.noise()),
             fit.reciprocity.map_or(String::new(), |both| format!(", both ways differ by {:.2}%", percent(both)))
         );
         for simpler in &fit.simpler {

@@ -21,6 +21,7 @@ use serde_json::json;
 
 use super::{
     Answer, Result,
+    cache::CacheArgs,
     failure::{refusal, refuse},
     match_target::{parse_depth, parse_layer, parse_min_depth},
     materials::{Materials, min_depth_limits, no_coefficients},
@@ -80,6 +81,8 @@ pub struct GamutArgs {
     /// Write the stackings and the boundary to F: channel,place,albedo,half_energy_radius_mm,stack.
     #[arg(long, value_name = "F", help_heading = "Output")]
     csv: Option<PathBuf>,
+    #[command(flatten)]
+    cache: CacheArgs,
     /// Print one JSON document instead of a table.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -142,7 +145,7 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     bars.stage("gamut", 0);
     let judge = if by_transport { search::Judge::Transport } else { search::Judge::KubelkaMunk };
     let options = MatchOptions { search, judge, layers, mixtures: false };
-    let gamut = Gamut::explore(&set, &options, &bars);
+    let gamut = Gamut::explored(&set, &options, &bars, args.cache.cache().as_ref());
     bars.finish();
     let gamut = match gamut {
         Ok(gamut) => gamut,

@@ -17,6 +17,7 @@ use lumislice::{
 
 use super::{
     Answer, Result,
+    cache::CacheArgs,
     failure::{refusal, refuse},
     materials::{Corrected, Materials, prepared},
     print, print_json,
@@ -92,6 +93,8 @@ pub struct LookArgs {
     /// Where the camera stands: azimuth (counter-clockwise from +x) and elevation (2 to 90) in degrees.
     #[arg(long, value_name = "AZ,EL", value_parser = parse_view, allow_hyphen_values = true, help_heading = "Pictures")]
     view: Option<View>,
+    #[command(flatten)]
+    cache: CacheArgs,
     /// Print one JSON document instead of words.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -161,7 +164,7 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         pictures: args.output.is_some().then_some(pictures),
     };
     let with_job = |job: Job| -> Result<(Look, Vec<PathBuf>), LookError> {
-        let prepared = prepared(job, folder.map_or(Corrected::Anew, Corrected::As), &bars)?;
+        let prepared = prepared(job, &args.cache, folder.map_or(Corrected::Anew, Corrected::As), &bars)?;
         let scene = scene_for(&prepared, folder, &bars)?;
         if let Some(folder) = &args.mitsuba {
             write_mitsuba(&prepared, &scene, &pictures, folder, existing, &bars)?;

@@ -20,6 +20,7 @@ use serde_json::json;
 
 use super::{
     Answer, Result,
+    cache::CacheArgs,
     failure::{refusal, refuse},
     leave_at_once,
     match_plot::MatchPlot,
@@ -98,6 +99,8 @@ pub struct MatchArgs {
     /// Draw the target and what the models predict to F, a .png or .svg.
     #[arg(long, value_name = "F", help_heading = "Output")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    cache: CacheArgs,
     /// Print one JSON document instead of words.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -177,8 +180,8 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
         leave_at_once();
     }
     bars.stage("search", 0);
-    let found = Matcher::new(&set, &options)
-        .and_then(|matcher| matcher.match_targets(std::slice::from_ref(&target), &Unwatched))
+    let cache = args.cache.cache();
+    let found = Matcher::matched(&set, &options, std::slice::from_ref(&target), &Unwatched, cache.as_ref())
         .map(|mut found| found.swap_remove(0));
     bars.finish();
     let found = match found {

@@ -11,6 +11,7 @@ use serde_json::json;
 
 use super::{
     Answer, Result,
+    fit::{self, FitArgs},
     materials::Materials,
     measure::{self, MeasureArgs},
     plots::{Curve, Look, PlotFile, Side, profile_panel},
@@ -20,7 +21,7 @@ use super::{
     table::{number, table},
 };
 
-/// Resins: list the built-in sets, show one, simulate profiles, measure photographs.
+/// Resins: list the built-in sets, show one, simulate profiles, measure photographs or sheets in a sphere.
 #[derive(Debug, Args)]
 #[command(arg_required_else_help = true)]
 pub struct MaterialArgs {
@@ -34,6 +35,7 @@ enum MaterialCommand {
     Show(ShowArgs),
     Simulate(SimulateArgs),
     Measure(MeasureArgs),
+    Fit(FitArgs),
 }
 
 /// List the built-in sets of resins.
@@ -65,6 +67,7 @@ pub fn run(args: &MaterialArgs) -> Result<Answer> {
         MaterialCommand::Show(args) => show(args),
         MaterialCommand::Simulate(args) => simulate::run(args),
         MaterialCommand::Measure(args) => measure::run(args),
+        MaterialCommand::Fit(args) => fit::run(args),
     }
 }
 

@@ -12,6 +12,7 @@ use lumislice::{
 };
 
 use super::{
+    cache::CacheArgs,
     failure::{Failure, refusal, refuse},
     progress::Bars,
     say,
@@ -75,7 +76,8 @@ pub enum Corrected<'a> {
 }
 
 /// A job with everything read and matched; says where a built-in set's numbers come from.
-pub fn prepared(job: Job, corrected: Corrected<'_>, bars: &Bars) -> Result<Prepared, RunError> {
+pub fn prepared(mut job: Job, cache: &CacheArgs, corrected: Corrected<'_>, bars: &Bars) -> Result<Prepared, RunError> {
+    job.search_cache = cache.cache();
     let built_in = matches!(job.materials, MaterialSource::Set(_));
     let prepared = match corrected {
         Corrected::Draft => Prepared::draft(job, bars),

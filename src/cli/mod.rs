@@ -3,10 +3,12 @@
 //! Only this room prints. Exit codes: 0 done; 1 done, but the answer is no; 2 bad usage, job or input; 3 reading or
 //! writing the output failed; 130 interrupted.
 
+mod cache;
 mod compare;
 mod convert;
 mod factor;
 mod failure;
+mod fit;
 mod gamut;
 mod look;
 mod match_plot;

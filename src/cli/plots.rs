@@ -109,7 +109,7 @@ pub fn profile_panel(side: Side, curves: &[Curve]) -> Option<Panel> {
     if top <= 0.0 {
         return None;
     }
-    let least = top * 10_f64.powf(-DECADES);
+    let least = top * libm::pow(10_f64, -DECADES);
     let reach = rings().filter(|ring| side.value(ring) > least).map(|ring| ring.r_mm).fold(1.0, f64::max);
     let y = Axis::log(side.label()).range(least, 3.0 * top);
     let panel = Panel::new(Axis::linear("r [mm]").range(0.0, reach), y);

@@ -16,6 +16,7 @@ use serde_json::{Value, json};
 
 use super::{
     Answer, Result,
+    cache::CacheArgs,
     failure::{refusal, refuse},
     materials::{Corrected, prepared},
     print, print_json,
@@ -54,6 +55,8 @@ pub struct SliceArgs {
     /// Only look at it, coarsely and soon: pictures and albedos of a print of larger voxels, no slices.
     #[arg(long, conflicts_with_all = ["resume", "slices", "rounds_from", "dry_run"], help_heading = "Work")]
     quick: bool,
+    #[command(flatten)]
+    cache: CacheArgs,
     /// Print one JSON document instead of words.
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -88,7 +91,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     let bars = Bars::new(args.json);
     let found = args.rounds_from.as_ref().unwrap_or(&folder);
     let corrected = if args.dry_run { Corrected::Draft } else { Corrected::As(found) };
-    let prepared = prepared(job, corrected, &bars);
+    let prepared = prepared(job, &args.cache, corrected, &bars);
     if args.dry_run {
         let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars)?, prepared)));
         bars.finish();
@@ -137,12 +140,13 @@ fn quick(args: &SliceArgs, job: Job, made_up: Option<&str>) -> Result<Answer> {
     let existing = Existing::overwrite(args.overwrite);
     OutputFolder::check(&folder, &look::OWNER, existing).map_err(RunError::from)?;
     let bars = Bars::new(args.json);
-    let found = prepared(job.quick(), Corrected::Draft, &bars).map_err(LookError::from).and_then(|prepared| {
-        let scene = scene_for(&prepared, None, &bars)?;
-        let look = look_at(&prepared, &scene, &LookOptions::quick(), &bars)?;
-        look.write(&folder, existing, &prepared.files())?;
-        Ok((look, prepared.warnings))
-    });
+    let found =
+        prepared(job.quick(), &args.cache, Corrected::Draft, &bars).map_err(LookError::from).and_then(|prepared| {
+            let scene = scene_for(&prepared, None, &bars)?;
+            let look = look_at(&prepared, &scene, &LookOptions::quick(), &bars)?;
+            look.write(&folder, existing, &prepared.files())?;
+            Ok((look, prepared.warnings))
+        });
     bars.finish();
     let (look, warnings) = found?;
     if args.json {

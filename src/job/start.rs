@@ -18,6 +18,7 @@ use std::{
 use glam::DVec3;
 
 use crate::{
+    appearance::MeasuredMedium,
     mesh::{LoadOptions, Loaded, MeshError, TriangleMesh, Unit, bounds, load},
     optics::MaterialSet,
     voxel::Printer,
@@ -54,6 +55,8 @@ const HEIGHT_MM: f64 = 40.0;
 const SENSIBLE_MM: std::ops::RangeInclusive<f64> = 10.0..=400.0;
 /// Linear channels further apart than this are a colour.
 const COLOURFUL: f32 = 0.02;
+/// The largest albedo that the set of greys, `synthetic`, does without becoming translucent.
+const GREYS: f32 = 0.6;
 
 /// Looks at a mesh and writes a job for it.
 ///
@@ -209,12 +212,17 @@ enum Source {
 struct Looks {
     source: Source,
     is_colourful: bool,
+    /// Albedos go beyond what [`GREYS`] can do.
+    is_bright: bool,
 }
 
 impl Looks {
     fn of(loaded: &Loaded, path: &Path, options: &StartOptions, notes: &mut Vec<String>) -> Self {
         if let Some(look) = &options.look {
-            return Self { source: Source::Preset(look.clone()), is_colourful: false };
+            // An unknown name is the job's to refuse.
+            let albedo = MeasuredMedium::named(look).map_or([0.0; 3], MeasuredMedium::albedo);
+            let is_colourful = is_colour(albedo.map(|channel| channel as f32));
+            return Self { source: Source::Preset(look.clone()), is_colourful, is_bright: false };
         }
         let mesh = &loaded.mesh;
         let has_own = mesh
@@ -224,17 +232,19 @@ impl Looks {
         if loaded.lost_color.is_none() && (has_own || !mesh.corner_colors.is_empty()) {
             let tells_path = mesh.materials.iter().any(|material| material.mean_free_path_mm.is_some());
             notes.push("colour: the mesh's own".to_owned());
-            return Self { source: Source::Mesh { tells_path }, is_colourful: is_colourful(mesh) };
+            let (is_colourful, is_bright) =
+                (colors(mesh).any(is_colour), colors(mesh).flatten().any(|albedo| albedo > GREYS));
+            return Self { source: Source::Mesh { tells_path }, is_colourful, is_bright };
         }
         match image_beside(path) {
             Some(name) => {
                 notes.push(format!("colour: {name}, which lies beside the mesh"));
                 let source = Source::Image { name, has_uvs: !mesh.uvs.is_empty() };
-                Self { source, is_colourful: true }
+                Self { source, is_colourful: true, is_bright: false }
             }
             None => {
                 notes.push("colour: none was found; marble in its place".to_owned());
-                Self { source: Source::Nothing, is_colourful: false }
+                Self { source: Source::Nothing, is_colourful: false, is_bright: false }
             }
         }
     }
@@ -286,26 +296,51 @@ impl Looks {
                 line(text, "mean-free-path-mm = 0.5", "how far light travels between two events");
             }
         }
-        match options.materials.is_none() && !self.is_colourful {
-            true => line(text, "max-albedo = 0.6", "the brightest that 5 mm of white on black can do is 0.63"),
+        // Many greys keep their ratios; what has one albedo, or is dark enough, keeps that.
+        match options.materials.is_none() && !self.is_colourful && self.is_bright {
+            true => {
+                line(text, &format!("max-albedo = {GREYS}"), "the brightest that 5 mm of white on black can do is 0.63")
+            }
             false => line(text, "gamut-map = true", "what the resins cannot do is brought smoothly to what they can"),
         }
     }
 }
 
-/// Whether any of a mesh's colours is one.
-fn is_colourful(mesh: &TriangleMesh) -> bool {
-    let far = |[r, g, b]: [f32; 3]| r.max(g).max(b) - r.min(g).min(b) > COLOURFUL;
-    let corners = mesh.corner_colors.iter().flatten().any(|color| far(*color));
-    corners
-        || mesh.materials.iter().any(|material| {
-            let [r, g, b, _] = material.base_color;
-            let texture = material.base_color_texture.as_ref();
-            let of_texture = texture.is_some_and(|texture| {
-                texture.texels.iter().any(|[r, g, b, _]| far([*r, *g, *b].map(crate::colour::byte_to_linear)))
-            });
-            far([r, g, b]) || of_texture
-        })
+/// Every albedo of a mesh's surface, linear, 0 to 1: a corner's colour times its material's; of a textured one every
+/// texel times the most that its corners have.
+fn colors(mesh: &TriangleMesh) -> impl Iterator<Item = [f32; 3]> {
+    let corners = |triangle: usize| mesh.corner_colors.get(triangle).copied().unwrap_or([[1.0; 3]; 3]);
+    let material = |triangle: usize| mesh.material_of.get(triangle).map_or(0, |material| usize::from(*material));
+    let mut most: Vec<Option<[f32; 3]>> = vec![None; mesh.materials.len()];
+    for triangle in 0..mesh.triangles.len() {
+        if let Some(most) = most.get_mut(material(triangle)) {
+            let all = corners(triangle).into_iter().chain(*most);
+            *most = all.reduce(|a, b| [0, 1, 2].map(|channel| a[channel].max(b[channel])));
+        }
+    }
+    let times = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|channel| a[channel] * b[channel]);
+    let textured = mesh.materials.iter().zip(most).flat_map(move |(material, most)| {
+        let [r, g, b, _] = material.base_color;
+        let tint = most.map(|most| times(most, [r, g, b]));
+        let texels = material.base_color_texture.iter().flat_map(|texture| &texture.texels);
+        let of = move |[r, g, b, _]: &[u8; 4]| Some(times(tint?, [*r, *g, *b].map(crate::colour::byte_to_linear)));
+        texels.filter_map(of)
+    });
+    let plain = (0..mesh.triangles.len()).flat_map(move |triangle| {
+        let material = mesh.materials.get(material(triangle));
+        let base = match material {
+            Some(material) if material.base_color_texture.is_some() => None,
+            Some(material) => Some([material.base_color[0], material.base_color[1], material.base_color[2]]),
+            None => Some([1.0; 3]),
+        };
+        base.into_iter().flat_map(move |base| corners(triangle).map(|corner| times(corner, base)))
+    });
+    plain.chain(textured)
+}
+
+/// Whether it is a colour rather than a grey.
+fn is_colour([r, g, b]: [f32; 3]) -> bool {
+    r.max(g).max(b) - r.min(g).min(b) > COLOURFUL
 }
 
 /// An image in the mesh's folder that is named after it and is no map of something else.

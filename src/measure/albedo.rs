@@ -53,7 +53,10 @@ pub(super) fn albedo(
             if uneven > NAMED_UNEVEN {
                 findings.push(Finding::UnevenCard { share: uneven });
             }
-            let relative = (card_error / card_albedo).hypot(card.relative()).hypot(sample.relative()).hypot(uneven);
+            let relative = libm::hypot(
+                libm::hypot(libm::hypot(card_error / card_albedo, card.relative()), sample.relative()),
+                uneven,
+            );
             MeasuredAlbedo { value, error: value * relative }
         }
         Albedo::Screen { with, without, region } => {
@@ -66,7 +69,7 @@ pub(super) fn albedo(
             };
             let (lit, bare) = (mean(with, "region")?, mean(without, "region")?);
             let value = lit.value / with.seconds / (bare.value / without.seconds);
-            MeasuredAlbedo { value, error: value * lit.relative().hypot(bare.relative()) }
+            MeasuredAlbedo { value, error: value * libm::hypot(lit.relative(), bare.relative()) }
         }
     };
     if !(measured.value > 0.0 && measured.value <= 1.0) {
@@ -144,8 +147,8 @@ fn average(plane: &Plane, rect: Rect) -> (f64, f64, f64) {
         [mean(across).0, mean(down).0]
     };
     let (first, second) = (halves(false), halves(true));
-    let uneven = (first[0] - second[0]).hypot(first[1] - second[1]);
-    (value, variance.sqrt().hypot(UNEVEN_SHARE * uneven), variance.sqrt())
+    let uneven = libm::hypot(first[0] - second[0], first[1] - second[1]);
+    (value, libm::hypot(variance.sqrt(), UNEVEN_SHARE * uneven), variance.sqrt())
 }
 
 /// Difference of the light between two regions as a share of it, by the slopes of both along the line between them;
@@ -164,10 +167,10 @@ fn uneven_light(plane: &Plane, a: Rect, b: Rect, black: f64) -> f64 {
         let across = step[0] / (rect.width - half_width).max(1) as f64 / level;
         let down = step[1] / (rect.height - half_height).max(1) as f64 / level;
         let value = (right.0 - left.0) * across + (lower.0 - upper.0) * down;
-        let noise = (right.2.hypot(left.2) * across).hypot(lower.2.hypot(upper.2) * down);
+        let noise = libm::hypot(libm::hypot(right.2, left.2) * across, libm::hypot(lower.2, upper.2) * down);
         (value, noise)
     };
     let ((first, first_noise), (second, second_noise)) = (along(a), along(b));
-    let (mean, noise) = (0.5 * (first + second), 0.5 * first_noise.hypot(second_noise));
+    let (mean, noise) = (0.5 * (first + second), 0.5 * libm::hypot(first_noise, second_noise));
     if mean.abs() > 4.0 * noise { mean.abs() } else { 0.0 }
 }

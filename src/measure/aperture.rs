@@ -66,7 +66,7 @@ impl Aperture {
                 let point = |i: usize| {
                     let r = 0.5 * diameter_mm * ((i as f64 + 0.5) / count as f64).sqrt();
                     let angle = i as f64 * std::f64::consts::TAU * 0.618_033_988_75;
-                    [r * angle.cos(), r * angle.sin()]
+                    [r * libm::cos(angle), r * libm::sin(angle)]
                 };
                 (0..count).map(point).collect()
             }
@@ -103,7 +103,7 @@ impl Shape<'_> {
     fn g(&self, u: &[f64], r: f64) -> f64 {
         let (node, at) = self.node(r);
         let next = u[(node + 1).min(u.len() - 1)];
-        let value = (u[node.min(u.len() - 1)] * (1.0 - at) + next * at).exp();
+        let value = libm::exp(u[node.min(u.len() - 1)] * (1.0 - at) + next * at);
         if self.centre == Centre::Pole { value } else { value * r }
     }
 }
@@ -136,9 +136,9 @@ pub(super) fn deblur(
     let map = blur_map(picture, grid, &points, &radii, all);
     let own = own_map(grid, &radii, all);
 
-    let to_u = |bin: usize| (mean[bin] * if centre == Centre::Pole { grid.radius(bin) } else { 1.0 }).ln();
+    let to_u = |bin: usize| libm::log(mean[bin] * if centre == Centre::Pole { grid.radius(bin) } else { 1.0 });
     let mut u: Vec<f64> = std::iter::once(0).chain(0..all).map(to_u).collect();
-    let data_error = |bin: usize| error[bin].hypot(MODEL_ERROR * mean[bin]);
+    let data_error = |bin: usize| libm::hypot(error[bin], MODEL_ERROR * mean[bin]);
     let nodes = u.len();
     let mut inverse = Mat::<f64>::zeros(nodes, nodes);
     for _ in 0..STEPS {
@@ -261,7 +261,7 @@ fn blur_map(picture: &Radiance, grid: &Grid, points: &[[f64; 2]], radii: &Radii,
         for j in 0..around {
             // Each radius is turned by the golden section, so that points do not line up with pixels.
             let angle = std::f64::consts::TAU * (j as f64 / around as f64 + i as f64 * 0.618_033_988_75);
-            let (x, y) = (r * angle.cos(), r * angle.sin());
+            let (x, y) = (r * libm::cos(angle), r * libm::sin(angle));
             for point in points {
                 let column = (grid.centre[0] + (x + point[0]) / scale).round() as isize - corner[0];
                 let row = (grid.centre[1] + (y + point[1]) / scale).round() as isize - corner[1];

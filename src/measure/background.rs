@@ -48,7 +48,7 @@ pub(super) struct DiffuseTail {
 
 impl DiffuseTail {
     fn shape(decay: f64, from_mm: f64, r: f64) -> f64 {
-        (-decay * (r - from_mm)).exp() * (from_mm / r).sqrt()
+        libm::exp(-decay * (r - from_mm)) * (from_mm / r).sqrt()
     }
 
     pub fn at(&self, r: f64) -> f64 {
@@ -57,7 +57,7 @@ impl DiffuseTail {
 
     /// Standard error at a radius.
     pub fn error_at(&self, r: f64) -> f64 {
-        self.at(r) * self.log_error.hypot(self.decay_error * (r - self.from_mm))
+        self.at(r) * libm::hypot(self.log_error, self.decay_error * (r - self.from_mm))
     }
 }
 
@@ -89,7 +89,7 @@ pub(super) fn level(grid: &Grid, mean: &[f64], error: &[f64]) -> Option<Level> {
     let Level { value, error } = best.as_ref()?.level;
     let widened = best.map_or(1.0, |fit| fit.chi.max(1.0).sqrt());
     let model = before.map_or(0.0, |before| value - before);
-    Some(Level { value, error: (error * widened).hypot(model) })
+    Some(Level { value, error: libm::hypot(error * widened, model) })
 }
 
 /// The first ring whose light is lost in noise, if there is one.
@@ -144,8 +144,8 @@ fn fit(grid: &Grid, mean: &[f64], error: &[f64], rings: std::ops::Range<usize>, 
         (misfit, amplitude, level, [bb / determinant, aa / determinant])
     };
     let (low, high, count) = DECAYS;
-    let log_step = (high / low).ln() / (count - 1) as f64;
-    let decay = |i: f64| low * (i * log_step).exp();
+    let log_step = libm::log(high / low) / (count - 1) as f64;
+    let decay = |i: f64| low * libm::exp(i * log_step);
     let misfit = |i: f64| linear(decay(i)).0;
     let best = (0..count).map(|i| (misfit(i as f64), i)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
     // A minimum at either end is no decay at all.
@@ -171,7 +171,7 @@ fn fit(grid: &Grid, mean: &[f64], error: &[f64], rings: std::ops::Range<usize>, 
     };
     // The level leans on the decay: its error with the decay free, from its change along it.
     let lean = (linear(decay(vertex + 0.5)).2 - linear(decay(vertex - 0.5)).2) / log_step * log_decay_error;
-    Some(Fit { tail, level: Level { value: level, error: variances[1].sqrt().hypot(lean) }, chi })
+    Some(Fit { tail, level: Level { value: level, error: libm::hypot(variances[1].sqrt(), lean) }, chi })
 }
 
 #[cfg(test)]

@@ -74,18 +74,18 @@ pub(super) fn refine(picture: &Radiance, mut grid: Grid, what: &str) -> Result<(
             *step = right / normal;
             error = (1.0 / normal).sqrt();
         }
-        if !(step[0].hypot(step[1]) < 50.0) {
+        if !(libm::hypot(step[0], step[1]) < 50.0) {
             return lost("none that is symmetric".into());
         }
         // Far off, the profile about the wrong centre is flat and the step too long.
-        let shorten = (3.0 / step[0].hypot(step[1])).min(1.0);
+        let shorten = (3.0 / libm::hypot(step[0], step[1])).min(1.0);
         grid.centre = [grid.centre[0] + shorten * step[0], grid.centre[1] + shorten * step[1]];
-        if step[0].hypot(step[1]) < SETTLED_PX {
+        if libm::hypot(step[0], step[1]) < SETTLED_PX {
             let whole = Grid::whole(grid.centre, picture.width, picture.height, grid.mm_per_pixel, grid.bin_mm);
             return Ok((whole, error));
         }
     }
-    let moved = (grid.centre[0] - started[0]).hypot(grid.centre[1] - started[1]);
+    let moved = libm::hypot(grid.centre[0] - started[0], grid.centre[1] - started[1]);
     if error < 0.05 && moved < 5.0 {
         let whole = Grid::whole(grid.centre, picture.width, picture.height, grid.mm_per_pixel, grid.bin_mm);
         return Ok((whole, error));
@@ -119,7 +119,7 @@ fn usable(rings: &Rings) -> impl Iterator<Item = Usable> + '_ {
         if !(before > 0.0 && after > 0.0 && mean[bin] > SIGNIFICANT * rings.error[bin]) {
             return None;
         }
-        let slope = mean[bin] * (before / after).ln() / (grid.radius(bin + 1) - grid.radius(bin - 1));
+        let slope = mean[bin] * libm::log(before / after) / (grid.radius(bin + 1) - grid.radius(bin - 1));
         Some(Usable { bin, slope, variance: 2.0 * rings.error[bin].powi(2) })
     })
 }
@@ -134,7 +134,7 @@ pub(super) struct Vector {
 
 impl Vector {
     pub fn length(&self) -> f64 {
-        self.x.hypot(self.y)
+        libm::hypot(self.x, self.y)
     }
 
     pub fn significance(&self) -> f64 {

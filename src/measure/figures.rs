@@ -23,7 +23,7 @@ fn decimals(number: f64, significant: u32) -> usize {
     if !(number.is_finite() && number != 0.0) {
         return 0;
     }
-    (f64::from(significant) - 1.0 - number.abs().log10().floor()).clamp(0.0, MAX_DECIMALS) as usize
+    (f64::from(significant) - 1.0 - libm::log10(number.abs()).floor()).clamp(0.0, MAX_DECIMALS) as usize
 }
 
 #[cfg(test)]

@@ -70,6 +70,22 @@ pub enum Finding {
         /// Light of the last rings over that of the largest.
         share: f64,
     },
+    /// Light goes on beyond the last whole ring; the profile is continued there as it fell.
+    FieldEnds {
+        /// "reflection" or "transmission".
+        series: &'static str,
+        /// Radius of the last whole ring, mm.
+        reach_mm: f64,
+        /// Light beyond, as a share of all.
+        share: f64,
+    },
+    /// Outer rings that fall to a level below 0: not subtracted.
+    BelowDark {
+        /// Share of the light in the largest full ring.
+        share: f64,
+        /// One standard deviation of it.
+        error: f64,
+    },
     /// Rings whose light differs from direction to direction by more than noise, tilt or a gradient make it.
     Uneven {
         /// From this radius, mm.
@@ -172,6 +188,21 @@ pub enum Finding {
     Remark(String),
 }
 
+impl Finding {
+    /// Whether it may be why a measurement is wrong; others tell what is usual, or where what can be seen ends.
+    pub fn is_doubt(&self) -> bool {
+        !matches!(
+            self,
+            Self::NoDarkSeries
+                | Self::Estimated { .. }
+                | Self::NoFlatField
+                | Self::StrayLight { .. }
+                | Self::Extrapolated { .. }
+                | Self::Remark(_)
+        )
+    }
+}
+
 fn name(file: &Path) -> String {
     file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned()
 }
@@ -219,6 +250,18 @@ impl fmt::Display for Finding {
                 "the spot is {reach_mm:.1} mm from the border, {farthest_mm:.1} mm from the farthest one: whole rings end \
                  at {} of the brightest, and stray light and the fall beyond are known poorly",
                 percent(*share)
+            ),
+            Self::FieldEnds { series, reach_mm, share } => write!(
+                f,
+                "{series}: whole rings end at {reach_mm:.1} mm, and {} of the light lies beyond by the fall of the last \
+                 ones: a larger field, or a spot nearer to its middle, tells more",
+                percent(*share)
+            ),
+            Self::BelowDark { share, error } => write!(
+                f,
+                "outer rings fall to a level below the dark, {}% of the light: the field ends in the light, or the dark \
+                 series has light of its own; not subtracted",
+                plus_minus(100.0 * share, 100.0 * error)
             ),
             Self::Uneven { from_mm, to_mm, share } => write!(
                 f,

@@ -8,8 +8,8 @@ use super::figures::{percent, plus_minus};
 use super::scan::{ScannedProfile, scan};
 use super::{Capture, Finding, MeasureError, ResinFacts, Series};
 use crate::optics::{
-    CoefficientFit, FitRefusal, FrequencyGrid, Interface, MeasuredSlab, ProfileFile, RadialProfile, ResinSpectrum,
-    Tail, fit_coefficients, fit_shapes,
+    CoefficientFit, FitRefusal, FrequencyGrid, Interface, MAX_FIT_RESIDUAL, MeasuredSlab, ProfileFile, RadialProfile,
+    ResinSpectrum, Tail, fit_coefficients, fit_shapes,
 };
 use crate::watch::{Thousandths, Watch};
 use crate::words::toml_string;
@@ -19,6 +19,8 @@ const TRANSMISSION: &str = "transmission";
 const SERIES: [&str; 2] = [REFLECTION, TRANSMISSION];
 /// Coefficients that leave more are noted: captures that were sound left 1e-5 to 1e-4.
 const NOTED_RESIDUAL: f64 = 5e-4;
+/// Light beyond the field is named from this share on: it is extrapolated, and scaled with the rest to the albedo.
+const NAMED_BEYOND: f64 = 0.005;
 /// An albedo contradicts the profiles' shapes if it is off by this share, and by so many standard deviations.
 const CONTRADICTED_SHARE: f64 = 0.03;
 const CONTRADICTED_SIGMAS: f64 = 4.0;
@@ -91,7 +93,7 @@ pub fn measure(capture: Capture, watch: &dyn Watch) -> Result<Measurement, Measu
         let unfitted = Err(FitRefusal::Residual { residual: f64::INFINITY });
         let mut channel = ChannelMeasurement { name, reflection, transmission, findings: Vec::new(), fit: unfitted };
         channel.check_energy(&capture.resin)?;
-        channel.fit(&capture.resin);
+        channel.fit(&capture.resin)?;
         channels.push(channel);
     }
     Ok(Measurement { capture, channels })
@@ -126,6 +128,10 @@ impl ChannelMeasurement {
         }
         for (name, tail) in [(REFLECTION, spectrum.reflection_tail), (TRANSMISSION, spectrum.transmission_tail)] {
             if let Tail::Exponential { from_mm, share, .. } = tail {
+                if share > NAMED_BEYOND {
+                    self.findings.push(Finding::FieldEnds { series: name, reach_mm: from_mm, share });
+                    continue;
+                }
                 let share = percent(share);
                 let text = format!("{name}: {share} of the light is beyond {from_mm:.1} mm, out of the picture");
                 self.findings.push(Finding::Remark(text));
@@ -134,7 +140,9 @@ impl ChannelMeasurement {
         Ok(())
     }
 
-    fn fit(&mut self, resin: &ResinFacts) {
+    /// Coefficients that fit both profiles. A slab that none fit is no slab of one resin, or its profiles are not its own:
+    /// whatever was predicted from them would be wrong, and is refused with all that was noticed.
+    fn fit(&mut self, resin: &ResinFacts) -> Result<(), MeasureError> {
         let slab = MeasuredSlab {
             thickness_mm: resin.thickness_mm,
             reflection: &self.reflection.profile,
@@ -155,23 +163,36 @@ impl ChannelMeasurement {
             let both = [(REFLECTION, self.reflection.albedo), (TRANSMISSION, self.transmission.albedo)];
             for ((series, albedo), (fitted, error)) in both.into_iter().zip(shapes.totals) {
                 let off = (albedo.value - fitted).abs();
-                if off > CONTRADICTED_SHARE * fitted && off > CONTRADICTED_SIGMAS * error.hypot(albedo.error) {
+                if off > CONTRADICTED_SHARE * fitted && off > CONTRADICTED_SIGMAS * libm::hypot(error, albedo.error) {
                     let measured = albedo.value;
                     self.findings.push(Finding::AlbedoContradicted { series, measured, fitted, error });
                 }
             }
         }
-        if let Err(refusal) = &self.fit {
-            let told = self.findings.iter().any(|finding| matches!(finding, Finding::AlbedoContradicted { .. }));
-            let why = match refusal {
-                FitRefusal::Residual { .. } if !told => {
-                    " (are card and sample, or with and without, exchanged, is their light even, are the card's albedo \
-                     and the thickness right?)"
-                }
-                _ => "",
-            };
-            self.findings.push(Finding::Remark(format!("{refusal}{why}; only the model km will know this resin")));
+        match &self.fit {
+            Ok(_) => Ok(()),
+            Err(FitRefusal::Residual { residual }) => Err(self.misfit(*residual)),
+            Err(refusal) => {
+                self.findings.push(Finding::Remark(format!("{refusal}; only the model km will know this resin")));
+                Ok(())
+            }
         }
+    }
+
+    /// The refusal of profiles that no coefficients fit.
+    fn misfit(&self, residual: f64) -> MeasureError {
+        let noticed: Vec<String> = self
+            .all_findings()
+            .filter(|(_, finding)| finding.is_doubt())
+            .map(|(series, finding)| format!("; {series}: {finding}"))
+            .collect();
+        let expected = format!(
+            "at most {MAX_FIT_RESIDUAL:.0e}: are card and sample, or with and without, exchanged, is their light even, are \
+             the card's albedo, the thickness and the refractive index right?{}",
+            noticed.concat()
+        );
+        let found = format!("profiles that the best coefficients miss by {residual:.1e} rms");
+        MeasureError::scene(format!("channel {}", self.name), found, expected)
     }
 
     /// The fitted coefficients with their uncertainties, per mm: scattering (1 − g), absorption, and g.

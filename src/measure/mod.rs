@@ -18,6 +18,8 @@
 //!                     └─► material   TOML and CSV
 //! ```
 //!
+//! Without a projector, [`Totals`] of sheets in an integrating sphere become coefficients (`totals`).
+//!
 //! Radiance is in DN/s of the camera until the last step; only its shape counts. Pictures are read one at a time.
 
 mod albedo;
@@ -37,6 +39,7 @@ mod report;
 mod rings;
 mod scan;
 pub mod simulate;
+mod totals;
 
 pub use albedo::MeasuredAlbedo;
 pub use capture::{Albedo, Aperture, Camera, Capture, Exposure, Rect, ResinFacts, Series};
@@ -46,3 +49,4 @@ pub use finding::Finding;
 pub use frame::{ColourPlane, Plane};
 pub use material::{ChannelMeasurement, Measurement, SeriesMeasurement, measure};
 pub use scan::{Preview, ScannedProfile, SeenTilt};
+pub use totals::{Instrument, Sheet, SheetResin, Totals, TotalsFit, fit_totals};

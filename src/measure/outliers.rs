@@ -54,7 +54,7 @@ impl Outliers {
         for y in 0..picture.height {
             for x in 0..picture.width {
                 let i = y * picture.width + x;
-                let r_px = (x as f64 - grid.centre[0]).hypot(y as f64 - grid.centre[1]);
+                let r_px = libm::hypot(x as f64 - grid.centre[0], y as f64 - grid.centre[1]);
                 let r_mm = r_px * grid.mm_per_pixel;
                 if r_px < SPARED_PX || r_mm > reach_mm || picture.value[i].is_nan() {
                     continue;
@@ -125,7 +125,7 @@ fn medians(picture: &Radiance, grid: &Grid) -> (Vec<f64>, Vec<f64>) {
     let mut values: Vec<Vec<f32>> = vec![Vec::new(); grid.bins];
     for y in 0..picture.height {
         for x in 0..picture.width {
-            let bin = ((x as f64 - grid.centre[0]).hypot(y as f64 - grid.centre[1]) * per_bin) as usize;
+            let bin = (libm::hypot(x as f64 - grid.centre[0], y as f64 - grid.centre[1]) * per_bin) as usize;
             let value = picture.at(x, y);
             if bin >= grid.bins || value.is_nan() {
                 continue;

@@ -136,7 +136,7 @@ fn picture(series: &SeriesMeasurement) -> Panel {
     let circle = |radius: f64| {
         (0..=CIRCLE).map(move |i| {
             let angle = i as f64 * std::f64::consts::TAU / CIRCLE as f64;
-            [radius * angle.cos(), radius * angle.sin()]
+            [radius * libm::cos(angle), radius * libm::sin(angle)]
         })
     };
     let axis = |label: &str| Axis::linear(label).range(-half, half);
@@ -162,7 +162,7 @@ fn profile(series: &SeriesMeasurement) -> Panel {
     let seen = scan.seen.iter().enumerate().map(|(i, seen)| [(i as f64 + 0.5) * bin, seen * factor]);
     // As far as light is shown, and no farther down than it goes.
     let least = value.iter().copied().filter(|value| *value > 0.0).fold(top, f64::min);
-    let bottom = (0.5 * least).max(top * 10_f64.powf(-DECADES));
+    let bottom = (0.5 * least).max(top * libm::pow(10_f64, -DECADES));
     let end = r.iter().zip(value).rev().find(|(_, value)| **value > bottom).map_or(1.0, |(r, _)| *r);
     let panel = Panel::new(Axis::linear("r [mm]").range(0.0, end), Axis::log("per mm²").range(bottom, 2.0 * top))
         .title("Profile")

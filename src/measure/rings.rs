@@ -53,7 +53,7 @@ impl Grid {
     /// Calls `add(bin, share)` for every ring a pixel lies in; (dx, dy) leads from the centre to the pixel, in pixels.
     pub fn shares(&self, dx: f64, dy: f64, mut add: impl FnMut(usize, f64)) {
         let per_bin = self.mm_per_pixel / self.bin_mm;
-        let r = dx.hypot(dy);
+        let r = libm::hypot(dx, dy);
         if r < COUNTED_PX {
             let first = ((r - 0.75).max(0.0) * per_bin) as usize;
             let mut counts = [0_u32; 64];
@@ -61,7 +61,7 @@ impl Grid {
             for i in 0..COUNTED_SIDE {
                 for j in 0..COUNTED_SIDE {
                     let (x, y) = (dx - 0.5 + (i as f64 + 0.5) * step, dy - 0.5 + (j as f64 + 0.5) * step);
-                    let bin = (x.hypot(y) * per_bin) as usize;
+                    let bin = (libm::hypot(x, y) * per_bin) as usize;
                     counts[(bin - first.min(bin)).min(counts.len() - 1)] += 1;
                 }
             }
@@ -127,7 +127,7 @@ impl Model {
             let span = grid.radius(bin + 1) - grid.radius(bin);
             // Inside the first mean radius the profile is not continued upwards: nothing is compared there.
             let at = ((r - grid.radius(bin)) / span).clamp(0.0, 1.0);
-            if a > 0.0 && b > 0.0 { a * (b / a).powf(at) } else { a + (b - a) * at }
+            if a > 0.0 && b > 0.0 { a * libm::pow(b / a, at) } else { a + (b - a) * at }
         };
         let count = (means.len() as f64 * MODEL_STEPS) as usize + 1;
         Self { step_mm, values: (0..count).map(value).collect() }
@@ -240,7 +240,7 @@ fn add_pixel(sums: &mut [Sums], picture: &Radiance, grid: &Grid, model: Option<&
     }
     let variance = f64::from(picture.variance[i]);
     let (dx, dy) = (x as f64 - grid.centre[0], y as f64 - grid.centre[1]);
-    let r = dx.hypot(dy);
+    let r = libm::hypot(dx, dy);
     let (difference, harmonics) = match model {
         Some(model) if r > 0.0 => {
             let difference = value - model.at(r * grid.mm_per_pixel);

@@ -108,7 +108,7 @@ fn rotation_parts(degrees: f64) -> (f64, f64) {
         90.0 => (1.0, 0.0),
         180.0 => (0.0, -1.0),
         270.0 => (-1.0, 0.0),
-        _ => degrees.to_radians().sin_cos(),
+        _ => libm::sincos(degrees.to_radians()),
     }
 }
 

@@ -2,8 +2,12 @@
 //!
 //! | file | what it does |
 //! | --- | --- |
+//! | `complex` | functions of complex numbers, the same bits everywhere |
 //! | `quadrature` | Gauss–Legendre rules |
 //! | `least_squares` | Levenberg and Marquardt's method |
+//! | `rounding` | what a search found, without the digits that depend on the processor |
 
+pub(crate) mod complex;
 pub(crate) mod least_squares;
 pub(crate) mod quadrature;
+pub(crate) mod rounding;

@@ -37,7 +37,7 @@ pub(crate) fn of_unit<const N: usize>(rule: [(f64, f64); N]) -> [(f64, f64); N] 
 /// Nodes and weights of any number on (0, 1): roots of the Legendre polynomial by Newton's method.
 pub(crate) fn gauss_legendre(n: usize) -> (Vec<f64>, Vec<f64>) {
     let node = |i: usize| {
-        let mut x = -(PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
+        let mut x = -libm::cos(PI * (i as f64 + 0.75) / (n as f64 + 0.5));
         let mut slope = 1.0;
         for _ in 0..16 {
             let (mut before, mut here) = (1.0, x);

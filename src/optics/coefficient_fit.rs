@@ -121,7 +121,7 @@ pub fn fit_coefficients(slabs: &[MeasuredSlab<'_>], refractive_index: f64) -> Re
         return Err(FitRefusal::Residual { residual });
     }
     let inverse = inverse(&curvature(&data.slopes(&found, FINE)));
-    let size = count.sqrt() * residual.hypot(MODEL_ERROR);
+    let size = count.sqrt() * libm::hypot(residual, MODEL_ERROR);
     let uncertainty = |i: usize| inverse.map_or(f64::INFINITY, |inverse| size * inverse[i][i].max(0.0).sqrt());
     let coefficients = data.volume(found.at);
     let [reduced_scattering_share, absorption_share, g_uncertainty] = [uncertainty(0), uncertainty(1), uncertainty(2)];
@@ -166,7 +166,7 @@ pub fn fit_shapes(slab: &MeasuredSlab<'_>, refractive_index: f64) -> Option<Shap
     let count = found.residuals.len() as f64;
     let residual = (found.objective() / count).sqrt();
     let inverse = inverse(&curvature(&data.slopes(&found, FINE)))?;
-    let size = count.sqrt() * residual.hypot(MODEL_ERROR);
+    let size = count.sqrt() * libm::hypot(residual, MODEL_ERROR);
     let totals = |at: Parameters| {
         let spectra = data.spectra(data.slabs.first()?, data.volume(at), FINE);
         Some([*spectra.reflection.first()?, *spectra.transmission.first()?])
@@ -263,12 +263,16 @@ impl Data {
         let r = r.min(0.98 - 0.5 * t);
         let alpha = ((1.0 + r * r - t * t) / (2.0 * r)).max(1.0 + 1e-6);
         let beta = (alpha * alpha - 1.0).sqrt();
-        let scattering = (beta * r / t).asinh() / beta / slab.thickness_mm;
-        [(scattering / 0.75).max(LEAST_PER_MM).ln(), ((alpha - 1.0) * scattering / 2.0).max(LEAST_PER_MM).ln(), g]
+        let scattering = libm::asinh(beta * r / t) / beta / slab.thickness_mm;
+        [
+            libm::log((scattering / 0.75).max(LEAST_PER_MM)),
+            libm::log(((alpha - 1.0) * scattering / 2.0).max(LEAST_PER_MM)),
+            g,
+        ]
     }
 
     fn volume(&self, [reduced, absorption, g]: Parameters) -> VolumeCoefficients {
-        let per_mm = |value: f64| value.exp().clamp(LEAST_PER_MM, MAX_COEFFICIENT_PER_MM);
+        let per_mm = |value: f64| libm::exp(value).clamp(LEAST_PER_MM, MAX_COEFFICIENT_PER_MM);
         VolumeCoefficients {
             sigma_s: (per_mm(reduced) / (1.0 - g)).min(MAX_COEFFICIENT_PER_MM),
             sigma_a: per_mm(absorption),

@@ -40,7 +40,8 @@ impl EdgeResponse {
     /// Light that leaves at `x_mm` from the edge, for unit irradiance of the lit half; x is negative in the shadow. To
     /// 1e-3 of R̂(0) within 20 mm of the edge.
     pub fn at(&self, x_mm: f64) -> f64 {
-        let terms = self.weight.iter().zip(0..).map(|(weight, n)| weight * ((f64::from(n) + 0.5) * STEP * x_mm).sin());
+        let terms =
+            self.weight.iter().zip(0..).map(|(weight, n)| weight * libm::sin((f64::from(n) + 0.5) * STEP * x_mm));
         0.5 * self.total + terms.sum::<f64>() / PI
     }
 

@@ -41,7 +41,9 @@ impl RadialProfile {
         if let Tail::Exponential { from_mm, value_per_mm2, decay_per_mm, .. } = tail {
             let shortest = shortest_wave.min(TAU / decay_per_mm);
             let end = from_mm + TAIL_LENGTHS / decay_per_mm;
-            nodes.push_interval(from_mm, end, shortest, |r| r * value_per_mm2 * (-decay_per_mm * (r - from_mm)).exp());
+            nodes.push_interval(from_mm, end, shortest, |r| {
+                r * value_per_mm2 * libm::exp(-decay_per_mm * (r - from_mm))
+            });
         }
         let values = k.par_iter().map(|k| nodes.integrate(|r| libm::j0(k * r))).collect();
         let standard_error = self.standard_error().map(|errors| {

@@ -54,16 +54,16 @@ impl Centre {
         }
         let squared = (f0 * f0 * k0 * k0 - f1 * f1 * k1 * k1) / (f1 * f1 - f0 * f0);
         let decay = if f0 > f1 && squared > 0.0 { squared.sqrt().min(k1) } else { 0.0 };
-        Self { strength: f1 * k1.hypot(decay), decay }
+        Self { strength: f1 * libm::hypot(k1, decay), decay }
     }
 
     fn transform(&self, k: f64) -> f64 {
-        self.strength / k.hypot(self.decay)
+        self.strength / libm::hypot(k, self.decay)
     }
 
     fn energy_within(&self, r: f64) -> f64 {
         let decayed = self.decay * r;
-        let share = if decayed > 1e-8 { -(-decayed).exp_m1() / decayed } else { 1.0 };
+        let share = if decayed > 1e-8 { -libm::expm1(-decayed) / decayed } else { 1.0 };
         self.strength * r * share
     }
 }

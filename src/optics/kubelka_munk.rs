@@ -121,7 +121,7 @@ impl KubelkaMunk {
             let alpha_plus_1_r = 0.5 * (1.0 + r - t).max(0.0) * (1.0 + r + t);
             let beta_r = (alpha_minus_1_r * alpha_plus_1_r).sqrt();
             let x = beta_r / t;
-            let gamma_h = x.asinh();
+            let gamma_h = libm::asinh(x);
             let scattering_h = if x > 0.0 { r / t * (gamma_h / x) } else { r / t };
             let scatters = r > 0.0;
             parameters.alpha.push(if scatters { 1.0 + alpha_minus_1_r / r } else { f64::INFINITY });
@@ -151,10 +151,10 @@ impl KubelkaMunk {
             return if sh.is_finite() { (sh / (1.0 + sh), 1.0 / (1.0 + sh)) } else { (1.0, 0.0) };
         }
         let gamma_h = gamma * h;
-        let u = -(-2.0 * gamma_h).exp_m1() / (2.0 * gamma);
-        let cosh = 0.5 * (1.0 + (-2.0 * gamma_h).exp());
+        let u = -libm::expm1(-2.0 * gamma_h) / (2.0 * gamma);
+        let cosh = 0.5 * (1.0 + libm::exp(-2.0 * gamma_h));
         let denominator = self.k_plus_s(i) * u + cosh;
-        (s * u / denominator, (-gamma_h).exp() / denominator)
+        (s * u / denominator, libm::exp(-gamma_h) / denominator)
     }
 
     /// K + S = αS of coefficient `i`, per mm; finite also where S is 0.

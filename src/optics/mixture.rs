@@ -6,6 +6,8 @@
 
 use std::borrow::Cow;
 
+use serde::{Deserialize, Serialize};
+
 use super::{
     ChannelId, Grains, KubelkaMunk, MaterialFile, MaterialSet, OpticsError, ResinId, Stack, VolumeCoefficients,
 };
@@ -21,7 +23,8 @@ use crate::words::excerpt;
 /// assert_eq!(grey.pure(), None);
 /// assert_eq!(Mixture::from(ResinId(2)).pure(), Some(ResinId(2)));
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<(ResinId, f64)>", into = "Vec<(ResinId, f64)>")]
 pub struct Mixture {
     /// By resin, each once, shares above 0 that sum to 1.
     parts: Vec<(ResinId, f64)>,
@@ -29,6 +32,20 @@ pub struct Mixture {
 
 /// Shares may sum to this much more or less than 1.
 const SUM_SLACK: f64 = 1e-6;
+
+impl TryFrom<Vec<(ResinId, f64)>> for Mixture {
+    type Error = &'static str;
+
+    fn try_from(parts: Vec<(ResinId, f64)>) -> Result<Self, Self::Error> {
+        Self::new(parts).ok_or("shares that are not 0 to 1, or do not sum to 1")
+    }
+}
+
+impl From<Mixture> for Vec<(ResinId, f64)> {
+    fn from(mixture: Mixture) -> Self {
+        mixture.parts
+    }
+}
 
 impl Mixture {
     /// Resins with their shares; those of 0 are left out, those of one resin are one. `None` unless all are at least 0

@@ -61,13 +61,13 @@ pub fn repair_transmission(
     // Weighted by T̂², since the noise of ln T̂ is noise/T̂: the last coefficients before the noise count least.
     let weight: f64 = values[window.clone()].iter().map(|t| t * t).sum();
     let centre = window.clone().map(|i| values[i].powi(2) * (k[i] - mean_k)).sum::<f64>() / weight + mean_k;
-    let log_mean = window.clone().map(|i| values[i].powi(2) * values[i].ln()).sum::<f64>() / weight;
+    let log_mean = window.clone().map(|i| values[i].powi(2) * libm::log(values[i])).sum::<f64>() / weight;
     let covariance: f64 =
-        window.clone().map(|i| values[i].powi(2) * (k[i] - centre) * (values[i].ln() - log_mean)).sum();
+        window.clone().map(|i| values[i].powi(2) * (k[i] - centre) * (libm::log(values[i]) - log_mean)).sum();
     let variance: f64 = window.map(|i| values[i].powi(2) * (k[i] - centre).powi(2)).sum();
     let slope = (covariance / variance).min(0.0);
     for i in from..values.len() {
-        values[i] = (log_mean + slope * (k[i] - centre)).exp().max(LEAST);
+        values[i] = libm::exp(log_mean + slope * (k[i] - centre)).max(LEAST);
     }
     Ok(Some(TransmissionRepair { from_k: k[from], from_index: from, slope_mm: -slope }))
 }

@@ -64,7 +64,7 @@ impl Tail {
         if decay <= 0.0 {
             return cut;
         }
-        let value = at_reach.exp();
+        let value = libm::exp(at_reach);
         let beyond = std::f64::consts::TAU * value * (reach / decay + 1.0 / (decay * decay));
         let share = beyond / (energy + beyond);
         if share > MAX_SHARE {
@@ -100,11 +100,11 @@ fn outer_energy(profile: &RadialProfile, first: usize) -> f64 {
 fn log_line(x: &[f64], y: &[f64], x_at: f64) -> Option<(f64, f64)> {
     let n = x.len() as f64;
     let mean_x = x.iter().sum::<f64>() / n;
-    let mean_y = y.iter().map(|y| y.ln()).sum::<f64>() / n;
-    let covariance: f64 = x.iter().zip(y).map(|(x, y)| (x - mean_x) * (y.ln() - mean_y)).sum();
+    let mean_y = y.iter().map(|y| libm::log(*y)).sum::<f64>() / n;
+    let covariance: f64 = x.iter().zip(y).map(|(x, y)| (x - mean_x) * (libm::log(*y) - mean_y)).sum();
     let variance: f64 = x.iter().map(|x| (x - mean_x) * (x - mean_x)).sum();
     let slope = covariance / variance;
     let line = |x: f64| mean_y + slope * (x - mean_x);
-    let residual = x.iter().zip(y).map(|(x, y)| (y.ln() - line(*x)).powi(2)).sum::<f64>() / n;
+    let residual = x.iter().zip(y).map(|(x, y)| (libm::log(*y) - line(*x)).powi(2)).sum::<f64>() / n;
     (residual.sqrt() <= FIT_MAX_RESIDUAL).then(|| (slope, line(x_at)))
 }

@@ -402,10 +402,6 @@ pub(crate) fn pretty(value: &impl Serialize) -> Vec<u8> {
     text
 }
 
-pub(crate) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
 /// A poisoned lock means that another worker panicked, which ends the job anyway.
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)

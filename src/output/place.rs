@@ -9,11 +9,8 @@ use std::{
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{
-    error::{OutputError, io_error},
-    hex,
-};
-use crate::regular_file;
+use super::error::{OutputError, io_error};
+use crate::{regular_file, words::hex};
 
 /// A file of the output folder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

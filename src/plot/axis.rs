@@ -14,7 +14,7 @@ impl Scale {
     pub(super) fn forward(self, value: f64) -> f64 {
         match self {
             Self::Linear => value,
-            Self::Log10 if value > 0.0 => value.log10(),
+            Self::Log10 if value > 0.0 => libm::log10(value),
             Self::Log10 => f64::NAN,
         }
     }
@@ -22,7 +22,7 @@ impl Scale {
     fn back(self, along: f64) -> f64 {
         match self {
             Self::Linear => along,
-            Self::Log10 => 10_f64.powf(along),
+            Self::Log10 => libm::pow(10_f64, along),
         }
     }
 }
@@ -137,7 +137,7 @@ impl Placed {
             let label = (decade.rem_euclid(step) == 0).then(|| power_of_ten(decade));
             self.push(&mut ticks, decade as f64, label);
             if step == 1 {
-                (2..10).for_each(|n| self.push(&mut ticks, decade as f64 + f64::from(n).log10(), None));
+                (2..10).for_each(|n| self.push(&mut ticks, decade as f64 + libm::log10(f64::from(n)), None));
             }
         }
         ticks
@@ -150,7 +150,7 @@ impl Placed {
             for n in 1..10 {
                 let value = f64::from(n) * 10_f64.powi(decade);
                 let labelled = narrow || matches!(n, 1 | 2 | 5);
-                self.push(&mut ticks, value.log10(), labelled.then(|| decimal(value, value)));
+                self.push(&mut ticks, libm::log10(value), labelled.then(|| decimal(value, value)));
             }
         }
         if ticks.iter().filter(|tick| tick.label.is_some()).count() >= 2 {
@@ -162,7 +162,7 @@ impl Placed {
         let mut ticks = Vec::new();
         for n in (low / step).ceil() as i64..=(high / step).floor() as i64 {
             let value = n as f64 * step;
-            self.push(&mut ticks, value.log10(), Some(decimal(value, step)));
+            self.push(&mut ticks, libm::log10(value), Some(decimal(value, step)));
         }
         ticks
     }
@@ -177,7 +177,7 @@ impl Placed {
 
 /// The nearest of 1, 2, 5 and 10 times a power of ten that is no smaller.
 fn round_step(step: f64) -> f64 {
-    let power = 10_f64.powf(step.log10().floor());
+    let power = libm::pow(10_f64, libm::log10(step).floor());
     let mantissa = step / power;
     let round = [1.0, 2.0, 5.0].into_iter().find(|round| mantissa <= round * (1.0 + 1e-9)).unwrap_or(10.0);
     round * power
@@ -190,16 +190,16 @@ fn decimal(value: f64, step: f64) -> String {
         return "0".to_owned();
     }
     if !(1e-4..1e6).contains(&size) {
-        let exponent = value.abs().log10().floor() as i64;
+        let exponent = libm::log10(value.abs()).floor() as i64;
         let mantissa = value / 10_f64.powi(exponent as i32);
-        let digits = (size.log10().floor() - step.log10().floor()).clamp(0.0, 6.0) as usize;
+        let digits = (libm::log10(size).floor() - libm::log10(step).floor()).clamp(0.0, 6.0) as usize;
         return match format!("{mantissa:.digits$}").replace('-', "−") {
             one if one == "1" => power_of_ten(exponent),
             one if one == "−1" => format!("−{}", power_of_ten(exponent)),
             mantissa => format!("{mantissa}·{}", power_of_ten(exponent)),
         };
     }
-    let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
+    let decimals = (-libm::log10(step).floor()).clamp(0.0, 9.0) as usize;
     format!("{value:.decimals$}").replace('-', "−")
 }
 

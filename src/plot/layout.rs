@@ -310,7 +310,7 @@ fn mark_seen(outline: &[Step], seen: &mut Vec<Point>) {
     for step in outline {
         match (*step, pen) {
             (Step::Line(to), Some(from)) => {
-                let parts = ((to[0] - from[0]).hypot(to[1] - from[1]) / APART).ceil().max(1.0);
+                let parts = (libm::hypot(to[0] - from[0], to[1] - from[1]) / APART).ceil().max(1.0);
                 let part = |n: usize, axis: usize| from[axis] + (to[axis] - from[axis]) * n as f64 / parts;
                 seen.extend((0..parts as usize).map(|n| [part(n, 0), part(n, 1)]));
                 pen = Some(to);

@@ -150,7 +150,7 @@ impl ScaleBar {
         if !(most.is_finite() && most > 0.0) {
             return None;
         }
-        let decade = 10_f64.powf(most.log10().floor());
+        let decade = libm::pow(10_f64, libm::log10(most).floor());
         // 1e-9: a decade that rounds up must not lose its own length.
         let step = [5.0, 2.0, 1.0].into_iter().find(|step| step * decade <= most * (1.0 + 1e-9)).unwrap_or(0.5);
         let mm = step * decade;
@@ -178,7 +178,7 @@ impl ScaleBar {
 
 /// A number that is 1, 2 or 5 times a power of ten, without noise digits.
 fn tidy(value: f64) -> String {
-    let digits = (-value.log10().floor()).max(0.0) as usize;
+    let digits = (-libm::log10(value).floor()).max(0.0) as usize;
     format!("{value:.digits$}")
 }
 

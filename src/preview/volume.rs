@@ -56,7 +56,7 @@ impl Volume {
         let extent: [f64; 3] = std::array::from_fn(|axis| f64::from(lattice.dims[axis]) * lattice.pitch[axis]);
         let longest = extent.iter().copied().fold(0.0, f64::max);
         let edge = (longest / MAX_SIDE)
-            .max((extent.iter().product::<f64>() / MAX_CELLS).cbrt())
+            .max(libm::cbrt(extent.iter().product::<f64>() / MAX_CELLS))
             .max(lattice.pitch.min_element().min(longest / MIN_SIDE));
         // A hair below a whole number of cells is that number.
         let n = extent.map(|length| ((length / edge + 1e-6).floor() as usize).clamp(1, MAX_SIDE as usize));

@@ -87,6 +87,11 @@ impl InsideRows {
         Self::sorted(solid.outline().collect(), lattice, slab_height)
     }
 
+    /// Sorts a closed surface into slabs of `slab_height` slices.
+    pub(crate) fn of_triangles(triangles: Arc<[[DVec3; 3]]>, lattice: Lattice, slab_height: u32) -> Self {
+        Self::sorted(triangles, lattice, slab_height)
+    }
+
     /// The same surface sorted into the slabs of another lattice.
     pub fn resampled(&self, lattice: Lattice, slab_height: u32) -> Self {
         Self::sorted(Arc::clone(&self.triangles), lattice, slab_height)

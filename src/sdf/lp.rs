@@ -131,7 +131,7 @@ impl LpField {
         // The first term left out is at most p(p + 1)(p + 2)/6 · (spread/ρ)³ of the piece, and an error of F is divided
         // by p − 2.
         let third = exponent * (exponent + 1.0) * (exponent + 2.0) / 6.0;
-        let spread = (SPREAD_FACTOR * (RELATIVE_ERROR * (exponent - 2.0) / third).cbrt()).min(STEEPEST / exponent);
+        let spread = (SPREAD_FACTOR * libm::cbrt(RELATIVE_ERROR * (exponent - 2.0) / third)).min(STEEPEST / exponent);
         // Surface at ρ counts for (d/ρ)^(p−2) as much as at d. Half of that is used: the area near x may be small.
         let growth = ((exponent - 2.0) / 6.0).min(MOST_GROWTH);
         Self { exponent, nodes: build_hierarchy(triangles), spread, growth }

@@ -62,7 +62,7 @@ impl<'a> Sheet<'a> {
         }
         // (R − R∞)/(1 − R R∞) decays as e^(−2γh).
         let left = |r: f64| (r - self.r_infinity) / (1.0 - r * self.r_infinity);
-        (left(from) / left(to)).ln() / (2.0 * gamma)
+        libm::log(left(from) / left(to)) / (2.0 * gamma)
     }
 
     /// The reflectance in (0, 1) at which both slopes agree.

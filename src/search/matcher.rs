@@ -1,8 +1,10 @@
 //! One matcher for all who ask which stacking reflects like a target: a command, a job, a program.
 
+use serde::{Deserialize, Serialize};
+
 use super::{
-    Family, FamilyAnswer, Match, Objective, PartTarget, RefineOptions, Refined, SearchError, SearchOptions,
-    SearchTarget, algorithm_1::algorithm_1, branch_and_bound::match_targets, forward, refine::Refiner,
+    Family, FamilyAnswer, Match, Objective, PartTarget, RefineOptions, Refined, SearchCache, SearchError,
+    SearchOptions, SearchTarget, algorithm_1::algorithm_1, branch_and_bound::match_targets, forward, refine::Refiner,
     table::BlockTable,
 };
 use crate::{
@@ -53,7 +55,7 @@ struct Pure {
 }
 
 /// What was found for a target.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Found {
     /// The best stacking of whole units by Kubelka–Munk; `None` where a family answered.
     pub search: Option<Match>,
@@ -166,6 +168,21 @@ impl Matcher {
             Kind::Pure(Box::new(Pure::new(set, options)?))
         };
         Ok(Self { kind })
+    }
+
+    /// [`Self::match_targets`] by a matcher that is made for it, unless `cache` knows what it would find.
+    ///
+    /// # Errors
+    /// Those of [`Self::new`] and of [`Self::match_targets`].
+    pub fn matched(
+        set: &MaterialSet,
+        options: &MatchOptions,
+        targets: &[SearchTarget],
+        watch: &dyn Watch,
+        cache: Option<&SearchCache>,
+    ) -> Result<Vec<Found>, SearchError> {
+        let search = || Self::new(set, options)?.match_targets(targets, watch);
+        SearchCache::recall(cache, "stackings", &(set, options, targets), search)
     }
 
     /// The best stacking of each target, in parallel; the answers do not depend on the number of threads. A target is a

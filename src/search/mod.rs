@@ -18,6 +18,7 @@
 
 mod algorithm_1;
 mod branch_and_bound;
+mod cache;
 mod endings;
 mod envelope;
 mod family;
@@ -32,6 +33,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
+pub use cache::SearchCache;
 pub use family::{Family, FamilyAnswer, PartTarget};
 pub use gamut::{Boundary, ChannelGamut, Gamut, GamutMap, GamutPoint, Move, Side, place_of};
 pub use matcher::{Found, Judge, Judged, MatchOptions, Matcher};

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
+
 use super::{Objective, ResinLimit};
 use crate::optics::{ChannelId, FrequencyGrid, Interface, OpticsError, ProfileFile, ResinId, Stack};
 use crate::watch::Stopped;
@@ -70,7 +72,7 @@ impl SearchTarget {
 }
 
 /// A stacking found, and how good it is.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Match {
     /// The layers over the search's core. A last layer of the core's own resin belongs to the core and is not listed.
     pub stacking: Stack,

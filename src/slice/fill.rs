@@ -169,7 +169,7 @@ impl ObjectField {
     }
 
     /// The closed surface that tells inside from outside.
-    pub(super) fn inside(&self) -> &InsideRows {
+    pub(crate) fn inside(&self) -> &InsideRows {
         &self.inside
     }
 

@@ -158,7 +158,7 @@ impl Tile {
                 [1, 0].into_iter().fold(2, |least, axis| if edge(axis) < edge(least) { axis } else { least });
             dims[shortest] *= 2;
         }
-        let unit = (pitch.x * pitch.y * pitch.z).cbrt();
+        let unit = libm::cbrt(pitch.x * pitch.y * pitch.z);
         let mut kernel = Vec::with_capacity(2 * ThresholdMask::LEVELS);
         for k in 0..dims[2] {
             for j in 0..dims[1] {

@@ -58,7 +58,27 @@ fn a_sheet_is_a_page_and_pictures() {
     assert!(ran.stdout.starts_with("4 × 2 texels, sheet/sheet.html\n"), "{}", ran.stdout);
     let first = bench.files("sheet");
     let names: Vec<_> = first.keys().map(String::as_str).collect();
-    assert_eq!(names, ["comparison.json", "edge.png", "manifest.json", "sheet.html", "sheet.png"]);
+    let expected = [
+        "comparison.json",
+        "edge.png",
+        "manifest.json",
+        "noise.npy",
+        "places.csv",
+        "radiosity.npy",
+        "sheet.html",
+        "sheet.png",
+    ];
+    assert_eq!(names, expected);
+    // The numbers behind the pictures: 4 × 2 texels, a row each, and the same in an array.
+    let found: Value = serde_json::from_slice(&first["comparison.json"]).unwrap();
+    let pictures = found["stages"].as_array().unwrap().len() * 3;
+    let places = String::from_utf8(first["places.csv"].clone()).unwrap();
+    let rows: Vec<&str> = places.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_digit())).collect();
+    assert!(rows.len() == 8 && rows.iter().all(|row| row.split(',').count() == 4 + pictures), "{places}");
+    let array = &first["radiosity.npy"];
+    let value = array[array.len() - 4 * 8 * pictures..][..4].try_into().map(f32::from_le_bytes).unwrap();
+    let told: f32 = rows[0].split(',').nth(4).unwrap().parse().unwrap();
+    assert!((value - told).abs() < 1e-5 && value > 0.0, "{value} {told}");
     let page = String::from_utf8(first["sheet.html"].clone()).unwrap();
     assert!(page.contains("<svg") && !page.contains("src=\"http") && !page.contains("href=\"http"));
     bench.run(COMPARE).refuses(2, &["sheet: found a folder that is not empty"]);

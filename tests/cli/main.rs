@@ -10,8 +10,10 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
+mod cache;
 mod compare;
 mod containers;
+mod docs;
 mod factor;
 mod gamut;
 mod interrupt;

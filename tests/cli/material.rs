@@ -84,3 +84,46 @@ fn colours_that_printers_mix_up_are_refused() {
     set("[9, 9, 9]", "[8, 8, 8, 0]").refuses(2, &["m.toml:9", "alpha 255"]);
     assert!(!bench.path("out").exists());
 }
+
+/// Sheets of a known resin, as `predict` sees them, become its coefficients again, and a file that `show` reads.
+#[test]
+fn sheets_become_a_material_file() {
+    let bench = Bench::new();
+    let mut table = String::from("thickness_mm,reflectance,transmittance\n");
+    for mm in ["0.3", "1", "3"] {
+        let stack = format!("white:{mm}");
+        let seen = bench
+            .run([
+                "predict",
+                "--materials",
+                "synthetic",
+                "--stack",
+                &stack,
+                "--model",
+                "transport",
+                "--light",
+                "diffuse",
+                "--json",
+            ])
+            .exits(0)
+            .json();
+        table += &format!("{mm},{},{}\n", seen["reflection"][0], seen["transmission"][0]);
+    }
+    bench.write("sheets.csv", table.as_bytes());
+    let file = "[resin]\nname = \"white\"\nrgba = [255, 255, 255]\ndensity-g-per-cm3 = 1.18\nrefractive-index = 1\n\
+                [instrument]\nlight = \"diffuse\"\nspecular = \"included\"\n[samples]\nfile = \"sheets.csv\"\n";
+    bench.write("sheets.toml", file.as_bytes());
+    let fit = ["material", "fit", "sheets.toml", "-o", "white.toml"];
+    let found = bench.run(fit.into_iter().chain(["--json"])).exits(0).json();
+    let channel = &found["channels"][0];
+    let (scattering, absorption) =
+        (channel["reduced_scattering_per_mm"].as_f64().unwrap(), channel["absorption_per_mm"].as_f64().unwrap());
+    assert!((scattering / 4.0 - 1.0).abs() < 0.01 && (absorption / 0.17 - 1.0).abs() < 0.01, "{found}");
+    bench.run(fit).refuses(2, &["white.toml", "--overwrite"]);
+    let ran = bench.run(fit.into_iter().chain(["--overwrite"])).exits(0);
+    assert!(ran.stdout.trim_end().ends_with("white.toml"), "{}", ran.stdout);
+    let shown = bench.run(["material", "show", "white.toml", "--json"]).exits(0).json();
+    assert_eq!(shown["resins"][0]["coefficients"][0]["g"].as_f64(), Some(0.5));
+    bench.write("sheets.toml", file.replace("refractive-index = 1\n", "").as_bytes());
+    bench.run(fit.into_iter().chain(["--overwrite"])).refuses(2, &["sheets.toml", "refractive-index"]);
+}

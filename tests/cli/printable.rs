@@ -78,6 +78,20 @@ fn support_that_lies_bare_or_alone_is_said() {
 }
 
 #[test]
+fn a_sheet_between_the_centres_is_missed_aloud() {
+    let bench = Bench::new();
+    // Voxels of 0.2 mm have their centres at 0.1 mm, 0.3 mm and so on.
+    let sheet = block([6.0, 0.0, 0.22], [9.0, 3.0, 0.28]);
+    bench.write("cube.stl", &stl(&[block([0.0; 3], [4.0; 3]), sheet].concat()));
+    let json = bench.run(["slice", "job.toml", "--dry-run", "--json"]).exits(0).json();
+    let lost = &json["printable"]["lost_shells"][0];
+    assert_eq!(lost["count"], 1, "{lost}");
+    assert!((lost["mm3"].as_f64().unwrap() - 0.54).abs() < 1e-6, "{lost}");
+    let warnings = json["warnings"].to_string();
+    assert!(warnings.contains("1 shell of 0.540 mm³ together will not be printed, the first at (7."), "{warnings}");
+}
+
+#[test]
 fn copies_are_arranged_on_the_tray_and_cost_what_they_weigh() {
     let bench = Bench::new();
     bench.run(["material", "simulate", "synthetic", "--photons", "40000", "-o", "m"]).exits(0);

@@ -21,8 +21,8 @@ fn threads_and_repetition_change_nothing() {
     full_job(&bench);
     let mut runs: Vec<BTreeMap<String, Vec<u8>>> = Vec::new();
     for (out, threads) in [("a", "1"), ("b", "2")] {
-        let output =
-            bench.command(["slice", "job.toml", "-o", out]).env("RAYON_NUM_THREADS", threads).output().unwrap();
+        let mut command = bench.command(["slice", "job.toml", "-o", out]);
+        let output = command.env("RAYON_NUM_THREADS", threads).output().unwrap();
         crate::support::Ran::from(output).exits(0);
         runs.push(bench.files(out));
     }

@@ -48,6 +48,20 @@ fn init_writes_a_job_that_says_what_was_guessed() {
 }
 
 #[test]
+fn dark_greys_stay_dark_and_bright_ones_keep_their_ratios() {
+    let bench = Bench::new();
+    for (colour, line) in [("0.3 0.3 0.3", "gamut-map = true"), ("0.9 0.9 0.9", "max-albedo = 0.6")] {
+        // Every corner its own grey.
+        let text = String::from_utf8(obj(colour)).unwrap().replacen(colour, "0.2 0.2 0.2", 1);
+        bench.write("grey.obj", text.as_bytes());
+        bench.run(["init", "grey.obj"]).exits(0);
+        let job = fs::read_to_string(bench.path("grey.toml")).unwrap();
+        assert!(job.contains("set = \"synthetic\"") && job.contains(line), "{job}");
+        fs::remove_file(bench.path("grey.toml")).unwrap();
+    }
+}
+
+#[test]
 fn units_colours_and_heights_are_guessed() {
     let bench = Bench::new();
     let job = |name: &str, flags: &[&str]| {
@@ -71,6 +85,12 @@ fn units_colours_and_heights_are_guessed() {
     assert!(!small.contains("unit ="), "{small}");
     let skin = job("small.stl", &["--look", "skin"]);
     assert!(skin.contains("preset = \"skin\"") && !skin.contains("\nalbedo ="), "{skin}");
+    // What was measured stays as dark, and as coloured, as it is.
+    let espresso = job("small.stl", &["--look", "espresso"]);
+    for (text, set) in [(skin, "inks-rgb-7"), (espresso, "synthetic")] {
+        assert!(text.contains(&format!("set = \"{set}\"")) && text.contains("gamut-map = true"), "{text}");
+        assert!(!text.contains("max-albedo"), "{text}");
+    }
     // A house does not fit.
     bench.write("house.stl", &stl(&cube(9000.0)));
     let house = job("house.stl", &["--materials", "inks-rgb"]);
@@ -90,9 +110,8 @@ fn units_colours_and_heights_are_guessed() {
 fn a_mesh_is_sliced_without_a_job() {
     let bench = Bench::new();
     bench.write("figure.stl", &stl(&cube(4.0)));
-    let ran = bench.run(["slice", "figure.stl", "--dry-run", "--height-mm", "6", "--look", "wholemilk"]).exits(0);
-    for part in ["mesh = \"figure.stl\"", "height-mm = 6", "preset = \"wholemilk\"", "figure: 6.01 × 6.01 × 6.02 mm"]
-    {
+    let ran = bench.run(["slice", "figure.stl", "--dry-run", "--height-mm", "6", "--look", "espresso"]).exits(0);
+    for part in ["mesh = \"figure.stl\"", "height-mm = 6", "preset = \"espresso\"", "figure: 6.01 × 6.01 × 6.02 mm"] {
         assert!(ran.stdout.contains(part), "{part}: {}", ran.stdout);
     }
     let json = bench.run(["slice", "figure.stl", "--dry-run", "--height-mm", "6", "--json"]).exits(0).json();

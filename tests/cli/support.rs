@@ -69,8 +69,11 @@ impl Ran {
     }
 }
 
+/// The program, without a cache: what a test searches is searched.
 pub fn lumislice() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_lumislice"))
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lumislice"));
+    command.env("LUMISLICE_CACHE", "");
+    command
 }
 
 /// Runs the program in no particular folder.

@@ -98,8 +98,11 @@ fn job(triangles: &[[DVec3; 3]], pitch: &str) -> tempfile::TempDir {
     folder
 }
 
+/// The program, without a cache: every run searches.
 fn binary() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_lumislice"))
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lumislice"));
+    command.env("LUMISLICE_CACHE", "");
+    command
 }
 
 /// Every file under a folder with its content, but for the timings.

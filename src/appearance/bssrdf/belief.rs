@@ -76,12 +76,13 @@ pub(super) fn level(rings: &Rings, survey: &Survey) -> Option<(f64, f64)> {
             (share - 0.06..=share + 0.06).contains(&r)
         });
         let known: Vec<f64> = near.filter_map(mean).collect();
-        (known.len() >= 3).then(|| (known.iter().map(|mean| mean.ln()).sum::<f64>() / known.len() as f64, known.len()))
+        (known.len() >= 3)
+            .then(|| (known.iter().map(|mean| libm::log(*mean)).sum::<f64>() / known.len() as f64, known.len()))
     };
     let ([a, b, c], step) = ([about(0.46)?.0, about(0.70)?.0, about(0.94)?.0], 0.24 * end);
     let (before, after) = ((a - b) / step, (b - c) / step);
     let levels_off = before > 0.0 && after < LEVELS_OFF * before;
-    levels_off.then(|| (c.exp() - (b - before * step).exp(), 0.94 * end))
+    levels_off.then(|| (libm::exp(c) - libm::exp(b - before * step), 0.94 * end))
 }
 
 /// By how much light goes farther along rows than along columns, beyond what equation 7 makes of the profiles; below 0
@@ -89,6 +90,6 @@ pub(super) fn level(rings: &Rings, survey: &Survey) -> Option<(f64, f64)> {
 pub(super) fn out_of_round(misses: &Misses) -> Option<f64> {
     let [along, across] = misses.axes;
     let ratio = (along[0] / along[1]) / (across[0] / across[1]);
-    let off = ratio.ln();
-    (off.is_finite() && off.abs() > NOT_ROUND).then_some(off.exp_m1())
+    let off = libm::log(ratio);
+    (off.is_finite() && off.abs() > NOT_ROUND).then_some(libm::expm1(off))
 }

@@ -4,8 +4,9 @@
 //!   R(xᵢ, xₒ) ≈ √(P(xᵢ, r) P(xₒ, r))          ln R = ln g(r) + ½ (q(xᵢ, r) + q(xₒ, r)),   q = ln(P/g)
 //! ```
 //!
-//! g is the mean response at each distance that occurs in a window, so the 1/r at the centre and the fall with distance
-//! are in it and q is smooth; q is one number per texel and ring. The paper takes logarithms and solves a sparse
+//! g is what all texels have in common at each distance that occurs in a window ([`super::shape`]), so the 1/r at the
+//! centre and the fall with distance are in it and q is smooth: one number per texel and ring, and straight lines in r
+//! between the rings. The paper takes logarithms and solves a sparse
 //! least-squares problem. The logarithm of a noisy value near zero is wrong on average, and dropping such values is
 //! wrong too: what stays is too bright. So this is the same problem as a generalised linear model with a logarithmic
 //! link (McCullagh and Nelder 1989, chapter 2.5): in every round the residual is (D − R̂)/R̂, whose mean is right
@@ -16,6 +17,8 @@
 //! what equation 7 itself misses, which no measurement gives: it is estimated from the residuals of every round, and so
 //! is the floor if not known.
 
+use rayon::prelude::*;
+
 use super::{
     BssrdfError, Dataset, belief,
     kernel::{Residual, Variance},
@@ -25,6 +28,7 @@ use super::{
     reciprocity::{Breach, Reciprocity, reciprocity},
     responses::Channel,
     rings::Rings,
+    shape::{correction, global_profile, nodes},
 };
 use crate::watch::Watch;
 
@@ -110,9 +114,13 @@ const RIDGE: f32 = 1e-3;
 const ROUGHNESS: f64 = 0.3;
 /// Where ln P moves no more after fewer rounds than this, they end: 9 on the largest patch with 1% noise, 4 on those
 /// from Monte Carlo.
-const MAX_ROUNDS: usize = 16;
+const MAX_ROUNDS: usize = 32;
 /// A round that changes ln P by less than this, root mean square, is the last.
 const REST: f64 = 1e-3;
+/// …nor is a round that expects to gain more than this share of a measurement's variance, on the mean.
+const LEAST_GAIN: f64 = 1e-4;
+/// What all texels share is corrected once profiles have taken their first steps.
+const SHAPED_FROM: usize = 3;
 /// Conjugate gradients go this far in a round: the next one has other weights. At 0.01 the far rings, whose part of the
 /// residual is small, took rounds of their own.
 const CG_TOLERANCE: f64 = 1e-3;
@@ -123,8 +131,6 @@ const LONGEST_STEP: f32 = 1.0;
 const FIRST_RELATIVE: f64 = 0.1;
 /// No model is known better than to this share.
 const LEAST_RELATIVE: f64 = 1e-3;
-/// Noise is told from light in the global profile by this many standard deviations.
-const SURE: f64 = 3.0;
 /// Negative values beyond this share of the positive ones are no noise about zero.
 const MAX_NEGATIVE: f64 = 0.25;
 /// Energy of windows that no surface gives back, on the mean of all texels.
@@ -149,8 +155,11 @@ pub fn factor(
     let source = Source { dataset, rings: &rings, channel, watch };
     let survey = source.survey()?;
     let mut doubts = check(dataset, channel, &survey)?;
-    let global = global_profile(&rings, &survey);
-    let reciprocity = reciprocity(dataset, channel, &rings, &global, survey.least, watch)?;
+    // What every texel shares can be corrected only where every ring of a texel has a number of its own.
+    let shaped = options.freedom == Freedom::Profiles;
+    let mean = global_profile(&rings, &survey, false);
+    let mut global = if shaped { global_profile(&rings, &survey, true) } else { mean.clone() };
+    let reciprocity = reciprocity(dataset, channel, &rings, &mean, survey.least, watch)?;
     if let Some(breach) = reciprocity.breaches.iter().find(|breach| breach.is_no_data()) {
         let expected = match breach {
             Breach::Zeros { .. } => "light both ways, and NaN where a value is missing",
@@ -170,23 +179,28 @@ pub fn factor(
              stray light) that is not the sample's"
         ));
     }
-    let between = between(&rings);
-    let means = rings.means(&global.iter().map(|g| f64::from(*g)).collect::<Vec<_>>());
-    let present = |texel: usize| if dataset.is_present(texel) { 1.0 } else { 0.0 };
+    let nodes = nodes(&rings);
+    let means = |global: &[f32]| rings.means(&global.iter().map(|g| f64::from(*g)).collect::<Vec<_>>());
+    let present: Vec<f32> = (0..dataset.texels()).map(|texel| f32::from(u8::from(dataset.is_present(texel)))).collect();
     let mut log = Planes::new(rings.len(), dataset.width, dataset.height, 0.0);
-    let root_of = |log: &Planes| {
-        let mut root = log.map(|q| (0.5 * q).exp());
-        let texels = dataset.texels();
-        root.data.iter_mut().enumerate().for_each(|(i, root)| *root *= present(i % texels));
-        root
+    // √(P/g) of every texel at every distance.
+    let roots_of = |log: &Planes, roots: &mut Planes| {
+        let Planes { width, height, .. } = *log;
+        roots.data.par_chunks_mut(width).enumerate().for_each(|(index, roots)| {
+            let (distance, y) = (index / height, index % height);
+            nodes[distance].blend(|ring| log.row(ring, y), roots);
+            let present = &present[y * width..(y + 1) * width];
+            roots.iter_mut().zip(present).for_each(|(root, present)| *root = present * libm::expf(0.5 * *root));
+        });
     };
-    let mut root = root_of(&log);
+    let mut roots = Planes::new(global.len(), dataset.width, dataset.height, 0.0);
+    roots_of(&log, &mut roots);
     let prior = Prior { second: (options.roughness.powi(-2)) as f32, first: FIRST_DIFFERENCE, value: RIDGE };
-    let mut noise = NoiseModel::first(dataset, &means);
+    let mut noise = NoiseModel::first(dataset, &means(&global));
     let mut rounds: Vec<Round> = Vec::new();
     let mut converged = options.freedom == Freedom::Global;
     while !converged && rounds.len() < options.rounds {
-        let model = Model { global: &global, root: &root, between: &between };
+        let model = Model { global: &global, roots: &roots, nodes: &nodes };
         let kind = if rounds.is_empty() { Residual::Logarithm } else { Residual::Linear };
         let stage = match rounds.last() {
             None => "round 1".to_owned(),
@@ -212,6 +226,8 @@ pub fn factor(
         let (step, steps) = operator.solve(&b, CG_TOLERANCE, CG_STEPS);
         let step = step.map(|change| change.clamp(-LONGEST_STEP, LONGEST_STEP));
         let change = (step.dot(&step) / step.data.len() as f64).sqrt();
+        // Twice what the sum of squares, one for a measurement as it should be, is expected to fall by.
+        let gain = b.dot(&step) / gradient.misses.rings.iter().map(|sums| sums.count).sum::<f64>().max(1.0);
         rounds.push(Round {
             steps,
             change,
@@ -223,11 +239,17 @@ pub fn factor(
         if rounds.len() > 1 {
             noise.estimate(&gradient.misses);
         }
+        let mut shape = 0.0;
+        if shaped && rounds.len() >= SHAPED_FROM {
+            let (corrections, size) = correction(&nodes, rings.len(), &gradient.shape);
+            global.iter_mut().zip(corrections).for_each(|(g, by)| *g *= libm::exp(by) as f32);
+            shape = size;
+        }
         log.add(1.0, &step);
-        root = root_of(&log);
-        converged = change < REST;
+        roots_of(&log, &mut roots);
+        converged = change < REST && shape < REST && gain < LEAST_GAIN;
     }
-    let model = Model { global: &global, root: &root, between: &between };
+    let model = Model { global: &global, roots: &roots, nodes: &nodes };
     let misses = source.residual(&model)?;
     if let Some(off) = belief::out_of_round(&misses) {
         doubts.push(format!(
@@ -240,7 +262,8 @@ pub fn factor(
     Ok(Factors {
         reciprocity,
         doubts,
-        ring_means: means,
+        root: ring_roots(&rings, &global, &roots),
+        ring_means: means(&global),
         rounds,
         converged,
         variance: noise.variance(),
@@ -249,8 +272,26 @@ pub fn factor(
         energy: survey.energy,
         availability: survey.availability,
         global,
-        root,
     })
+}
+
+/// √(P/g) of every texel's rings, whose P and g are means over the ring's pixels.
+fn ring_roots(rings: &Rings, global: &[f32], roots: &Planes) -> Planes {
+    let Planes { width, height, .. } = *roots;
+    let mut out = Planes::new(rings.len(), width, height, 0.0);
+    out.data.par_chunks_mut(width).enumerate().for_each(|(index, out)| {
+        let (ring, y) = (index / height, index % height);
+        let mut sums = vec![0.0_f64; width];
+        let mut whole = 0.0;
+        for distance in rings.distances(ring) {
+            let weight = rings.at(distance).len() as f64 * f64::from(global[distance]);
+            whole += weight;
+            let row = roots.row(distance, y);
+            sums.iter_mut().zip(row).for_each(|(sum, root)| *sum += weight * f64::from(*root).powi(2));
+        }
+        out.iter_mut().zip(sums).for_each(|(out, sum)| *out = (sum / whole).sqrt() as f32);
+    });
+    out
 }
 
 impl Factors {
@@ -320,61 +361,6 @@ fn check(dataset: &Dataset, channel: Channel, survey: &Survey) -> Result<Vec<Str
         ));
     }
     Ok(doubts)
-}
-
-/// Mean response per distance. Where it sinks into its own noise it goes on falling as before.
-fn global_profile(rings: &Rings, survey: &Survey) -> Vec<f32> {
-    let distances = rings.distances_mm.len();
-    let mut global = vec![0.0; distances];
-    let mut sure: Vec<usize> = Vec::new();
-    for (distance, global) in global.iter_mut().enumerate() {
-        let count = survey.counts[distance] as f64;
-        let mean = survey.sums[distance] / count.max(1.0);
-        let variance = (survey.squares[distance] / count.max(1.0) - mean * mean).max(0.0) / count.max(1.0);
-        if mean > SURE * variance.sqrt() && mean > 0.0 {
-            sure.push(distance);
-            *global = mean;
-        }
-    }
-    let r = |distance: usize| rings.distances_mm[distance];
-    for distance in 0..distances {
-        if global[distance] > 0.0 {
-            continue;
-        }
-        // The nearest sure ones on both sides, else the last two.
-        let after = sure.partition_point(|known| *known < distance);
-        let (a, b) = match (after.checked_sub(1).map(|i| sure[i]), sure.get(after)) {
-            (Some(a), Some(&b)) => (a, b),
-            (Some(b), None) => (after.checked_sub(8).map_or(sure[0], |i| sure[i]), b),
-            (None, Some(&b)) => (b, b),
-            (None, None) => {
-                global[distance] = f64::from(f32::MIN_POSITIVE).sqrt();
-                continue;
-            }
-        };
-        let slope = if a == b { 0.0 } else { (global[b] / global[a]).ln() / (r(b) - r(a)) };
-        let slope = if distance > b { slope.min(0.0) } else { slope };
-        global[distance] = global[b] * (slope * (r(distance) - r(b))).exp();
-    }
-    let most = global.iter().copied().fold(0.0, f64::max);
-    global.iter().map(|g| g.max(1e-12 * most) as f32).collect()
-}
-
-/// For each distance the ring whose mean distance lies below, and the share of the next ring.
-pub fn between(rings: &Rings) -> Vec<(usize, f32)> {
-    let middle = rings.means(&rings.distances_mm);
-    rings
-        .distances_mm
-        .iter()
-        .map(|&r| {
-            let above = middle.partition_point(|middle| *middle <= r);
-            match (above.checked_sub(1), middle.get(above)) {
-                (Some(below), Some(next)) => (below, ((r - middle[below]) / (next - middle[below])) as f32),
-                (Some(below), None) => (below, 0.0),
-                (None, _) => (0, 0.0),
-            }
-        })
-        .collect()
 }
 
 /// Floor, gain and relative error, known or estimated.

@@ -62,7 +62,8 @@ impl RowSums {
     }
 }
 
-/// Adds ½·weight·residual to both texels' gradients and what the difference is to `sums`, from texel `at` on.
+/// Adds ½·weight·residual to the lit texel's gradient and the weight to `weights`; `steps` becomes what goes to the
+/// texels seen.
 #[allow(clippy::too_many_arguments)]
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 pub fn gradient(
@@ -73,17 +74,21 @@ pub fn gradient(
     variance: Variance,
     kind: Residual,
     to_lit: &mut [f32],
-    to_seen: &mut [f32],
+    steps: &mut [f32],
+    weights: &mut [f32],
 ) {
     let logarithm = kind == Residual::Logarithm;
-    for ((((&data, &lit), &seen), to_lit), to_seen) in data.iter().zip(lit).zip(seen).zip(to_lit).zip(to_seen) {
+    let texels = data.iter().zip(lit).zip(seen);
+    for (((((&data, &lit), &seen), to_lit), step), weight) in texels.zip(to_lit).zip(steps).zip(weights) {
         let r = global * lit * seen;
-        let data = if data.abs() <= f32::MAX { data } else { r };
+        let there = data.abs() <= f32::MAX;
+        let data = if there { data } else { r };
         // weight · residual = R̂²/V · (D − R̂)/R̂; the approximant divides by (ρ + 1)/2.
         let damp = if logarithm { 2.0 * r / (data.max(0.0) + r + f32::MIN_POSITIVE) } else { 1.0 };
-        let step = 0.5 * r * (data - r) * damp / variance.of(r);
-        *to_lit += step;
-        *to_seen += step;
+        let share = r / variance.of(r);
+        *step = 0.5 * share * (data - r) * damp;
+        *to_lit += *step;
+        *weight += if there { share * r } else { 0.0 };
     }
 }
 
@@ -110,7 +115,8 @@ pub fn differences(data: &[f32], lit: &[f32], seen: &[f32], global: f32, at: usi
 }
 
 /// The coupling of a stretch of texels with those that one window pixel sees: ¼·weight·availability·(pᵢ + pₒ) added to
-/// `out`.
+/// `out`, where pₒ lies between two rings' rows.
+#[allow(clippy::too_many_arguments)]
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2", "aarch64+neon"))]
 pub fn couple(
     lit: &[f32],
@@ -118,12 +124,14 @@ pub fn couple(
     global: f32,
     variance: Variance,
     availability: [&[f32]; 2],
-    p: [&[f32]; 2],
+    p: &[f32],
+    rows: [&[f32]; 2],
+    share: f32,
     out: &mut [f32],
 ) {
-    let texels = lit.iter().zip(seen).zip(availability[0]).zip(availability[1]).zip(p[0]).zip(p[1]);
-    for ((((((&lit, &seen), &a), &b), &p), &q), out) in texels.zip(out) {
+    let texels = lit.iter().zip(seen).zip(availability[0]).zip(availability[1]).zip(p).zip(rows[0]).zip(rows[1]);
+    for (((((((&lit, &seen), &a), &b), &p), &low), &high), out) in texels.zip(out) {
         let r = global * lit * seen;
-        *out += 0.25 * r * r / variance.of(r) * (a + b) * (p + q);
+        *out += 0.25 * r * r / variance.of(r) * (a + b) * (p + low + share * (high - low));
     }
 }

@@ -26,6 +26,7 @@ mod planes;
 mod reciprocity;
 mod responses;
 mod rings;
+mod shape;
 mod tail;
 
 pub use dataset::{Dataset, MAX_SIDE, MAX_WINDOW, Noise, PITCH_MM};

@@ -44,10 +44,10 @@ impl Operator<'_> {
     /// out ← A p.
     pub fn apply(&self, p: &Planes, out: &mut Planes) {
         let Planes { width, height, .. } = *p;
+        let rows = self.rows(|y| self.coupled(y, p));
         out.data.par_chunks_mut(width).enumerate().for_each(|(index, out)| {
             let (ring, y) = (index / height, index % height);
-            out.fill(0.0);
-            self.couple(ring, y, p, out);
+            out.copy_from_slice(&rows[y][ring * width..(ring + 1) * width]);
             for ((out, outside), p) in out.iter_mut().zip(self.outside.row(ring, y)).zip(p.row(ring, y)) {
                 *out += outside * p;
             }
@@ -61,24 +61,72 @@ impl Operator<'_> {
         }
     }
 
-    /// Adds the measurements' part of a row.
-    fn couple(&self, ring: usize, y: usize, p: &Planes, out: &mut [f32]) {
-        let (width, height) = (p.width, p.height);
-        let (root, availability) = (self.model.root, self.availability);
-        for offset in self.rings.ring(ring) {
+    fn rows(&self, row: impl Fn(usize) -> Vec<f32> + Sync + Send) -> Vec<Vec<f32>> {
+        (0..self.model.roots.height).into_par_iter().map(row).collect()
+    }
+
+    /// The measurements' part of a row, ring after ring.
+    fn coupled(&self, y: usize, p: &Planes) -> Vec<f32> {
+        let width = p.width;
+        let mut out = vec![0.0; self.rings.len() * width];
+        let (mut here, mut sum) = (vec![0.0; width], vec![0.0; width]);
+        for (distance, node) in self.model.nodes.iter().enumerate() {
+            node.blend(|ring| p.row(ring, y), &mut here);
+            self.couple(distance, y, &here, |row| node.ends().map(|ring| p.row(ring, row)), node.share, &mut sum);
+            for (ring, part) in node.parts() {
+                let out = &mut out[ring * width..(ring + 1) * width];
+                out.iter_mut().zip(&sum).for_each(|(out, sum)| *out += part * sum);
+            }
+        }
+        out
+    }
+
+    /// The measurements' part of a row of the diagonal.
+    fn diagonal(&self, y: usize) -> Vec<f32> {
+        let width = self.model.roots.width;
+        let mut out = vec![0.0; self.rings.len() * width];
+        let (ones, zeros, mut sum) = (vec![1.0; width], vec![0.0; width], vec![0.0; width]);
+        for (distance, node) in self.model.nodes.iter().enumerate() {
+            self.couple(distance, y, &ones, |_| [&zeros, &zeros], 0.0, &mut sum);
+            for (ring, part) in node.parts() {
+                let out = &mut out[ring * width..(ring + 1) * width];
+                out.iter_mut().zip(&sum).for_each(|(out, sum)| *out += part * part * sum);
+            }
+        }
+        out
+    }
+
+    /// out ← what the measurements at one distance make of a row; p at that distance is `here`, and on the way from one
+    /// of two rows to the other where they are seen.
+    fn couple<'p>(
+        &self,
+        distance: usize,
+        y: usize,
+        here: &[f32],
+        seen: impl Fn(usize) -> [&'p [f32]; 2],
+        share: f32,
+        out: &mut [f32],
+    ) {
+        let (roots, availability) = (self.model.roots, self.availability);
+        let (width, height) = (roots.width, roots.height);
+        out.fill(0.0);
+        for offset in self.rings.at(distance) {
             let Some(row) = y.checked_add_signed(offset.dy).filter(|row| *row < height) else { continue };
             let from = inside(width, offset.dx);
             if from.is_empty() {
                 continue;
             }
             let to = moved(&from, offset.dx);
+            let [low, high] = seen(row);
             kernel::couple(
-                &root.row(ring, y)[from.clone()],
-                &root.row(ring, row)[to.clone()],
-                self.model.global[offset.distance],
+                &roots.row(distance, y)[from.clone()],
+                &roots.row(distance, row)[to.clone()],
+                self.model.global[distance],
                 self.variance,
-                [&availability.row(ring, y)[from.clone()], &availability.row(ring, row)[to.clone()]],
-                [&p.row(ring, y)[from.clone()], &p.row(ring, row)[to]],
+                [&availability.row(offset.ring, y)[from.clone()], &availability.row(offset.ring, row)[to.clone()]],
+                &here[from.clone()],
+                [&low[to.clone()], &high[to]],
+                share,
                 &mut out[from],
             );
         }
@@ -118,13 +166,20 @@ impl Operator<'_> {
         out
     }
 
-    /// 1/diagonal, near enough: the measurements' part from A·1, whose rows hold every coupling twice.
+    /// 1/diagonal.
     fn inverse_diagonal(&self) -> Planes {
-        let ones = self.model.root.map(|_| 1.0);
-        let mut sums = Planes::new(ones.rings(), ones.width, ones.height, 0.0);
-        self.apply(&ones, &mut sums);
+        let (width, height) = (self.model.roots.width, self.model.roots.height);
+        let rows = self.rows(|y| self.diagonal(y));
+        let mut sums = self.outside.clone();
+        sums.data.par_chunks_mut(width).enumerate().for_each(|(index, sums)| {
+            let (ring, y) = (index / height, index % height);
+            sums.iter_mut().zip(&rows[y][ring * width..]).for_each(|(sum, part)| *sum += part);
+        });
+        if self.tied {
+            sums.tie();
+        }
         let prior = if self.tied { 0.0 } else { 6.0 * self.prior.second + 2.0 * self.prior.first };
-        sums.map(|sum| 1.0 / (0.5 * sum + prior + self.prior.value))
+        sums.map(|sum| 1.0 / (sum + prior + self.prior.value))
     }
 
     /// Solves A x = b to `tolerance` of b, in at most `most` steps; returns x and the steps taken.

@@ -130,7 +130,7 @@ impl Pairs {
 
     /// ln of the ratio of the sums, and its standard error with all differences independent.
     fn log_ratio(&self) -> Option<(f64, f64)> {
-        let log = (self.a / self.b).ln();
+        let log = libm::log(self.a / self.b);
         (self.a > 0.0 && self.b > 0.0 && log.is_finite()).then(|| (log, self.difference.sqrt() / self.a.min(self.b)))
     }
 }
@@ -141,7 +141,7 @@ impl Breach {
         match self {
             Self::Turned { .. } => true,
             Self::Zeros { count, of, .. } => *count as f64 > MOST_ZEROS * *of as f64,
-            Self::Shifted { pixels: [x, y] } => x.hypot(*y) > MOST_SHIFT,
+            Self::Shifted { pixels: [x, y] } => libm::hypot(*x, *y) > MOST_SHIFT,
             _ => false,
         }
     }
@@ -351,7 +351,7 @@ fn shift(
         let distances = &rings.distances_mm;
         let after = distances.partition_point(|distance| *distance < r).clamp(1, distances.len() - 1);
         let at = ((r - distances[after - 1]) / (distances[after] - distances[after - 1])).clamp(0.0, 1.0);
-        let [low, high] = [after - 1, after].map(|i| f64::from(global[i]).ln());
+        let [low, high] = [after - 1, after].map(|i| libm::log(f64::from(global[i])));
         low + at * (high - low)
     };
     let (mut xx, mut xy, mut yy, mut xv, mut yv, mut vv, mut n) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0_f64);
@@ -382,7 +382,7 @@ fn shift(
     let left: f64 = rows.iter().map(|(gx, gy, v, _)| (v - gx * pixels[0] - gy * pixels[1]).powi(2)).sum();
     let noise: f64 = rows.iter().map(|(.., error)| error * error).sum();
     let explains = left < 0.35 * vv && vv > SIGMAS * SIGMAS * noise / n.sqrt();
-    (explains && pixels[0].hypot(pixels[1]) > NAMED_SHIFT).then_some(Breach::Shifted { pixels })
+    (explains && libm::hypot(pixels[0], pixels[1]) > NAMED_SHIFT).then_some(Breach::Shifted { pixels })
 }
 
 /// The column or row of the mean window that stands out of its mirror image most.
@@ -403,7 +403,7 @@ fn hot_line(offsets: &[[isize; 2]], ratios: &[Option<(f64, f64)>]) -> Option<Bre
             if mean.abs() > NAMED_GAIN && significance > SIGMAS && worst.as_ref().is_none_or(|w| mean.abs() > w.0) {
                 let what = if axis == 0 { "column" } else { "row" };
                 let at = if mean > 0.0 { at } else { -at };
-                worst = Some((mean.abs(), Breach::HotLine { what, at, share: mean.abs().exp_m1() }));
+                worst = Some((mean.abs(), Breach::HotLine { what, at, share: libm::expm1(mean.abs()) }));
             }
         }
     }
@@ -465,7 +465,7 @@ fn gains(what: &'static str, by_step: &[Vec<Pairs>]) -> Option<Breach> {
     let rms = (own.iter().map(|line| line.1 * line.1).sum::<f64>() / count as f64).sqrt();
     let named = own.iter().filter(|(_, log, error)| log.abs() > NAMED_GAIN && log.abs() > SIGMAS * error);
     let (at, log, _) = named.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
-    Some(Breach::Gains { what, at: *at, share: log.exp_m1(), rms })
+    Some(Breach::Gains { what, at: *at, share: libm::expm1(*log), rms })
 }
 
 impl std::fmt::Display for Breach {

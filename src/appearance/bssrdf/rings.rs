@@ -27,10 +27,12 @@ pub struct Rings {
     pub width: usize,
     /// Its rows.
     pub height: usize,
-    /// Pixels that belong to a ring, by ring and then row by row.
+    /// Pixels that belong to a ring, by distance and then row by row.
     pub offsets: Vec<Offset>,
     /// First offset of every ring, and one past the last.
     pub first: Vec<usize>,
+    /// First offset of every distance, and one past the last.
+    pub first_at: Vec<usize>,
     /// Edges, mm, one more than rings.
     pub edges_mm: Vec<f64>,
     /// Distances that occur, mm, ascending.
@@ -74,8 +76,8 @@ impl Rings {
             .map(|(dx, dy, pixel)| Offset { dx, dy, pixel, ring: ring_of(dx, dy), distance: 0 })
             .filter(|offset| offset.ring < kept)
             .collect();
-        offsets.sort_by_key(|offset| (offset.ring, offset.pixel));
         let square = |offset: &Offset| offset.dx * offset.dx + offset.dy * offset.dy;
+        offsets.sort_by_key(|offset| (square(offset), offset.pixel));
         let mut squares: Vec<isize> = offsets.iter().map(square).collect();
         squares.sort_unstable();
         squares.dedup();
@@ -85,8 +87,9 @@ impl Rings {
             counts[offset.distance] += 1;
         }
         let first = (0..=kept).map(|ring| offsets.partition_point(|offset| offset.ring < ring)).collect();
+        let first_at = (0..=squares.len()).map(|at| offsets.partition_point(|offset| offset.distance < at)).collect();
         let distances_mm = squares.into_iter().map(|square| (square as f64).sqrt() * pitch_mm).collect();
-        Self { width, height, offsets, first, edges_mm, distances_mm, counts }
+        Self { width, height, offsets, first, first_at, edges_mm, distances_mm, counts }
     }
 
     /// Number of rings.
@@ -98,6 +101,17 @@ impl Rings {
     /// The pixels of one ring.
     pub fn ring(&self, ring: usize) -> &[Offset] {
         &self.offsets[self.first[ring]..self.first[ring + 1]]
+    }
+
+    /// The pixels at one distance.
+    pub fn at(&self, distance: usize) -> &[Offset] {
+        &self.offsets[self.first_at[distance]..self.first_at[distance + 1]]
+    }
+
+    /// The distances that lie in one ring.
+    pub fn distances(&self, ring: usize) -> std::ops::RangeInclusive<usize> {
+        let offsets = self.ring(ring);
+        offsets[0].distance..=offsets[offsets.len() - 1].distance
     }
 
     /// Mean over each ring of something given per distance.

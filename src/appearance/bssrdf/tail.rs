@@ -68,7 +68,7 @@ impl TailRings {
         let nodes = edges_mm.windows(2).flat_map(|edge| {
             of_unit(GAUSS_3).map(|(x, weight)| {
                 let r = edge[0] + x * (edge[1] - edge[0]);
-                [r, (r / cut).ln(), std::f64::consts::TAU * cut * weight * (edge[1] - edge[0])]
+                [r, libm::log(r / cut), std::f64::consts::TAU * cut * weight * (edge[1] - edge[0])]
             })
         });
         let nodes = nodes.collect();
@@ -124,7 +124,7 @@ impl TailRings {
             .iter()
             .zip(profile)
             .filter(|(r, p)| outer(r) && **p > 0.0)
-            .map(|(r, p)| (r - cut, (r * p).ln()))
+            .map(|(r, p)| (r - cut, libm::log(r * p)))
             .collect();
         let n = points.len() as f64;
         if points.len() < 2 {
@@ -136,13 +136,13 @@ impl TailRings {
         let covariance: f64 = points.iter().map(|p| (p.0 - mean_x) * (p.1 - mean_y)).sum();
         let spread: f64 = points.iter().map(|p| (p.0 - mean_x).powi(2)).sum();
         let slope = (-covariance / spread).clamp(1.0 / self.edges_mm[self.len()], STEEPEST / cut);
-        ((mean_y + slope * mean_x).exp() / cut, slope)
+        (libm::exp(mean_y + slope * mean_x) / cut, slope)
     }
 
     /// Energy of each ring.
     fn energies(&self, value: f64, kappa: f64, m: f64) -> Vec<f64> {
         let cut = self.edges_mm[0];
-        let node = |[r, log, weight]: &[f64; 3]| weight * value * (-m * log - kappa * (r - cut)).exp();
+        let node = |[r, log, weight]: &[f64; 3]| weight * value * libm::exp(-m * log - kappa * (r - cut));
         self.nodes.chunks(GAUSS_3.len()).map(|ring| ring.iter().map(node).sum()).collect()
     }
 

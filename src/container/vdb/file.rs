@@ -8,11 +8,7 @@ use std::{
 use sha2::{Digest, Sha256};
 
 use super::{Content, tree::Tree};
-use crate::{
-    output::{GENERATOR, hex},
-    voxel::BRICK,
-    watch::Watch,
-};
+use crate::{output::GENERATOR, voxel::BRICK, watch::Watch, words::hex};
 
 /// " BDV", and four bytes of 0.
 const MAGIC: i64 = 0x5644_4220;

@@ -28,7 +28,7 @@ pub(super) fn lamps(width: usize, height: usize) -> [Lamp; 3] {
         Lamp {
             name: "projected spot",
             key: "spot",
-            irradiance: image(&|x, y| (x - middle_x).hypot(y - middle_y) <= radius),
+            irradiance: image(&|x, y| libm::hypot(x - middle_x, y - middle_y) <= radius),
         },
     ]
 }

@@ -20,6 +20,7 @@ mod error;
 mod lights;
 mod numbers;
 mod patch;
+mod places;
 mod printed;
 mod promise;
 mod sheet;
@@ -74,6 +75,8 @@ pub struct Comparison {
     pub height: usize,
     /// Distance between texels, mm.
     pub pitch_mm: f64,
+    /// Names of the channels.
+    pub channels: Vec<String>,
     /// Keys of the lights, in the order of all differences.
     pub lights: Vec<&'static str>,
     /// From the data to the print.
@@ -108,6 +111,7 @@ pub fn compare(request: &CompareRequest, watch: &dyn Watch) -> Result<Comparison
         width,
         height,
         pitch_mm: patch.map.pitch_mm,
+        channels: channels.clone(),
         lights: lamps.iter().map(|lamp| lamp.key).collect(),
         stages: Vec::new(),
         jobs: Vec::new(),
@@ -161,10 +165,13 @@ impl Comparison {
 }
 
 /// What `compare` writes.
-pub const OWNER: Owner =
-    Owner { command: "compare", names: &["sheet.png", "edge.png", "sheet.html", "comparison.json"] };
+pub const OWNER: Owner = Owner {
+    command: "compare",
+    names: &["sheet.png", "edge.png", "sheet.html", "comparison.json", "radiosity.npy", "noise.npy", "places.csv"],
+};
 
-/// Compares, and writes the sheet into `folder`: `sheet.html`, `sheet.png`, `edge.png` and `comparison.json`.
+/// Compares, and writes the sheet into `folder`: `sheet.html`, `sheet.png`, `edge.png`, `comparison.json`, and the numbers
+/// behind the pictures: `radiosity.npy`, `noise.npy` and `places.csv`.
 ///
 /// # Errors
 /// As [`compare`], and a folder that may not or cannot be written.
@@ -183,6 +190,9 @@ pub fn compare_into(
     output.write("sheet.png", &comparison.pictures().encode(Format::Png)?)?;
     output.write("edge.png", &comparison.edge_figure().encode(Format::Png)?)?;
     output.write("sheet.html", comparison.page()?.as_bytes())?;
+    output.write("radiosity.npy", &comparison.radiosity_npy())?;
+    output.write("noise.npy", &comparison.noise_npy())?;
+    output.write("places.csv", comparison.places_csv().as_bytes())?;
     output.write("comparison.json", &pretty(&comparison))?;
     let list =
         serde_json::json!({ "generator": GENERATOR, "command": OWNER.command, "version": 1, "files": output.files() });

@@ -110,7 +110,8 @@ impl Comparison {
     fn words(&self) -> String {
         format!(
             "{} × {} texels of {} mm. Each stage is compared with {}, scaled as its job scaled the target. Radiosity \
-                per irradiance; rms and correlation have the photons' noise taken off.",
+                per irradiance; rms and correlation have the photons' noise taken off. What is predicted rests on each \
+                stacking as an endless flat slab, as its predicted_albedo does.",
             self.width, self.height, self.pitch_mm, self.stages[0].name
         )
     }

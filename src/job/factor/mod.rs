@@ -17,9 +17,10 @@ use crate::{
     },
     blame::{Blame, Blamed, Remedy},
     optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile},
-    output::{Existing, GENERATOR, OutputError, OutputFolder, Owner, Task, hex, pretty},
+    output::{Existing, GENERATOR, OutputError, OutputFolder, Owner, Task, pretty},
     plot::PlotError,
     watch::{Thousandths, Watch},
+    words::hex,
 };
 
 pub(in crate::job) use record::entry;

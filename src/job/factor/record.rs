@@ -137,6 +137,15 @@ impl FactorSettings {
     }
 }
 
+/// A point of what all profiles have in common.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CommonProfile {
+    /// Distance from the lit texel.
+    pub r_mm: f64,
+    /// g there.
+    pub per_mm2: f64,
+}
+
 /// How well a channel is described.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ChannelFit {
@@ -155,6 +164,10 @@ pub struct ChannelFit {
     /// √(Σ(D − D′)² / ½Σ(D² + D′²)) of pairs of texels a few pixels apart, D′ the other way; noise makes √2 times itself.
     #[serde(default)]
     pub reciprocity: Option<f64>,
+    /// What all texels' profiles have in common: g at every distance that occurs in a window. P/g of a texel lies between
+    /// its rings on straight lines of ln(P/g) over r.
+    #[serde(default)]
+    pub common: Vec<CommonProfile>,
     /// What makes the data hard to believe.
     #[serde(default)]
     pub doubts: Vec<String>,
@@ -289,6 +302,9 @@ impl ChannelFit {
             relative_error_beyond_centre: factors.misses.relative_beyond_centre(),
             noise_beyond_centre: factors.misses.noise_beyond_centre(factors.variance),
             reciprocity: Some(factors.reciprocity.relative).filter(|relative| relative.is_finite()),
+            common: (rings.distances_mm.iter().zip(&factors.global))
+                .map(|(r, g)| CommonProfile { r_mm: *r, per_mm2: f64::from(*g) })
+                .collect(),
             doubts: factors.doubts.clone(),
             simpler: simpler
                 .iter()
@@ -304,5 +320,14 @@ impl ChannelFit {
             by_ring: by_ring.collect(),
             tail,
         }
+    }
+}
+
+impl ChannelFit {
+    /// Noise of the measurement as a share of the light beyond the lit texel: by floor and gain, or by how far light is
+    /// from going both ways alike, whichever is more. A noise that grows with the light shows in the second only.
+    pub fn noise(&self) -> f64 {
+        let both_ways = self.reciprocity.map_or(0.0, |both| both / std::f64::consts::SQRT_2);
+        self.noise_beyond_centre.max(both_ways)
     }
 }

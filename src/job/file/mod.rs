@@ -42,7 +42,7 @@ pub use texture::{AlbedoSource, Projection, TextureTarget};
 pub use crate::{mesh::Unit, toml_reader::Place};
 
 use crate::optics::{SHARES, mixture_parts};
-use crate::search::Norm;
+use crate::search::{Norm, SearchCache};
 use crate::toml_reader::{Found, Places, Source};
 use crate::voxel::Printer;
 use crate::words::{excerpt, hint, path_line};
@@ -77,6 +77,9 @@ pub struct Job {
     pub overlap: Overlap,
     /// Gap between objects that are set side by side on the tray, mm, 0 to 100; `None`: they stand where the job says.
     pub arrange_gap_mm: Option<f64>,
+    /// Where searches are looked up that were made before; `None`, as a file leaves it: nowhere. No result depends on
+    /// it.
+    pub search_cache: Option<SearchCache>,
     /// Where each key stands, for errors found later.
     places: Places,
 }
@@ -184,6 +187,7 @@ impl Job {
             output,
             overlap,
             arrange_gap_mm,
+            search_cache: None,
             places,
         };
         job.check_mixtures()?;

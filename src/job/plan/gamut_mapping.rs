@@ -17,7 +17,8 @@ impl TargetContext<'_> {
             return Ok(None);
         }
         self.watch.stage("gamut", 0);
-        let gamut = Gamut::explore(self.materials, &self.match_options(core), self.watch);
+        let options = self.match_options(core);
+        let gamut = Gamut::explored(self.materials, &options, self.watch, self.job.search_cache.as_ref());
         let gamut = gamut.map_err(|fault| self.search_fault(fault))?;
         let map = GamutMap::new(&gamut, &wanted.targets, &wanted.shares, &self.materials.grid);
         warnings.push(format!("object {}: gamut-map: {}", self.object + 1, map_in_words(&map, &wanted.shares)));

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{layer_maps::LayerMaps, on_surface::VariantEntry};
 use crate::{
+    numeric::rounding::{four_digits, rounded},
     optics::{Layer, Stack},
     search::Move,
     voxel::MaterialId,
@@ -71,10 +72,14 @@ impl GamutMapEntry {
     pub(super) fn new(moved: &Move, objective_as_asked: f64) -> Self {
         Self {
             inside: moved.inside,
-            target_half_energy_radius_mm: moved.from.iter().map(|from| from.map(|[_, radius]| radius)).collect(),
+            target_half_energy_radius_mm: moved
+                .from
+                .iter()
+                .map(|from| from.map(|[_, radius]| rounded(radius)))
+                .collect(),
             albedo_factor: moved.albedo_factor,
             width_factor: moved.width_factor,
-            objective_as_asked,
+            objective_as_asked: four_digits(objective_as_asked),
         }
     }
 }

@@ -18,6 +18,7 @@ use crate::{
         Job, RunError,
         file::{DepthFrom, OutputFormat, StackingModel, TargetSpec},
     },
+    numeric::rounding::{four_digits, rounded},
     optics::{Mixture, OpticsError, ResinId, Stack},
     search::{Found, Matcher, RefineOptions, SearchTarget},
 };
@@ -148,8 +149,9 @@ impl Job {
 impl TargetContext<'_> {
     fn search(&self, core: ResinId, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
         self.watch.stage("stackings", targets.len() as u64);
-        let found = Matcher::new(self.materials, &self.match_options(core));
-        found.and_then(|matcher| matcher.match_targets(targets, self.watch)).map_err(|source| self.search_fault(source))
+        let (options, cache) = (self.match_options(core), self.job.search_cache.as_ref());
+        let found = Matcher::matched(self.materials, &options, targets, self.watch, cache);
+        found.map_err(|source| self.search_fault(source))
     }
 
     /// Whether the layers of the object depend on how thick it is, or on how its print looks.
@@ -184,7 +186,7 @@ impl TargetContext<'_> {
             layers: self.materials.named(&laid).layers,
             share,
             target_albedo: None,
-            predicted_albedo: reflection.iter().map(|channel| channel[0]).collect(),
+            predicted_albedo: reflection.iter().map(|channel| rounded(channel[0])).collect(),
             search: None,
             cluster_rms: None,
             gamut_map: None,
@@ -193,22 +195,22 @@ impl TargetContext<'_> {
 
     fn matched_entry(&self, found: &Found, target: &SearchTarget, share: f64, rms: Option<f64>) -> StackingEntry {
         let coefficients: usize = target.channels.iter().map(Vec::len).sum();
-        let rms_of = |objective: f64| (objective / coefficients as f64).sqrt();
+        let rms_of = |objective: f64| four_digits((objective / coefficients as f64).sqrt());
         let Found { search, refined, .. } = found;
         // Of whole units, where such were searched.
         let objective = search.as_ref().map_or(found.objective(), |search| search.objective);
         StackingEntry {
-            target_albedo: Some(target.channels.iter().map(|channel| channel[0]).collect()),
+            target_albedo: Some(target.channels.iter().map(|channel| rounded(channel[0])).collect()),
             search: Some(SearchEntry {
-                objective,
+                objective: four_digits(objective),
                 rms: rms_of(objective),
-                bound: search.as_ref().map(|search| search.bound),
+                bound: search.as_ref().map(|search| four_digits(search.bound)),
                 proven: search.as_ref().map(|search| search.proven),
                 nodes: search.as_ref().map(|search| search.nodes),
                 transport: refined.as_ref().map(|refined| TransportEntry {
-                    objective: refined.objective,
+                    objective: four_digits(refined.objective),
                     rms: rms_of(refined.objective),
-                    unrefined: refined.unrefined,
+                    unrefined: four_digits(refined.unrefined),
                 }),
             }),
             cluster_rms: rms,

@@ -5,17 +5,20 @@
 //! | question | answered by |
 //! | --- | --- |
 //! | does it hang together? | voxels that share faces, of all objects, at the printer's own pitch: [`pieces`] |
+//! | is all of it there? | bodies that no voxel's centre lies in: [`shells`] |
 //! | is it strong enough? | the way straight through at points of the surface: [`walls`] |
 //! | does support lie bare, or alone between two skins? | the layers below those points |
 //! | is it thick enough for its layers? | the largest ball inside at those points that is limited from the other side, where thin parts get no stackings of their own |
 
 mod picture;
 mod pieces;
+mod shells;
 mod walls;
 
 use serde::Serialize;
 
 pub use pieces::Pieces;
+pub use shells::LostShells;
 pub use walls::Walls;
 
 use super::{Prepared, RunError};
@@ -26,6 +29,8 @@ use crate::{watch::Watch, words::counted};
 pub struct Printable {
     /// What hangs together.
     pub pieces: Pieces,
+    /// Shells of every object that no voxel lies in, in the order of the job.
+    pub lost_shells: Vec<LostShells>,
     /// Walls and wires of every object, in the order of the job.
     pub walls: Vec<Walls>,
     /// Voxels inside of the objects, each counted for itself.
@@ -47,7 +52,9 @@ impl Prepared {
         watch.stage("will it print", 0);
         let (pieces, inside_voxels) = self.pieces(watch)?;
         let walls = (0..self.objects.len()).map(|object| self.walls(object, watch)).collect::<Result<_, _>>()?;
-        Ok(Printable { pieces, walls, inside_voxels })
+        let of = |object| self.lost_shells(object, watch);
+        let lost_shells = (0..self.objects.len()).map(of).collect::<Result<_, _>>()?;
+        Ok(Printable { pieces, lost_shells, walls, inside_voxels })
     }
 }
 
@@ -84,6 +91,18 @@ impl Printable {
                     n => format!("; {n} of them begin above the tray, on support alone"),
                 }
             ));
+        }
+        for (lost, walls) in self.lost_shells.iter().zip(&self.walls) {
+            if let Some(first) = lost.first_mm {
+                words.push(format!(
+                    "{}: {} of {:.3} mm³ together will not be printed, the first at {}: no voxel's centre lies inside; \
+                     thicken them, print larger, or take a printer of finer pitch",
+                    walls.mesh,
+                    counted(lost.count as usize, "shell"),
+                    lost.mm3,
+                    at(first)
+                ));
+            }
         }
         for walls in &self.walls {
             let Walls { mesh, limit_mm, .. } = walls;

@@ -57,7 +57,8 @@ impl Prepared {
         let slack = self.lattice.pitch;
         let mark = |object: usize, point: DVec3, normal: DVec3| -> Option<Rgb> {
             let within = |[low, high]: &[DVec3; 2]| point.cmpge(*low - slack).all() && point.cmple(*high + slack).all();
-            if found.pieces.boxes.iter().any(within) {
+            let lost = found.lost_shells.get(object);
+            if found.pieces.boxes.iter().chain(lost.iter().flat_map(|lost| &lost.boxes)).any(within) {
                 return Some(LOOSE);
             }
             let marks = found.walls.get(object)?.marks.as_ref()?;
@@ -72,7 +73,7 @@ impl Prepared {
         };
         let legend = [
             (THIN, "wall or wire thinner than 3 voxels"),
-            (LOOSE, "loose crumb"),
+            (LOOSE, "loose crumb, or lost"),
             (SUPPORT, "support bare or alone"),
             (SHALLOW, "thinner than its layers"),
         ];

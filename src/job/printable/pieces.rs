@@ -42,7 +42,7 @@ pub struct Pieces {
 /// What is smaller is a crumb, mm³.
 const CRUMB_MM3: f64 = 1.0;
 /// Boxes that are kept.
-const MOST_BOXES: usize = 4096;
+pub(super) const MOST_BOXES: usize = 4096;
 /// Slabs between two looks at the watch.
 const SLABS_AT_ONCE: usize = 8;
 

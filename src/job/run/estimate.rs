@@ -68,7 +68,7 @@ impl Prepared {
         let lattice = &self.lattice;
         let extent = DVec3::from(lattice.dims.map(f64::from)) * lattice.pitch;
         // Never finer than the job itself.
-        let pitch = (extent.element_product() / SAMPLES).cbrt();
+        let pitch = libm::cbrt(extent.element_product() / SAMPLES);
         let coarse = Lattice::covering(extent, lattice.pitch.max(DVec3::splat(pitch)))?;
         let mut counts = [0_u64; 256];
         let mut row = vec![0; coarse.dims[0] as usize];

@@ -534,7 +534,7 @@ impl Prepared {
     pub(super) fn digest(&self) -> String {
         use sha2::{Digest, Sha256};
         let content = json!({ "job": self.job.resolved(), "inputs": self.inputs, "objects": self.stackings() });
-        crate::output::hex(&Sha256::digest(content.to_string().as_bytes()))
+        crate::words::hex(&Sha256::digest(content.to_string().as_bytes()))
     }
 
     fn stackings(&self) -> Vec<&StackingReport> {

@@ -11,7 +11,10 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::{Check, Finding, Verification, VerifyError};
-use crate::output::{FileEntry, MANIFEST, TIMINGS, hex, is_plain};
+use crate::{
+    output::{FileEntry, MANIFEST, TIMINGS, is_plain},
+    words::hex,
+};
 
 /// Bytes read at a time.
 const BUFFER: usize = 1 << 16;

@@ -14,8 +14,8 @@ use super::{Check, Finding, VerifyError, files::Sound};
 use crate::{
     container::{Counts, gcvf},
     job::run::slice_path,
-    output::hex,
     preview::{SliceColours, decode_slice},
+    words::hex,
 };
 
 /// Slices read before they are decoded together.

@@ -19,8 +19,9 @@ use crate::{
         manifest::{Outcome, STACKINGS, json},
         run::run,
     },
-    output::{Existing, FileEntry, MANIFEST, OutputError, hex},
+    output::{Existing, FileEntry, MANIFEST, OutputError},
     watch::Watch,
+    words::hex,
 };
 
 /// How much is made again.

@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 use super::{Check, Finding, files::Sound, image::read_all};
 use crate::{
     job::{StackingReport, manifest::STACKINGS},
-    output::hex,
+    words::hex,
 };
 
 /// Longest file that is read, bytes: 65,535 stackings of a few hundred bytes for each of some objects.

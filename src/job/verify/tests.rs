@@ -8,8 +8,8 @@ use tempfile::TempDir;
 
 use super::{Verification, VerifyError, layers::gaps, verify};
 use crate::{
-    output::hex,
     watch::{Interrupt, Unwatched},
+    words::hex,
 };
 
 const WHITE: [u8; 4] = [240, 240, 235, 255];

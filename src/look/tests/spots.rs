@@ -14,7 +14,7 @@ use crate::voxel::{BRICK, Lattice};
 use crate::watch::Unwatched;
 
 /// A volume of the ids that `id` gives for the centres of voxels, mm.
-pub(super) fn volume(dims: [u32; 3], pitch: DVec3, id: impl Fn(DVec3) -> u8) -> Volume {
+pub(in crate::look) fn volume(dims: [u32; 3], pitch: DVec3, id: impl Fn(DVec3) -> u8) -> Volume {
     let lattice = Lattice { origin: DVec3::ZERO, pitch, dims };
     let mut volume = Volume::new(lattice).unwrap();
     for start in (0..dims[2]).step_by(BRICK) {
@@ -26,7 +26,7 @@ pub(super) fn volume(dims: [u32; 3], pitch: DVec3, id: impl Fn(DVec3) -> u8) -> 
 }
 
 /// Coefficients of the synthetic resins by id.
-pub(super) fn synthetic() -> (MaterialSet, Vec<VolumeCoefficients>) {
+pub(in crate::look) fn synthetic() -> (MaterialSet, Vec<VolumeCoefficients>) {
     let set = MaterialSet::builtin("synthetic").unwrap();
     let void = VolumeCoefficients::new(0.0, 0.0, 0.0).unwrap();
     let media = std::iter::once(void).chain(set.resins.iter().map(|resin| resin.volumes().unwrap()[0])).collect();

@@ -60,7 +60,7 @@ impl Offset {
     }
 
     pub fn misaligned(&self) -> bool {
-        self.shift_px[0].hypot(self.shift_px[1]) > MISALIGNED_PX.max(5.0 * self.shift_error)
+        libm::hypot(self.shift_px[0], self.shift_px[1]) > MISALIGNED_PX.max(5.0 * self.shift_error)
     }
 }
 
@@ -84,16 +84,16 @@ impl Link {
             return None;
         }
         let light = |plane: &Plane, k: usize| f64::from(plane.values[k]) - sensor.black;
-        let mut logs: Vec<f64> = shared.iter().map(|&k| (light(&a.plane, k) / light(&b.plane, k)).ln()).collect();
+        let mut logs: Vec<f64> = shared.iter().map(|&k| libm::log(light(&a.plane, k) / light(&b.plane, k))).collect();
         let log_ratio = median(&mut logs);
         let mut spread: Vec<f64> = logs.iter().map(|log| (log - log_ratio).abs()).collect();
         // 1.4826 turns the median deviation of a normal distribution into σ, √(π/2) is the price of a median.
         let error = 1.4826 * 1.2533 * median(&mut spread) / (shared.len() as f64).sqrt();
-        let ratio = log_ratio.exp();
+        let ratio = libm::exp(log_ratio);
         let (shift, shift_variance) = shift(&a.plane, &b.plane, ratio, &shared, sensor)?;
         let values = |plane: &Plane| shared.iter().map(|&k| light(plane, k)).collect::<Vec<f64>>();
         let line = Line::through(&values(&b.plane), &values(&a.plane), ratio, sensor);
-        let log_time = log_ratio - (a.exposure.seconds / b.exposure.seconds).ln();
+        let log_time = log_ratio - libm::log(a.exposure.seconds / b.exposure.seconds);
         let log_variance = error * error + LINK_FLOOR * LINK_FLOOR;
         Some(Self { i, j, ratio, log_time, log_variance, shift, shift_variance, shared, line })
     }
@@ -159,7 +159,7 @@ pub(super) fn solve(count: usize, links: &[Link]) -> Vec<Offset> {
         log_time: times[k].0,
         log_error: times[k].1,
         shift_px: [across[k].0, down[k].0],
-        shift_error: across[k].1.hypot(down[k].1),
+        shift_error: libm::hypot(across[k].1, down[k].1),
     };
     (0..count).map(offset).collect()
 }

@@ -98,10 +98,23 @@ pub(super) fn check(
             .windows
             .iter()
             .zip(offsets)
-            .map(|(window, offset)| window.exposure.seconds * offset.log_time.exp())
+            .map(|(window, offset)| window.exposure.seconds * libm::exp(offset.log_time))
             .collect()
     };
     let mut offsets = consistency::solve(count, &links);
+    // A shifted picture's links tell neither times nor constants: the worst goes first, and those left are judged anew.
+    let mut shifted: Vec<usize> = Vec::new();
+    let length = |offset: &Offset| libm::hypot(offset.shift_px[0], offset.shift_px[1]);
+    while let Some(worst) = (0..count)
+        .filter(|k| offsets[*k].misaligned() && links.iter().any(|link| link.joins(*k)))
+        .max_by(|a, b| length(&offsets[*a]).total_cmp(&length(&offsets[*b])))
+    {
+        let file = survey.windows[worst].exposure.file.clone();
+        findings.push(Finding::Misaligned { file, shift_px: offsets[worst].shift_px });
+        shifted.push(worst);
+        links.retain(|link| !link.joins(worst));
+        offsets = consistency::solve(count, &links);
+    }
     let own = OwnLight::of(&survey, &sensor, &links, &seconds(&offsets));
     for (lit, level) in &own.lit {
         let file = survey.windows[*lit].exposure.file.clone();
@@ -119,16 +132,12 @@ pub(super) fn check(
     let mut squares = Vec::new();
     for (k, (window, offset)) in survey.windows.iter().zip(&offsets).enumerate() {
         let (file, label_s) = (window.exposure.file.clone(), window.exposure.seconds);
-        let measured_s = label_s * offset.log_time.exp();
-        if own.lit.iter().any(|(lit, _)| *lit == k) {
+        let measured_s = label_s * libm::exp(offset.log_time);
+        if shifted.contains(&k) || own.lit.iter().any(|(lit, _)| *lit == k) {
             continue;
         }
         if offset.mislabelled() {
             findings.push(Finding::MislabelledExposure { file, label_s, measured_s });
-            continue;
-        }
-        if offset.misaligned() {
-            findings.push(Finding::Misaligned { file, shift_px: offset.shift_px });
             continue;
         }
         let left = if offset.off_label() {

@@ -152,8 +152,10 @@ fn majority(linked: &[usize], constants: &[f64], seconds: &[f64]) -> Option<[f64
 /// The power of the labels that the true times grow like, if it is not 1 and explains what they are off by: a curve
 /// that the numbers were written through.
 pub(super) fn power(labels: &[f64], log_times: &[f64], linked: &[bool]) -> Option<f64> {
-    let all: Vec<(f64, f64)> =
-        (0..labels.len()).filter(|&k| linked[k]).map(|k| (labels[k].ln(), labels[k].ln() + log_times[k])).collect();
+    let all: Vec<(f64, f64)> = (0..labels.len())
+        .filter(|&k| linked[k])
+        .map(|k| (libm::log(labels[k]), libm::log(labels[k]) + log_times[k]))
+        .collect();
     if all.len() < MIN_EXPOSURES {
         return None;
     }

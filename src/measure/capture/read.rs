@@ -209,7 +209,7 @@ impl Reader<'_> {
             if let Some(out) = ends.value.iter().find(|end| !bounds::PIXEL.contains(&end.value)) {
                 return Err(self.keys.wrong("ruler-px", out, "a place in the picture, pixels"));
             }
-            let scale = self.require_number("ruler-mm", bounds::RULER)? / (x1 - x0).hypot(y1 - y0);
+            let scale = self.require_number("ruler-mm", bounds::RULER)? / libm::hypot(x1 - x0, y1 - y0);
             if !bounds::MM_PER_PIXEL.contains(&scale) {
                 return self.refuse("ruler-px", format!("{scale} mm per pixel"), "0.0001 to 5 mm per pixel");
             }

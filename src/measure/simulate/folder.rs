@@ -39,7 +39,7 @@ impl Default for Laboratory {
     fn default() -> Self {
         Self {
             camera: SimulatedCamera::default(),
-            exposures_s: (0..12).map(|i| 450_f64.powf(f64::from(i) / 11.0) / 15.0).collect(),
+            exposures_s: (0..12).map(|i| libm::pow(450_f64, f64::from(i) / 11.0) / 15.0).collect(),
             filled: 0.6,
             leak_e_per_s: 1.5,
             card_albedo: 0.18,

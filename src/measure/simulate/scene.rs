@@ -49,7 +49,7 @@ impl Truth {
         let clear = clear.map_or(0, |last| last + 1);
         let lit: Vec<(f64, f64)> =
             samples.take(clear).filter(|(_, (_, value))| **value > 0.0).map(|(_, (r, value))| (*r, *value)).collect();
-        let log = lit.iter().map(|(r, value)| if pole { (r * value).ln() } else { value.ln() }).collect();
+        let log = lit.iter().map(|(r, value)| if pole { libm::log(r * value) } else { libm::log(*value) }).collect();
         Self { r_mm: lit.iter().map(|sample| sample.0).collect(), log, pole }
     }
 
@@ -60,7 +60,7 @@ impl Truth {
         // Beyond the last sample the fall over the last few goes on; inside the first its value stays.
         let before = if r > self.r_mm[last] { last.saturating_sub(LAST_FEW) } else { i - 1 };
         let at = ((r - self.r_mm[before]) / (self.r_mm[i] - self.r_mm[before])).max(0.0);
-        let value = (self.log[before] + at * (self.log[i] - self.log[before])).exp();
+        let value = libm::exp(self.log[before] + at * (self.log[i] - self.log[before]));
         if self.pole { value / r } else { value }
     }
 
@@ -190,7 +190,7 @@ impl Scene {
         let near_value = |x: f64, y: f64| {
             let sum: f64 = spot
                 .iter()
-                .map(|[sx, sy]| (x - sx).hypot(y - sy))
+                .map(|[sx, sy]| libm::hypot(x - sx, y - sy))
                 .map(|r| if r < POLE_MM { centre_mean } else { truth.at(r) })
                 .sum();
             sum / spot.len() as f64
@@ -202,7 +202,7 @@ impl Scene {
         let ghost = defects.flare * truth.integral() / (std::f64::consts::PI * ghost_mm * ghost_mm);
         let through = |[x, y]: [f64; 2]| {
             let (angle, passes, lets) = HAIR;
-            let off = y * angle.cos() - x * angle.sin() - passes;
+            let off = y * libm::cos(angle) - x * libm::sin(angle) - passes;
             if off.abs() < 0.5 * defects.hair_mm { lets } else { 1.0 }
         };
         let row = |y: usize| {
@@ -212,19 +212,19 @@ impl Scene {
                     (x as f64 - self.centre[0] - shift[0]) * self.mm_per_pixel,
                     (y as f64 - self.centre[1] - shift[1]) * self.mm_per_pixel,
                 ];
-                let near = square && from_centre[0].hypot(from_centre[1]) < NEAR_WIDTHS * width_mm;
+                let near = square && libm::hypot(from_centre[0], from_centre[1]) < NEAR_WIDTHS * width_mm;
                 let points = if near { PIXEL_POINTS } else { FAR_POINTS };
                 let offset = |i: usize| ((i as f64 + 0.5) / points as f64 - 0.5) * self.mm_per_pixel;
                 let mut sum = 0.0;
                 for i in 0..points {
                     for j in 0..points {
                         let [u, v] = tilt.on_sample([from_centre[0] + offset(i), from_centre[1] + offset(j)]);
-                        sum += if near { near_value(u, v) } else { far.at(u.hypot(v)) } * through([u, v]);
+                        sum += if near { near_value(u, v) } else { far.at(libm::hypot(u, v)) } * through([u, v]);
                     }
                 }
                 let across = 2.0 * x as f64 / self.size[0] as f64 - 1.0;
                 let light = sum / (points * points) as f64 + stray * (1.0 + defects.stray_gradient * across);
-                let in_ghost = (from_centre[0] - 2.4 * ghost_mm).hypot(from_centre[1]) < ghost_mm;
+                let in_ghost = libm::hypot(from_centre[0] - 2.4 * ghost_mm, from_centre[1]) < ghost_mm;
                 ((light + if in_ghost { ghost } else { 0.0 }) * defects.shading([x, y], self.size)) as f32
             })
         };
@@ -233,7 +233,7 @@ impl Scene {
     }
 
     fn diagonal_mm(&self) -> f64 {
-        (self.size[0] as f64).hypot(self.size[1] as f64) * self.mm_per_pixel
+        libm::hypot(self.size[0] as f64, self.size[1] as f64) * self.mm_per_pixel
     }
 
     fn spot_width(&self) -> f64 {
@@ -249,7 +249,7 @@ impl Scene {
         let square = (0..SPOT_POINTS).flat_map(|i| (0..SPOT_POINTS).map(move |j| [node(i), node(j)]));
         match self.spot {
             Aperture::Square { .. } => square.collect(),
-            Aperture::Disc { .. } => square.filter(|[x, y]| x.hypot(*y) <= 0.5 * width).collect(),
+            Aperture::Disc { .. } => square.filter(|[x, y]| libm::hypot(*x, *y) <= 0.5 * width).collect(),
         }
     }
 }
@@ -264,8 +264,8 @@ struct Tilt {
 impl Tilt {
     fn new(defects: &Defects, distance_mm: f64) -> Self {
         let (angle, direction) = (defects.tilt_degrees.to_radians(), defects.tilt_direction_degrees.to_radians());
-        let direction = [direction.cos(), direction.sin()];
-        Self { direction, sine_over_distance: angle.sin() / distance_mm, cosine: angle.cos() }
+        let direction = [libm::cos(direction), libm::sin(direction)];
+        Self { direction, sine_over_distance: libm::sin(angle) / distance_mm, cosine: libm::cos(angle) }
     }
 
     /// Place on the sample, in its plane, of a place in the picture: a point s along the tilt is s·sin t nearer to the
@@ -293,11 +293,11 @@ impl FarTable {
             let r = (i as f64).max(0.5) * STEP_MM;
             let mean = |k: usize| {
                 let angle = k as f64 * std::f64::consts::TAU / (4 * DIRECTIONS) as f64;
-                let (x, y) = (r * angle.cos(), r * angle.sin());
-                spot.iter().map(|[sx, sy]| truth.at((x - sx).hypot(y - sy).max(POLE_MM))).sum::<f64>()
+                let (x, y) = (r * libm::cos(angle), r * libm::sin(angle));
+                spot.iter().map(|[sx, sy]| truth.at(libm::hypot(x - sx, y - sy).max(POLE_MM))).sum::<f64>()
             };
             let sum: f64 = (0..DIRECTIONS).map(mean).sum();
-            (sum / (DIRECTIONS * spot.len()) as f64).max(1e-300).ln()
+            libm::log((sum / (DIRECTIONS * spot.len()) as f64).max(1e-300))
         };
         let count = (end_mm / STEP_MM) as usize + 2;
         Self { step: STEP_MM, log: (0..count).into_par_iter().map(value).collect() }
@@ -306,7 +306,7 @@ impl FarTable {
     fn at(&self, r: f64) -> f64 {
         let x = (r / self.step).min((self.log.len() - 2) as f64);
         let i = x as usize;
-        (self.log[i] + (x - i as f64) * (self.log[i + 1] - self.log[i])).exp()
+        libm::exp(self.log[i] + (x - i as f64) * (self.log[i + 1] - self.log[i]))
     }
 }
 

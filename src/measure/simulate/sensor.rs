@@ -74,7 +74,7 @@ fn uniform(rng: &mut impl Rng) -> f64 {
 /// Normally distributed, by Box and Muller's transform (1958).
 pub(in crate::measure) fn normal(rng: &mut impl Rng) -> f64 {
     let (a, b) = (uniform(rng), uniform(rng));
-    (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+    (-2.0 * libm::log(a)).sqrt() * libm::cos(std::f64::consts::TAU * b)
 }
 
 fn poisson(mean: f64, rng: &mut impl Rng) -> f64 {
@@ -82,7 +82,7 @@ fn poisson(mean: f64, rng: &mut impl Rng) -> f64 {
         return (mean + mean.sqrt() * normal(rng)).round().max(0.0);
     }
     // Knuth (1969): products of uniform numbers.
-    let limit = (-mean).exp();
+    let limit = libm::exp(-mean);
     let (mut count, mut product) = (0.0, uniform(rng));
     while product > limit {
         count += 1.0;

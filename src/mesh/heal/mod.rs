@@ -97,7 +97,7 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     }
     let mut caps = shells.turn_outwards(&mut mesh, caps, &mut health);
     health.volume_mm3 = shells.all.iter().map(|shell| shell.volume).sum();
-    if health.volume_mm3 <= MIN_COMPACTNESS * health.area_mm2.powf(1.5) {
+    if health.volume_mm3 <= MIN_COMPACTNESS * libm::pow(health.area_mm2, 1.5) {
         return Err(MeshError::NoVolume { volume_mm3: health.volume_mm3, area_mm2: health.area_mm2 });
     }
     health.caps = caps.len();

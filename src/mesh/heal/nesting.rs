@@ -165,7 +165,7 @@ impl Shells {
 impl Shell {
     /// Whether it holds next to nothing.
     pub(super) fn is_flat(&self) -> bool {
-        self.volume.abs() <= MIN_COMPACTNESS * self.area.powf(1.5)
+        self.volume.abs() <= MIN_COMPACTNESS * libm::pow(self.area, 1.5)
     }
 
     fn contains(&self, p: DVec3) -> bool {
@@ -187,5 +187,5 @@ pub(super) fn solid_angle(corners: [DVec3; 3], p: DVec3) -> f64 {
     let [la, lb, lc] = [a.length(), b.length(), c.length()];
     let numerator = a.dot(b.cross(c));
     let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    2.0 * numerator.atan2(denominator)
+    2.0 * libm::atan2(numerator, denominator)
 }

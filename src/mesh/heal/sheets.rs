@@ -35,7 +35,7 @@ pub(super) fn drop(mesh: &mut TriangleMesh, edges: &Edges, shells: &Shells, heal
         > MAX_CAP_FRACTION * shells.all.iter().map(|shell| shell.area).sum::<f64>();
     let closed = survey.holes == 0;
     let volume: f64 = survey.shells.all.iter().map(|shell| shell.volume).sum();
-    let is_solid = cap_area <= MAX_CAP_FRACTION * area && volume.abs() > MIN_COMPACTNESS * area.powf(1.5);
+    let is_solid = cap_area <= MAX_CAP_FRACTION * area && volume.abs() > MIN_COMPACTNESS * libm::pow(area, 1.5);
     if !is_solid || !(closed || refused) {
         return false;
     }

@@ -256,7 +256,7 @@ impl Walk<'_> {
         one_each(&accessor, values.len(), vertices, "texture coordinates")?;
         let (offset, rotation, scale) = leading.map_or(([0.0; 2], 0.0, [1.0; 2]), |leading| leading.transform);
         let (offset, scale) = (Vec2::from(offset), Vec2::from(scale));
-        let (sin, cos) = rotation.sin_cos();
+        let (sin, cos) = libm::sincosf(rotation);
         Ok(Some(
             values
                 .into_iter()

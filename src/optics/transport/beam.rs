@@ -55,7 +55,7 @@ impl<'a> Straight<'a> {
         let mut orders = vec![0.0; self.orders];
         let one = |ray: &Ray| {
             orders.fill(0.0);
-            orders[0] = ray.flux * ray.crossings() * (-depth(self.layers, ray)).exp();
+            orders[0] = ray.flux * ray.crossings() * libm::exp(-depth(self.layers, ray));
             if orders[0] > DEAD {
                 for (leg, (resin, mm)) in ray.legs.iter().zip(self.layers) {
                     let ratio = ratio(resin.extinction, k * (1.0 - leg.mu * leg.mu).sqrt());
@@ -90,11 +90,13 @@ impl Beam {
             // How fast the wave turns: d(k h tanθ)/du, p = n sinθ.
             let turns = layers.iter().zip(&ray.legs).map(|((resin, mm), leg)| {
                 let denser = (resin.index * leg.mu).powi(2);
-                k_max * mm * if resin.index == AIR { 1.0 } else { resin.index / (leg.mu * denser * squared.powf(1.5)) }
+                k_max
+                    * mm
+                    * if resin.index == AIR { 1.0 } else { resin.index / (leg.mu * denser * libm::pow(squared, 1.5)) }
             });
             let turn = turns.fold(1e-300, |sum: f64, turn| sum + turn);
             // What remains, with a wave cancelling what is over a length of 1/turn, is below u · envelope.
-            let envelope = 2.0 * from / (squared * squared) * (-depth(layers, &ray)).exp();
+            let envelope = 2.0 * from / (squared * squared) * libm::exp(-depth(layers, &ray));
             if from > 2.0 && envelope * from.min(1.0 / turn) < TOLERANCE {
                 return Self { ways };
             }
@@ -104,7 +106,7 @@ impl Beam {
                 let squared = 1.0 + u * u;
                 let ray = Ray::new(layers, 1.0 / squared.sqrt(), 1.0);
                 let across: f64 = ray.legs.iter().zip(layers).map(|(leg, (_, mm))| mm * leg.slope).sum();
-                let through = ray.crossings() * (-depth(layers, &ray)).exp();
+                let through = ray.crossings() * libm::exp(-depth(layers, &ray));
                 ways.push((step * weight * through * 2.0 * u / (squared * squared), across));
             }
             from += step;

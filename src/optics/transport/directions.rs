@@ -92,7 +92,8 @@ impl Directions {
         2 * self.nodes.len() - 1
     }
 
-    /// Where the vertical beam stands: μ = 1, weight 0, order 0. Scattering leaves it and never enters it.
+    /// Where the vertical beam stands: μ = 1, weight 0, order 0. Scattering leaves it; only its own backward peak
+    /// enters it, going up.
     pub(super) fn beam(&self) -> usize {
         self.len() - 1
     }

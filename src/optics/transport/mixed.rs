@@ -29,7 +29,10 @@ use super::{
     scattering::{Generator, Scattering},
     slab::factorise,
 };
-use crate::optics::{Light, VolumeCoefficients};
+use crate::{
+    numeric::complex::{exp, norm},
+    optics::{Light, VolumeCoefficients},
+};
 
 /// What lies below the layers.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -371,7 +374,7 @@ impl Field {
     fn sensitivity(&self, modes: &Modes, mm: f64) -> Generator {
         let Self { r, s, a, b } = self;
         let rates = modes.rates.complex();
-        let decay: Vec<c64> = rates.iter().map(|rate| (-*rate * mm).exp()).collect();
+        let decay: Vec<c64> = rates.iter().map(|rate| exp(-*rate * mm)).collect();
         let n = rates.len();
         // Light that goes the same way as the row, and the other way.
         let (mut alike, mut against) = (Mat::<c64>::zeros(n, n), Mat::<c64>::zeros(n, n));
@@ -384,7 +387,7 @@ impl Field {
                     true => (decay[q], decay[p], difference),
                     false => (decay[p], decay[q], -difference),
                 };
-                let crossing = match larger.norm() > DARK {
+                let crossing = match norm(larger) > DARK {
                     true => mm * larger * mean_decay(by, less / larger),
                     false => c64::new(0.0, 0.0),
                 };
@@ -400,7 +403,7 @@ impl Field {
 
 /// (1 − e^{−x})/x, where e^{−x} is given.
 fn mean_decay(x: c64, decay: c64) -> c64 {
-    if x.norm() < 1e-2 { 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0))) } else { (1.0 - decay) / x }
+    if norm(x) < 1e-2 { 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0))) } else { (1.0 - decay) / x }
 }
 
 /// Σ of the products of all elements.

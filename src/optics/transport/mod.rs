@@ -185,7 +185,7 @@ impl<'a> FewTurns<'a> {
     fn new(layers: &'a [(Scattering, f64)], directions: &Directions, light: Light, k: &[f64]) -> Option<Self> {
         let tau: f64 = layers.iter().map(|(resin, mm)| resin.extinction * mm).sum();
         // What comes through under any angle is less than what comes straight down.
-        if layers.is_empty() || (-tau).exp() < Self::LEAST {
+        if layers.is_empty() || libm::exp(-tau) < Self::LEAST {
             return None;
         }
         let straight = match light {

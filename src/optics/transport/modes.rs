@@ -27,6 +27,7 @@
 use faer::{Col, Mat, Row, Scale, c64, linalg::solvers::Solve};
 
 use super::{scattering::Generator, slab::factorise};
+use crate::numeric::complex::{norm, sqrt};
 
 /// Λ: a real rate per mode, or a pair a ± ib as [[a, b], [−b, a]].
 #[derive(Debug, Clone)]
@@ -147,10 +148,10 @@ impl Modes {
         let mut u = Mat::zeros(n, n);
         let mut rates = Rates::zeros(n);
         // What neither scatters nor absorbs has modes without a rate, which rounding may put below 0.
-        let least = LEAST_SQUARE * (0..n).map(|j| values[j].norm()).fold(f64::MIN_POSITIVE, f64::max);
+        let least = LEAST_SQUARE * (0..n).map(|j| norm(values[j])).fold(f64::MIN_POSITIVE, f64::max);
         let mut j = 0;
         while j < n {
-            let rate = values[j].sqrt();
+            let rate = sqrt(values[j]);
             rates.real[j] = rate.re;
             if values[j].im == 0.0 || j + 1 == n {
                 rates.real[j] = values[j].re.max(least).sqrt();
@@ -207,8 +208,8 @@ impl Rates {
     /// e^{−Λh}.
     pub(super) fn decay(&self, mm: f64) -> Self {
         self.map(|re, im| {
-            let (sin, cos) = (im * mm).sin_cos();
-            let size = (-re * mm).exp();
+            let (sin, cos) = libm::sincos(im * mm);
+            let size = libm::exp(-re * mm);
             (size * cos, -size * sin)
         })
     }

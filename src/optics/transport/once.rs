@@ -116,7 +116,7 @@ impl<'a> Once<'a> {
                         before[at].iter().zip(&after[at]).zip(&factors).map(|((a, b), f)| a * b * f).sum()
                     }
                     Light::Normal => {
-                        let beam = 0.5 * vertical.legs[layer].into * (-above - x * mm * resin.extinction).exp();
+                        let beam = 0.5 * vertical.legs[layer].into * libm::exp(-above - x * mm * resin.extinction);
                         beam * after[at].iter().zip(&resin.factors).map(|(f, g)| f * g).sum::<f64>()
                     }
                 };
@@ -189,7 +189,7 @@ impl Quadrature {
                     reached = x;
                     phase += k * way * leg.slope;
                     tau += way * resin.extinction / leg.mu;
-                    let light = leg.weight * share * (-tau).exp();
+                    let light = leg.weight * share * libm::exp(-tau);
                     if light < DEAD {
                         continue;
                     }

@@ -7,7 +7,9 @@
 //! ```
 //!
 //! Only A − B and A + B are needed, which hold the Legendre functions of even and of odd l + m. The forward peak that
-//! the terms cannot resolve counts as unscattered: delta-M, Wiscombe 1977, with f = g^terms. Where nodes are not a
+//! the terms cannot resolve counts as unscattered: delta-M, Wiscombe 1977, with f = g^terms. The backward peak of g < 0
+//! turns light round to where it came from, from (μ, φ) to (−μ, φ + π), as a share f = |g|^terms of its own: left to the
+//! terms it falls between the nodes, and a direction may give more light than it gets. Where nodes are not a
 //! double-Gauss rule (between media of different indices), what a direction's discrete phase function lacks to 1 goes
 //! straight on too, so that no light is lost.
 //!
@@ -28,7 +30,7 @@ pub(super) struct Scattering {
     pub(super) index: f64,
     /// σt′ per mm, without the forward peak.
     pub(super) extinction: f64,
-    /// σs′ per mm.
+    /// σs′ per mm, without the peak.
     pub(super) sigma_s: f64,
     /// (2l + 1) g_l of the phase function without its peak.
     pub(super) factors: Vec<f64>,
@@ -53,14 +55,16 @@ pub(super) struct Generator {
 impl Scattering {
     pub(super) fn new(volume: &VolumeCoefficients, directions: &Directions) -> Self {
         let terms = directions.terms();
-        let peak = volume.g.powi(terms as i32);
+        let peak = volume.g.abs().powi(terms as i32);
         let sigma_s = volume.sigma_s * (1.0 - peak);
-        let moment = |l: usize| (volume.g.powi(l as i32) - peak) / (1.0 - peak);
+        let turned = if volume.g < 0.0 { volume.sigma_s * peak } else { 0.0 };
+        let of_peak = |l: usize| if volume.g < 0.0 && l % 2 == 1 { -peak } else { peak };
+        let moment = |l: usize| (volume.g.powi(l as i32) - of_peak(l)) / (1.0 - peak);
         let factors: Vec<f64> = (0..terms).map(|l| (2 * l + 1) as f64 * moment(l)).collect();
         let hemisphere = directions.within(volume.refractive_index);
         let unknowns: Vec<_> = directions.unknowns(volume.refractive_index).collect();
         let functions: Vec<Vec<f64>> = unknowns.iter().map(|u| legendre(u.order, terms, u.mu)).collect();
-        let n = unknowns.len();
+        let (n, nodes, beam) = (unknowns.len(), directions.nodes(), directions.beam());
         // The parts of p over even and odd l + m: ½ Σ (2l + 1) …, twice.
         let part = |parity: usize| {
             Mat::from_fn(n, n, |i, j| {
@@ -70,11 +74,17 @@ impl Scattering {
                 }
                 let terms = functions[i].iter().zip(&functions[j]).zip(factors.iter().skip(to.order));
                 let sum: f64 = terms.skip(parity).step_by(2).map(|((a, b), factor)| a * b * factor).sum();
-                sigma_s * to.weight / from.mu * sum
+                // cos m(φ + π) = (−1)^m cos mφ: to the other side, which A − B counts as gained and A + B as lost.
+                let turns = i == j && (i == beam || hemisphere.travels(i % nodes));
+                let back = match turns {
+                    true if (to.order + parity).is_multiple_of(2) => turned,
+                    true => -turned,
+                    false => 0.0,
+                };
+                sigma_s * to.weight / from.mu * sum + back / from.mu
             })
         };
         let (even, odd) = (part(0), part(1));
-        let nodes = directions.nodes();
         let slope: Vec<f64> = (0..nodes).map(|node| hemisphere.slope(node)).collect();
         let lateral = (1..directions.orders).flat_map(|order| {
             let pair = move |node: usize| ((order - 1) * nodes + node, order * nodes + node);
@@ -85,13 +95,12 @@ impl Scattering {
         let share = if directions.orders == 1 { 1.0 } else { coupling(directions.orders) };
         let last =
             slope.iter().enumerate().map(|(node, slope)| ((directions.orders - 1) * nodes + node, slope * share));
-        let extinction = sigma_s + volume.sigma_a;
-        // Flux into the nodes of order 0 out of every direction.
-        let kept = |j: usize| (0..nodes).map(|i| even[(i, j)]).sum::<f64>() * unknowns[j].mu;
-        let beam = directions.beam();
+        let extinction = sigma_s + turned + volume.sigma_a;
+        // Flux into the unknowns of order 0 out of every direction.
+        let kept = |j: usize| (0..nodes).chain([beam]).map(|i| even[(i, j)]).sum::<f64>() * unknowns[j].mu;
         let lost = (0..n).map(|j| match j {
-            _ if j == beam => extinction - sigma_s + kept(beam),
-            _ if hemisphere.travels(j % nodes) => extinction - sigma_s + kept(j % nodes),
+            _ if j == beam => extinction - sigma_s - turned + kept(beam),
+            _ if hemisphere.travels(j % nodes) => extinction - sigma_s - turned + kept(j % nodes),
             // No light is there. Equal rates would leave the modes of several such unknowns undefined.
             _ => extinction.max(1.0) * (1.0 + (j + 1) as f64 / n as f64),
         });
@@ -133,7 +142,7 @@ impl Scattering {
 
 /// ρ: by how much azimuthal orders of light that goes straight fall from one to the next.
 pub(super) fn ratio(extinction: f64, kappa: f64) -> f64 {
-    if kappa > 0.0 { kappa / (extinction + extinction.hypot(kappa)) } else { 0.0 }
+    if kappa > 0.0 { kappa / (extinction + libm::hypot(extinction, kappa)) } else { 0.0 }
 }
 
 /// √((l − m)!/(l + m)!) P_l^m(μ) for l = m … terms − 1.

@@ -28,6 +28,7 @@ mod tests;
 mod tree;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use self::{
     model::Model,
@@ -68,7 +69,7 @@ pub struct Family {
 }
 
 /// The stacking of a family that reflects most like a target.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FamilyAnswer {
     /// The slots from the observer down, those of no thickness too, over the core. All answers of a family have the same
     /// number of slots, and the same resins may be in each.

@@ -4,6 +4,7 @@
 //! shares of all but the first.
 
 use crate::{
+    numeric::rounding::rounded,
     optics::{Grains, Mixed, Mixture, ResinId, Stack, VolumeCoefficients},
     search::{
         ResinLimit, SearchOptions,
@@ -69,9 +70,9 @@ impl Shape {
         Stack::new(self.parts(x).map(mixture).zip(mm)).over(core.map(Mixture::from))
     }
 
-    /// What is there to rounding only is not there.
+    /// What is there to rounding only is not there, and no number has more digits than every processor agrees on.
     pub fn tidy(&self, x: &mut [f64]) {
-        x.iter_mut().filter(|value| value.abs() < NOTHING).for_each(|value| *value = 0.0);
+        x.iter_mut().for_each(|value| *value = if value.abs() < NOTHING { 0.0 } else { rounded(*value) });
     }
 
     /// Coefficients of the slots of several resins in one channel, with the changes that each share makes; `resins`

@@ -2,8 +2,10 @@
 //!
 //! Between the two everything is taken as reached: thicknesses change in steps so fine that the plane is covered.
 
+use serde::{Deserialize, Serialize};
+
 /// Both outlines, by ascending albedo, from the least albedo of all to the greatest.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Boundary {
     narrow: Vec<[f64; 2]>,
     wide: Vec<[f64; 2]>,
@@ -88,5 +90,5 @@ fn interpolated(side: &[[f64; 2]], albedo: f64) -> f64 {
     let Some(next) = side.get(after) else { return side[after - 1][1] };
     let before = side[after - 1];
     let part = (albedo - before[0]) / (next[0] - before[0]);
-    (before[1].ln() + part * (next[1].ln() - before[1].ln())).exp()
+    libm::exp(libm::log(before[1]) + part * (libm::log(next[1]) - libm::log(before[1])))
 }

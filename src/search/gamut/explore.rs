@@ -258,8 +258,8 @@ impl<'a> Explorer<'a> {
         let Some(radius) = self.radii.half_energy(spectrum) else { return };
         let elite = Elite { runs, albedo: spectrum[0], radius };
         let column = ((elite.albedo * ALBEDO_CELLS as f64) as usize).min(ALBEDO_CELLS - 1);
-        let [low, high] = RADII_MM.map(f64::ln);
-        let row = ((radius.ln() - low) / (high - low) * RADIUS_CELLS as f64) as usize;
+        let [low, high] = RADII_MM.map(libm::log);
+        let row = ((libm::log(radius) - low) / (high - low) * RADIUS_CELLS as f64) as usize;
         let row = row.min(RADIUS_CELLS - 1);
         let cell = &mut self.cells[row * ALBEDO_CELLS + column];
         if cell.as_ref().is_none_or(|kept| elite.runs.len() < kept.runs.len()) {

@@ -18,6 +18,7 @@
 
 use super::{Gamut, place_of};
 use crate::{
+    numeric::rounding::rounded,
     optics::{FrequencyGrid, InverseHankel},
     search::SearchTarget,
 };
@@ -62,7 +63,7 @@ const MOVED: f64 = 1e-3;
 impl Move {
     /// Whether the target changes by more than a thousandth.
     pub fn moves(&self) -> bool {
-        self.albedo_factor.ln().abs() > MOVED || self.width_factor.ln().abs() > MOVED
+        libm::log(self.albedo_factor).abs() > MOVED || libm::log(self.width_factor).abs() > MOVED
     }
 
     /// The target's spectra, moved: R̂'(k) = a R̂(sk).
@@ -101,7 +102,7 @@ impl GamutMap {
                 let cost = factors
                     .iter()
                     .zip(weights)
-                    .map(|([a, s], weight)| weight * (a.ln().powi(2) + WIDTH_WEIGHT * s.ln().powi(2)));
+                    .map(|([a, s], weight)| weight * (libm::log(*a).powi(2) + WIDTH_WEIGHT * libm::log(*s).powi(2)));
                 ((bend.lacking_room(), cost.sum::<f64>()), factors)
             });
             // The first of equals: the highest ceiling.
@@ -110,11 +111,10 @@ impl GamutMap {
                 .map(|(_, factors)| factors)
                 .unwrap_or_default()
         };
-        let moves = places
-            .into_iter()
-            .zip(factors)
-            .zip(inside)
-            .map(|((from, [albedo_factor, width_factor]), inside)| Move { albedo_factor, width_factor, from, inside });
+        let moves = places.into_iter().zip(factors).zip(inside).map(|((from, factors), inside)| {
+            let [albedo_factor, width_factor] = factors.map(rounded);
+            Move { albedo_factor, width_factor, from, inside }
+        });
         Self { moves: moves.collect() }
     }
 
@@ -148,7 +148,7 @@ impl<'a> Bend<'a> {
         let brightness = places.iter().filter_map(|place| brightness(place, &ceiling));
         let (dark, bright) = brightness.fold((1.0_f64, 0.0_f64), |(d, b), v| (d.min(v), b.max(v)));
         let ln_radius = (0..ceiling.len()).map(|channel| {
-            let radii = places.iter().filter_map(|place| place[channel]).map(|place| place[1].ln());
+            let radii = places.iter().filter_map(|place| place[channel]).map(|place| libm::log(place[1]));
             radii.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], r| [low.min(r), high.max(r)])
         });
         Self {
@@ -169,7 +169,7 @@ impl<'a> Bend<'a> {
             let each = albedos.iter().zip(&self.gamut.channels).zip(&self.ln_radius);
             let lacking = each.map(|((albedo, channel), [least, most])| {
                 let [narrow, wide] = channel.boundary.radius_mm(*albedo);
-                (most - least).min(LEAST_ROOM) - (wide / narrow).ln()
+                (most - least).min(LEAST_ROOM) - libm::log(wide / narrow)
             });
             lacking.fold(0.0, f64::max)
         };
@@ -183,11 +183,11 @@ impl<'a> Bend<'a> {
         let (mut widen, mut narrow) = (0.0_f64, 0.0_f64);
         for ((place, channel), range) in place.iter().zip(&self.gamut.channels).zip(&self.ln_radius) {
             let Some([albedo, radius]) = place else { continue };
-            let limits = channel.boundary.radius_mm(a * albedo).map(f64::ln);
-            let change = SoftClip::new(limits, *range).at(radius.ln()) - radius.ln();
+            let limits = channel.boundary.radius_mm(a * albedo).map(libm::log);
+            let change = SoftClip::new(limits, *range).at(libm::log(*radius)) - libm::log(*radius);
             (widen, narrow) = (widen.max(change), narrow.min(change));
         }
-        [a, (widen + narrow).exp()]
+        [a, libm::exp(widen + narrow)]
     }
 }
 

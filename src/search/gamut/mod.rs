@@ -19,12 +19,13 @@ mod tests;
 mod width;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 pub use boundary::Boundary;
 use explore::{Explorer, Runs, TRIALS};
 pub use map::{GamutMap, Move};
 
-use super::{MatchOptions, RefineOptions, ResinLimit, SearchError, SearchOptions, options::MAX_UNITS};
+use super::{MatchOptions, RefineOptions, ResinLimit, SearchCache, SearchError, SearchOptions, options::MAX_UNITS};
 use crate::optics::{
     FrequencyGrid, InverseHankel, KubelkaMunk, MaterialSet, ModalReflection, Resin, ResinId, Stack, TransportOptions,
     VolumeCoefficients,
@@ -36,14 +37,14 @@ use crate::watch::Watch;
 const DIRECTIONS: TransportOptions = TransportOptions { polar: 4, orders: 6 };
 
 /// What a set of resins reaches, per channel.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Gamut {
     /// One per channel.
     pub channels: Vec<ChannelGamut>,
 }
 
 /// What is reached in one channel.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ChannelGamut {
     /// Stackings spread over the whole gamut, by ascending albedo.
     pub points: Vec<GamutPoint>,
@@ -52,7 +53,7 @@ pub struct ChannelGamut {
 }
 
 /// A stacking and where it lies.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GamutPoint {
     /// Its layers over the search's core.
     pub stacking: Stack,
@@ -110,6 +111,21 @@ pub fn place_of(spectrum: &[f64], grid: &FrequencyGrid) -> Option<[f64; 2]> {
 }
 
 impl Gamut {
+    /// [`Self::explore`], unless `cache` knows what it would find.
+    ///
+    /// # Errors
+    /// Those of [`Self::explore`].
+    pub fn explored(
+        set: &MaterialSet,
+        options: &MatchOptions,
+        watch: &dyn Watch,
+        cache: Option<&SearchCache>,
+    ) -> Result<Self, SearchError> {
+        // It never mixes.
+        let question = (set, &options.search, options.judge, options.layers);
+        SearchCache::recall(cache, "gamut", &question, || Self::explore(set, options, watch))
+    }
+
     /// Explores what the resins of `set` reach with at most `depth` layers that keep the limits of `options.search`, as
     /// fine as `options.layers` may be: whole units of a search, 78 µm, leave gaps. Stackings are found by
     /// Kubelka–Munk; if transport judges, they are placed by it, and more are found by it. The same for the same input,

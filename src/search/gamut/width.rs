@@ -24,9 +24,9 @@ pub(super) struct RadiusTable {
 impl RadiusTable {
     /// For spectra on `grid`, evenly spaced.
     pub fn new(grid: &FrequencyGrid) -> Self {
-        let [low, high] = RADII_MM.map(f64::ln);
+        let [low, high] = RADII_MM.map(libm::log);
         let ln_radius: Vec<f64> = (0..RADII).map(|j| low + (high - low) * j as f64 / (RADII - 1) as f64).collect();
-        let weights = ln_radius.iter().map(|ln_r| energy_weights(grid.as_slice(), ln_r.exp())).collect();
+        let weights = ln_radius.iter().map(|ln_r| energy_weights(grid.as_slice(), libm::exp(*ln_r))).collect();
         Self { ln_radius, weights }
     }
 
@@ -45,7 +45,7 @@ impl RadiusTable {
             if found < wanted { (low, at_low) = (middle, found) } else { (high, at_high) = (middle, found) }
         }
         let part = (wanted - at_low) / (at_high - at_low);
-        Some((self.ln_radius[low] + part * (self.ln_radius[high] - self.ln_radius[low])).exp())
+        Some(libm::exp(self.ln_radius[low] + part * (self.ln_radius[high] - self.ln_radius[low])))
     }
 }
 

@@ -19,6 +19,7 @@ pub(super) mod nodes;
 pub(super) mod polytope;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use self::{
     fit::{Fit, Residuals, fit},
@@ -27,7 +28,10 @@ use self::{
 };
 use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, branch_and_bound::match_sequences};
 use crate::{
-    numeric::least_squares::{curvature, dot, gradient},
+    numeric::{
+        least_squares::{curvature, dot, gradient},
+        rounding::rounded,
+    },
     optics::{FrequencyGrid, ModalReflection, ResinId, Stack, TransportOptions, VolumeCoefficients},
 };
 
@@ -50,7 +54,7 @@ impl Default for RefineOptions {
 }
 
 /// A stacking that was refined.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Refined {
     /// The layers over the search's core.
     pub stacking: Stack,
@@ -190,6 +194,7 @@ impl Refiner {
             best = self.on_steps(best, &goal, step_mm).ok_or(SearchError::Steps { step_mm })?;
         }
         let (sequence, Fit { mm, .. }) = best;
+        let mm = mm.into_iter().map(rounded);
         let stacking = Stack::joined(sequence.into_iter().map(ResinId).zip(mm)).over(self.options.core);
         let reflection = self.reflection(&stacking);
         let found = self.options.objective.of(&reflection, target);

@@ -6,6 +6,7 @@ use crate::appearance::bssrdf::{
     kernel::Variance,
     operator::{Operator, Prior},
     passes::Model,
+    shape::nodes,
 };
 use crate::watch::{Interrupt, Unwatched, Watch};
 
@@ -38,11 +39,13 @@ fn the_operator_is_symmetric() {
         planes.data.iter_mut().for_each(|value| *value = (low + (high - low) * random.unit()) as f32);
         planes
     };
-    let (root, availability, outside) = (planes(0.5, 1.5), planes(0.0, 1.0), planes(0.0, 0.2));
+    let (availability, outside) = (planes(0.0, 1.0), planes(0.0, 0.2));
     let (p, q) = (planes(-1.0, 1.0), planes(-1.0, 1.0));
+    let mut roots = Planes::new(rings.distances_mm.len(), width, height, 0.0);
+    roots.data.iter_mut().for_each(|value| *value = (0.5 + random.unit()) as f32);
     let global: Vec<f32> = rings.distances_mm.iter().map(|r| (-5.0 * r).exp() as f32).collect();
-    let between = vec![(0, 0.0); global.len()];
-    let model = Model { global: &global, root: &root, between: &between };
+    let nodes = nodes(&rings);
+    let model = Model { global: &global, roots: &roots, nodes: &nodes };
     for tied in [false, true] {
         let operator = Operator {
             rings: &rings,

@@ -1,5 +1,5 @@
-//! Makes BSSRDF datasets that `lumislice factor` reads: one that is exactly of the form of equation 7, and three by
-//! Monte Carlo through a volume that varies, standing for a chess board, marble and artificial stone.
+//! Makes BSSRDF datasets that `lumislice factor` reads: two that are exactly of the form of equation 7, one smooth and one
+//! of squares with sharp borders, and three by Monte Carlo through a volume that varies, standing for a chess board, marble and artificial stone.
 //!
 //! ```text
 //! cargo run --release -p tools --bin make_bssrdf -- KIND FOLDER [--texels N] [--window N] [--pitch-mm MM]
@@ -27,7 +27,7 @@ struct Request {
     seed: u64,
 }
 
-const USAGE: &str = "make_bssrdf exact|chess|marble|stone FOLDER [--texels COLUMNS[xROWS]] [--window N] [--pitch-mm \
+const USAGE: &str = "make_bssrdf exact|squares|chess|marble|stone FOLDER [--texels COLUMNS[xROWS]] [--window N] [--pitch-mm \
     MM] \
                      [--photons N] [--noise SHARE] [--floor PER_MM2] [--seed N]";
 
@@ -45,9 +45,9 @@ fn run() -> Result<(), String> {
     let request = parse()?;
     fs::create_dir_all(&request.folder).map_err(|error| format!("{}: {error}", request.folder.display()))?;
     match request.kind.as_str() {
-        "exact" => exact::make(&request),
+        "exact" | "squares" => exact::make(&request),
         "chess" | "marble" | "stone" => volume::make(&request),
-        other => Err(format!("found kind {other}, expected exact, chess, marble or stone")),
+        other => Err(format!("found kind {other}, expected exact, squares, chess, marble or stone")),
     }
 }
 

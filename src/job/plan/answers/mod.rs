@@ -11,6 +11,10 @@
 //! the least change that makes up for what is missing, in each channel, by Newton's rule with differences for slopes:
 //! thicknesses relative to what they are, shares in units of [`SHARE`].
 
+mod newton;
+#[cfg(test)]
+mod tests;
+
 use rayon::prelude::*;
 
 use super::context::TargetContext;
@@ -85,21 +89,13 @@ const TOTALS: TransportOptions = TransportOptions { polar: 6, orders: 1 };
 /// Frequency of what stands for the total, rad/mm: light that leaves 5 mm aside counts 0.998. At 0 resins that absorb
 /// nothing have no modes.
 const NEARLY_ALL: f64 = 0.02;
-/// Slopes are taken anew where a step leaves more than this of the square of what was missing.
-const STALE: f64 = 0.25;
-/// Newton's steps, and the error of ln albedo that ends them.
-const STEPS: usize = 12;
-const CLOSE: f64 = 0.004;
-/// Change of ln thickness, or of shares in their unit, that slopes are taken over, and most that a step may change one.
-const DIFFERENCE: f64 = 0.04;
+/// Most that a step may change ln thickness, or shares in their unit.
 const LONGEST: f64 = 0.7;
 const MOST_SHARES: f64 = 3.0;
 /// A share of the top layer that matters as much as its thickness once over.
 const SHARE: f64 = 0.05;
 /// Most of the top layer that may be other than what it mostly is.
 const MIXED: f64 = 0.8;
-/// Against slopes so flat that a step would be without end.
-const DAMPING: f64 = 1e-4;
 /// Part of a thin place that squeezed layers take.
 const SQUEEZED: f64 = 0.85;
 /// Albedos below are black: no factor changes them.
@@ -267,104 +263,6 @@ impl Answers {
         }
     }
 
-    /// The numbers that make the albedo what a factor asks for, from `start` on; `slopes` are those of an answer nearby,
-    /// and then of this one.
-    fn solve(
-        &self,
-        base: &Base,
-        half: Option<f64>,
-        start: &[f64],
-        ln_factor: &[f64],
-        slopes: &mut Option<Vec<Vec<f64>>>,
-    ) -> (Vec<f64>, Answer) {
-        // A flat slab without a factor is what was found; a thin part is asked for what the target is.
-        let from = if half.is_some() { &base.asked } else { &base.promised };
-        let goal: Vec<f64> =
-            from.iter().zip(ln_factor).map(|(albedo, ln)| albedo.max(BLACK) * libm::exp(*ln)).collect();
-        let missing = |albedo: &[f64]| -> Vec<f64> {
-            goal.iter().zip(albedo).map(|(goal, albedo)| libm::log(goal / albedo.max(BLACK))).collect()
-        };
-        let size = |missing: &[f64]| missing.iter().map(|ln| ln * ln).sum::<f64>();
-        let mut numbers = start.to_vec();
-        let mut albedo = self.albedo(base, &numbers, half);
-        let mut off = missing(&albedo);
-        for _ in 0..STEPS {
-            if off.iter().all(|ln| ln.abs() < CLOSE) {
-                break;
-            }
-            let (known, fresh) = match slopes.take() {
-                Some(known) => (known, false),
-                None => (self.slopes(base, half, &numbers, &albedo), true),
-            };
-            match self.stepped(base, half, (&numbers, &off, &known), &missing, &size) {
-                Some(better) => {
-                    *slopes = (size(&better.2) < STALE * size(&off)).then_some(known);
-                    (numbers, albedo, off) = better;
-                }
-                None if fresh => break,
-                None => {}
-            }
-        }
-        let layers = numbers.iter().zip(base.mixtures(&numbers)).map(|(mm, mixture)| (mixture, *mm));
-        let stacking = Stack::new(layers).over(Mixture::from(self.core));
-        (numbers, Answer { stacking, albedo, short: off })
-    }
-
-    /// What ln albedo changes by with every number, in its unit.
-    fn slopes(&self, base: &Base, half: Option<f64>, numbers: &[f64], albedo: &[f64]) -> Vec<Vec<f64>> {
-        let of = |n: usize| {
-            let mut moved = numbers.to_vec();
-            base.shift(&mut moved, n, DIFFERENCE);
-            let moved = self.albedo(base, &moved, half);
-            let slope = |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
-            moved.iter().zip(albedo).map(slope).collect()
-        };
-        (0..numbers.len()).map(of).collect()
-    }
-
-    /// A step of Newton's rule that misses less than `here`: numbers, by how much they miss, and slopes; `None` where
-    /// none was found.
-    fn stepped(
-        &self,
-        base: &Base,
-        half: Option<f64>,
-        (numbers, off, slopes): (&[f64], &[f64], &[Vec<f64>]),
-        missing: &dyn Fn(&[f64]) -> Vec<f64>,
-        size: &dyn Fn(&[f64]) -> f64,
-    ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
-        // What cannot move the way it should is left out, and the others make up for it.
-        let mut slopes = slopes.to_vec();
-        let mut step = least_step(&slopes, off);
-        for _ in 0..numbers.len() {
-            let mut probe = numbers.to_vec();
-            (0..probe.len()).for_each(|n| base.shift(&mut probe, n, 1e-3 * step[n]));
-            let wanted = probe.clone();
-            self.keep_limits(base, &mut probe);
-            let mut left_out = false;
-            for n in 0..numbers.len() {
-                if step[n] != 0.0 && (probe[n] - wanted[n]).abs() > 1e-6 * wanted[n].abs().max(1e-6) {
-                    slopes[n].fill(0.0);
-                    left_out = true;
-                }
-            }
-            if !left_out {
-                break;
-            }
-            step = least_step(&slopes, off);
-        }
-        for shorter in [1.0, 0.5, 0.2] {
-            let mut next = numbers.to_vec();
-            (0..next.len()).for_each(|n| base.shift(&mut next, n, shorter * step[n]));
-            self.keep_limits(base, &mut next);
-            let there = self.albedo(base, &next, half);
-            let left = missing(&there);
-            if size(&left) < 0.98 * size(off) {
-                return Some((next, there, left));
-            }
-        }
-        None
-    }
-
     /// Albedo per channel of layers over the core, or cut off at half the thickness of a part over its mirror image.
     fn albedo(&self, base: &Base, numbers: &[f64], half: Option<f64>) -> Vec<f64> {
         let model = &self.models[base.model];
@@ -427,162 +325,6 @@ impl Base {
             numbers[n] *= libm::exp(step.clamp(-LONGEST, LONGEST));
         } else {
             numbers[n] += SHARE * step.clamp(-MOST_SHARES, MOST_SHARES);
-        }
-    }
-}
-
-/// The least change x of ln thicknesses with slopesᵀ x = off: slopes (slopesᵀ slopes + damping)⁻¹ off.
-fn least_step(slopes: &[Vec<f64>], off: &[f64]) -> Vec<f64> {
-    let n = off.len();
-    let mut rows: Vec<Vec<f64>> = (0..n)
-        .map(|a| {
-            let product = |b: usize| slopes.iter().map(|slope| slope[a] * slope[b]).sum::<f64>();
-            let mut row: Vec<f64> = (0..n).map(product).collect();
-            row[a] += DAMPING;
-            row.push(off[a]);
-            row
-        })
-        .collect();
-    // Elimination; the matrix is symmetric and positive definite.
-    for pivot in 0..n {
-        let of = rows[pivot].clone();
-        for (_, row) in rows.iter_mut().enumerate().filter(|(n, _)| *n != pivot) {
-            let factor = row[pivot] / of[pivot];
-            row.iter_mut().zip(&of).for_each(|(value, of)| *value -= factor * of);
-        }
-    }
-    let solved: Vec<f64> = rows.iter().enumerate().map(|(n, row)| row[row.len() - 1] / row[n]).collect();
-    slopes.iter().map(|slope| slope.iter().zip(&solved).map(|(slope, x)| slope * x).sum()).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{
-        optics::{FrequencyGrid, Light, MaterialSet, Transport},
-        watch::Unwatched,
-    };
-
-    const WHITE: ResinId = ResinId(0);
-
-    /// White over support over black, or grey over support over white, that asks for what it has.
-    fn answers(set: &MaterialSet, layers: &[(Mixture, f64)], mixes: bool) -> Answers {
-        let volumes = |channel: usize| set.resins.iter().map(|resin| resin.volumes().unwrap()[channel]).collect();
-        let mut answers = Answers {
-            clusters: Vec::new(),
-            models: Vec::new(),
-            volumes: (0..set.channels.len()).map(volumes).collect(),
-            grains: set.grains,
-            limits: Vec::new(),
-            core: set.resin("black").unwrap().0,
-            min_layer_mm: 0.03,
-            inks: if mixes { set.ids().filter(|id| !set[*id].print_as_background).collect() } else { Vec::new() },
-        };
-        let top = answers.top(layers);
-        let model = answers.model(layers, top.is_some());
-        let mut base =
-            Base { layers: layers.to_vec(), model, top, asked: vec![0.4; set.channels.len()], promised: Vec::new() };
-        base.promised = answers.albedo(&base, &base.numbers(), None);
-        answers.clusters.push(base);
-        answers
-    }
-
-    /// By the whole model: what comes back of a stack, and through it.
-    fn total(set: &MaterialSet, stack: &Stack<Mixture>, channel: usize) -> f64 {
-        let stack = stack.map(|mixture| set.mixed_volumes(mixture).unwrap()[channel]);
-        let light = Transport { stack: &stack, light: Light::Diffuse, options: TransportOptions::default() };
-        let light = light.spectra(&FrequencyGrid::of(vec![0.0]));
-        light.reflection[0] + light.transmission[0]
-    }
-
-    /// A plate of an answer: its layers as far as they fit, then the core, and the same again upside down.
-    fn plate(answer: &Stack<Mixture>, half: f64) -> Stack<Mixture> {
-        let mut left = half;
-        let core = (answer.core.as_ref().unwrap(), half);
-        let cut: Vec<_> = answer
-            .pairs()
-            .chain([core])
-            .map(|(mixture, mm)| {
-                let mm = mm.min(left);
-                left -= mm;
-                (mixture.clone(), mm)
-            })
-            .collect();
-        Stack::new(cut.clone().into_iter().chain(cut.into_iter().rev()))
-    }
-
-    #[test]
-    fn answers_keep_their_promise() {
-        for (set, mixes) in [("synthetic", false), ("synthetic", true), ("inks-rgb-7", true)] {
-            let set = MaterialSet::builtin(set).unwrap();
-            let [white, support, black] = ["white", "support", "black"].map(|name| set.resin(name).unwrap().0);
-            let top = if mixes { Mixture::new([(white, 0.9), (black, 0.1)]).unwrap() } else { white.into() };
-            let layers = [(top, 0.3), (support.into(), 0.8), (if mixes { white } else { black }.into(), 0.5)];
-            let answers = answers(&set, &layers, mixes);
-            let channels = set.channels.len();
-            let mut questions = Vec::new();
-            for half_mm in [None, Some(0.3), Some(0.6), Some(1.2)] {
-                for ln in [-0.4, -0.1, 0.0, 0.1] {
-                    let ln_factor = (0..channels).map(|channel| ln * (1.0 - 0.3 * channel as f64)).collect();
-                    questions.push(Question { cluster: 0, half_mm, ln_factor });
-                }
-            }
-            let found = answers.answer(&questions, &Unwatched).unwrap();
-            let mut met = 0;
-            for (question, answer) in questions.iter().zip(&found) {
-                for channel in 0..channels {
-                    let whole = match question.half_mm {
-                        None => total(&set, &answer.stacking, channel),
-                        Some(half) => total(&set, &plate(&answer.stacking, half), channel),
-                    };
-                    assert!(
-                        (whole - answer.albedo[channel]).abs() < 4e-3,
-                        "{question:?} {channel}: {whole} {answer:?}"
-                    );
-                    let from = match question.half_mm {
-                        None => answers.clusters[0].promised[channel],
-                        Some(_) => 0.4,
-                    };
-                    let goal = from * question.ln_factor[channel].exp();
-                    let short = (goal / answer.albedo[channel]).ln();
-                    assert!((short - answer.short[channel]).abs() < 1e-9);
-                    met += usize::from(short.abs() < CLOSE);
-                }
-            }
-            // Thin plates of resins by themselves cannot be all there is.
-            let least = if mixes { questions.len() * channels * 9 / 10 } else { questions.len() * channels / 2 };
-            assert!(met >= least, "{met} of {} met in {}", questions.len() * channels, set.name);
-        }
-    }
-
-    #[test]
-    fn what_is_asked_for_as_it_is_stays_bit_for_bit() {
-        let set = MaterialSet::builtin("synthetic").unwrap();
-        let layers = [(Mixture::from(WHITE), 0.3), (set.resin("support").unwrap().0.into(), 0.8)];
-        for mixes in [false, true] {
-            let answers = answers(&set, &layers, mixes);
-            let question = Question { cluster: 0, half_mm: None, ln_factor: vec![0.0] };
-            let found = answers.answer(&[question], &Unwatched).unwrap();
-            assert_eq!(found[0].stacking, answers.stacking(0));
-        }
-    }
-
-    /// One after the other from their neighbours: a ladder of factors makes a ladder of layers.
-    #[test]
-    fn answers_of_a_ladder_rise_with_it() {
-        let set = MaterialSet::builtin("synthetic").unwrap();
-        let support = set.resin("support").unwrap().0;
-        let layers = [(Mixture::from(WHITE), 0.3), (support.into(), 0.8), (Mixture::from(WHITE), 0.5)];
-        let answers = answers(&set, &layers, true);
-        let question = |n: i32| Question { cluster: 0, half_mm: Some(0.6), ln_factor: vec![0.02 * f64::from(n)] };
-        let questions: Vec<_> = (-30..=5).map(question).collect();
-        let found = answers.answer(&questions, &Unwatched).unwrap();
-        assert!(found.windows(2).all(|pair| pair[0].albedo[0] < pair[1].albedo[0]));
-        for pair in found.windows(2) {
-            let apart = |n: usize| {
-                (pair[0].stacking.layers[n].thickness_mm / pair[1].stacking.layers[n].thickness_mm).ln().abs()
-            };
-            assert!((0..3).all(|n| apart(n) < 0.15), "{pair:?}");
         }
     }
 }

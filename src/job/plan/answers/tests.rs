@@ -1,0 +1,126 @@
+//! Answers keep what they promise, by the whole model.
+
+use super::{newton::CLOSE, *};
+use crate::{
+    optics::{FrequencyGrid, Light, MaterialSet, Transport},
+    watch::Unwatched,
+};
+
+const WHITE: ResinId = ResinId(0);
+
+/// White over support over black, or grey over support over white, that asks for what it has.
+fn answers(set: &MaterialSet, layers: &[(Mixture, f64)], mixes: bool) -> Answers {
+    let volumes = |channel: usize| set.resins.iter().map(|resin| resin.volumes().unwrap()[channel]).collect();
+    let mut answers = Answers {
+        clusters: Vec::new(),
+        models: Vec::new(),
+        volumes: (0..set.channels.len()).map(volumes).collect(),
+        grains: set.grains,
+        limits: Vec::new(),
+        core: set.resin("black").unwrap().0,
+        min_layer_mm: 0.03,
+        inks: if mixes { set.ids().filter(|id| !set[*id].print_as_background).collect() } else { Vec::new() },
+    };
+    let top = answers.top(layers);
+    let model = answers.model(layers, top.is_some());
+    let mut base =
+        Base { layers: layers.to_vec(), model, top, asked: vec![0.4; set.channels.len()], promised: Vec::new() };
+    base.promised = answers.albedo(&base, &base.numbers(), None);
+    answers.clusters.push(base);
+    answers
+}
+
+/// By the whole model: what comes back of a stack, and through it.
+fn total(set: &MaterialSet, stack: &Stack<Mixture>, channel: usize) -> f64 {
+    let stack = stack.map(|mixture| set.mixed_volumes(mixture).unwrap()[channel]);
+    let light = Transport { stack: &stack, light: Light::Diffuse, options: TransportOptions::default() };
+    let light = light.spectra(&FrequencyGrid::of(vec![0.0]));
+    light.reflection[0] + light.transmission[0]
+}
+
+/// A plate of an answer: its layers as far as they fit, then the core, and the same again upside down.
+fn plate(answer: &Stack<Mixture>, half: f64) -> Stack<Mixture> {
+    let mut left = half;
+    let core = (answer.core.as_ref().unwrap(), half);
+    let cut: Vec<_> = answer
+        .pairs()
+        .chain([core])
+        .map(|(mixture, mm)| {
+            let mm = mm.min(left);
+            left -= mm;
+            (mixture.clone(), mm)
+        })
+        .collect();
+    Stack::new(cut.clone().into_iter().chain(cut.into_iter().rev()))
+}
+
+#[test]
+fn answers_keep_their_promise() {
+    for (set, mixes) in [("synthetic", false), ("synthetic", true), ("inks-rgb-7", true)] {
+        let set = MaterialSet::builtin(set).unwrap();
+        let [white, support, black] = ["white", "support", "black"].map(|name| set.resin(name).unwrap().0);
+        let top = if mixes { Mixture::new([(white, 0.9), (black, 0.1)]).unwrap() } else { white.into() };
+        let layers = [(top, 0.3), (support.into(), 0.8), (if mixes { white } else { black }.into(), 0.5)];
+        let answers = answers(&set, &layers, mixes);
+        let channels = set.channels.len();
+        let mut questions = Vec::new();
+        for half_mm in [None, Some(0.3), Some(0.6), Some(1.2)] {
+            for ln in [-0.4, -0.1, 0.0, 0.1] {
+                let ln_factor = (0..channels).map(|channel| ln * (1.0 - 0.3 * channel as f64)).collect();
+                questions.push(Question { cluster: 0, half_mm, ln_factor });
+            }
+        }
+        let found = answers.answer(&questions, &Unwatched).unwrap();
+        let mut met = 0;
+        for (question, answer) in questions.iter().zip(&found) {
+            for channel in 0..channels {
+                let whole = match question.half_mm {
+                    None => total(&set, &answer.stacking, channel),
+                    Some(half) => total(&set, &plate(&answer.stacking, half), channel),
+                };
+                assert!((whole - answer.albedo[channel]).abs() < 4e-3, "{question:?} {channel}: {whole} {answer:?}");
+                let from = match question.half_mm {
+                    None => answers.clusters[0].promised[channel],
+                    Some(_) => 0.4,
+                };
+                let goal = from * question.ln_factor[channel].exp();
+                let short = (goal / answer.albedo[channel]).ln();
+                assert!((short - answer.short[channel]).abs() < 1e-9);
+                met += usize::from(short.abs() < CLOSE);
+            }
+        }
+        // Thin plates of resins by themselves cannot be all there is.
+        let least = if mixes { questions.len() * channels * 9 / 10 } else { questions.len() * channels / 2 };
+        assert!(met >= least, "{met} of {} met in {}", questions.len() * channels, set.name);
+    }
+}
+
+#[test]
+fn what_is_asked_for_as_it_is_stays_bit_for_bit() {
+    let set = MaterialSet::builtin("synthetic").unwrap();
+    let layers = [(Mixture::from(WHITE), 0.3), (set.resin("support").unwrap().0.into(), 0.8)];
+    for mixes in [false, true] {
+        let answers = answers(&set, &layers, mixes);
+        let question = Question { cluster: 0, half_mm: None, ln_factor: vec![0.0] };
+        let found = answers.answer(&[question], &Unwatched).unwrap();
+        assert_eq!(found[0].stacking, answers.stacking(0));
+    }
+}
+
+/// One after the other from their neighbours: a ladder of factors makes a ladder of layers.
+#[test]
+fn answers_of_a_ladder_rise_with_it() {
+    let set = MaterialSet::builtin("synthetic").unwrap();
+    let support = set.resin("support").unwrap().0;
+    let layers = [(Mixture::from(WHITE), 0.3), (support.into(), 0.8), (Mixture::from(WHITE), 0.5)];
+    let answers = answers(&set, &layers, true);
+    let question = |n: i32| Question { cluster: 0, half_mm: Some(0.6), ln_factor: vec![0.02 * f64::from(n)] };
+    let questions: Vec<_> = (-30..=5).map(question).collect();
+    let found = answers.answer(&questions, &Unwatched).unwrap();
+    assert!(found.windows(2).all(|pair| pair[0].albedo[0] < pair[1].albedo[0]));
+    for pair in found.windows(2) {
+        let apart =
+            |n: usize| (pair[0].stacking.layers[n].thickness_mm / pair[1].stacking.layers[n].thickness_mm).ln().abs();
+        assert!((0..3).all(|n| apart(n) < 0.15), "{pair:?}");
+    }
+}
