@@ -5,7 +5,13 @@ use std::path::PathBuf;
 use clap::{Args, builder::PossibleValuesParser};
 use lumislice::job::{convert, file::OutputFormat};
 
-use super::{Answer, Result, failure::refusal, print, progress::Bars, say};
+use super::{
+    Answer, Result,
+    failure::{refusal, refuse},
+    print,
+    progress::Bars,
+    say,
+};
 
 /// Write a finished job in another format too, from its slices.
 ///
@@ -29,6 +35,9 @@ fn names() -> Vec<&'static str> {
 pub fn run(args: &ConvertArgs) -> Result<Answer> {
     let format = OutputFormat::ALL.iter().find(|(name, _)| *name == args.to).map(|(_, format)| *format);
     let format = format.ok_or_else(|| refusal!("--to: found {}, expected one of {}", args.to, names().join(", ")))?;
+    if args.folder.is_file() {
+        refuse!("{}: found a file, expected the folder of a finished job", args.folder.display());
+    }
     let bars = Bars::new(false);
     let converted = convert(&args.folder, format, &bars);
     bars.finish();

@@ -32,6 +32,11 @@ impl Failure {
         Self { blame: Blame::Input, text }
     }
 
+    /// Somebody asked to stop.
+    pub fn interrupted(text: &str) -> Self {
+        Self { blame: Blame::Interrupt, text: text.to_owned() }
+    }
+
     /// `place` cannot be written.
     pub fn writing(place: impl Display, error: io::Error) -> Self {
         Self { blame: Blame::Disk, text: format!("{place}: writing failed: {error}") }

@@ -23,6 +23,7 @@ use super::{
     print, print_json,
     progress::Bars,
     say,
+    start::is_mesh,
     table::table,
 };
 
@@ -139,6 +140,12 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         refuse!("--materials: found a job, which names its resins, expected a folder without");
     }
     let materials = args.materials.as_deref().map(Materials::read).transpose()?.map(|materials| materials.file);
+    if let Some(mesh) = job.filter(|job| is_mesh(job)) {
+        let mesh = mesh.display();
+        refuse!(
+            "{mesh}: found a mesh, expected a job (`lumislice init {mesh}` writes one) or the folder of a finished one"
+        );
+    }
     let job = job.map(|job| Job::load(job).map_err(RunError::from)).transpose()?;
     let existing = Existing::overwrite(args.overwrite);
     if let Some(folder) = &args.output {

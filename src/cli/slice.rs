@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 use super::{
     Answer, Result,
     cache::CacheArgs,
-    failure::{refusal, refuse},
+    failure::{Failure, refusal, refuse},
     materials::{Corrected, prepared},
     print, print_json,
     progress::Bars,
@@ -95,7 +95,10 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     if args.dry_run {
         let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars)?, prepared)));
         bars.finish();
-        let (estimate, prepared) = result?;
+        let (estimate, prepared) = result.map_err(|error| match error {
+            RunError::Stopped(_) => Failure::interrupted("interrupted; a dry run writes nothing"),
+            error => error.into(),
+        })?;
         return report_estimate(&prepared, &estimate, args.json, made_up);
     }
     let options = RunOptions { existing, slices: args.slices.clone() };
@@ -156,7 +159,11 @@ fn quick(args: &SliceArgs, job: Job, made_up: Option<&str>) -> Result<Answer> {
     }
     warnings.iter().chain(&look.warnings).for_each(|warning| say(&format!("warning: {warning}")));
     print(&super::look::summary(&look))?;
-    print(&format!("\npictures of a coarse print: {}\n", folder.display()))?;
+    print(&format!(
+        "\npictures of a coarse print: {}\nnothing was corrected yet: without --quick, rounds of correction bring the print \
+         nearer to what is asked\n",
+        folder.display()
+    ))?;
     Ok(Answer::Yes)
 }
 
