@@ -19,7 +19,8 @@ const SURE: f64 = 3.0;
 /// Spread of single distances about a smooth curve, beyond their noise, in ln: fewer than this is not believed.
 const SPREAD: f64 = 0.05;
 /// Functions of r (in pixels) whose sum a smooth curve is: powers, exponentials, and what lies between.
-const FUNCTIONS: [fn(f64) -> f64; 6] = [|_| 1.0, |r| r.ln(), |r| r, |r| r.ln().powi(2), |r| r * r, |r| r.ln().powi(3)];
+const FUNCTIONS: [fn(f64) -> f64; 6] =
+    [|_| 1.0, |r| libm::log(r), |r| r, |r| libm::log(r).powi(2), |r| r * r, |r| libm::log(r).powi(3)];
 /// So many distances for each of them.
 const DISTANCES_EACH: usize = 3;
 /// A function that the ones before it make up to this share says nothing new.
@@ -97,10 +98,10 @@ pub fn global_profile(rings: &Rings, survey: &Survey, smooth: bool) -> Vec<f32> 
         let known: Vec<usize> = sure.iter().copied().filter(|distance| *distance > 0).collect();
         let points: Vec<[f64; 3]> = known
             .iter()
-            .map(|&d| [rings.distances_mm[d] / pitch, global[d].ln(), spread[d].hypot(SPREAD).powi(-1)])
+            .map(|&d| [rings.distances_mm[d] / pitch, libm::log(global[d]), libm::hypot(spread[d], SPREAD).powi(-1)])
             .collect();
         if let Some(curve) = smoothed(&points) {
-            known.iter().zip(curve).for_each(|(distance, log)| global[*distance] = log.exp());
+            known.iter().zip(curve).for_each(|(distance, log)| global[*distance] = libm::exp(log));
         }
     }
     let r = |distance: usize| rings.distances_mm[distance];
@@ -119,9 +120,9 @@ pub fn global_profile(rings: &Rings, survey: &Survey, smooth: bool) -> Vec<f32> 
                 continue;
             }
         };
-        let slope = if a == b { 0.0 } else { (global[b] / global[a]).ln() / (r(b) - r(a)) };
+        let slope = if a == b { 0.0 } else { libm::log(global[b] / global[a]) / (r(b) - r(a)) };
         let slope = if distance > b { slope.min(0.0) } else { slope };
-        global[distance] = global[b] * (slope * (r(distance) - r(b))).exp();
+        global[distance] = global[b] * libm::exp(slope * (r(distance) - r(b)));
     }
     let most = global.iter().copied().fold(0.0, f64::max);
     global.iter().map(|g| g.max(1e-12 * most) as f32).collect()

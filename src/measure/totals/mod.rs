@@ -140,10 +140,10 @@ impl Data<'_> {
         let share = |i: usize| {
             let variance = c[1 - i][1 - i] / determinant;
             let noise = if determinant > 0.0 { scale * variance.sqrt() } else { f64::INFINITY };
-            noise.hypot(0.5 * (high[i] - low[i]))
+            libm::hypot(noise, 0.5 * (high[i] - low[i]))
         };
         let shares = [share(0), share(1)];
-        let [reduced, absorption] = found.at.map(f64::exp);
+        let [reduced, absorption] = found.at.map(libm::exp);
         let thickest = self.totals.sheets.iter().map(|sheet| sheet.thickness_mm).fold(0.0, f64::max);
         let names = ["scattering (1 - g)", "absorption"];
         for ((name, value), (share, counts)) in names
@@ -168,7 +168,7 @@ impl Data<'_> {
     }
 
     fn volume(&self, at: Parameters, g: f64) -> VolumeCoefficients {
-        let [reduced, sigma_a] = at.map(|ln| ln.exp().clamp(LEAST_PER_MM, MOST_PER_MM));
+        let [reduced, sigma_a] = at.map(|ln| libm::exp(ln).clamp(LEAST_PER_MM, MOST_PER_MM));
         let refractive_index = self.totals.resin.refractive_index;
         VolumeCoefficients { sigma_s: (reduced / (1.0 - g)).min(MOST_PER_MM), sigma_a, g, refractive_index }
     }
@@ -179,7 +179,7 @@ impl Data<'_> {
             if self.watch.stop_requested() {
                 return Err(crate::watch::Stopped.into());
             }
-            starts.extend(ABSORPTION.map(|absorption| self.point([scattering.ln(), absorption.ln()], g)));
+            starts.extend(ABSORPTION.map(|absorption| self.point([libm::log(scattering), libm::log(absorption)], g)));
         }
         starts.sort_by(|a, b| a.objective().total_cmp(&b.objective()));
         let ends = starts.iter().take(2).map(|start| self.descend(start.at, g));
@@ -206,7 +206,8 @@ impl Data<'_> {
                 let mut at = here.at;
                 for (at, step) in at.iter_mut().zip(step) {
                     // No step leaves the region the slopes speak for.
-                    *at = (*at - (step / determinant).clamp(-1.0, 1.0)).clamp(LEAST_PER_MM.ln(), MOST_PER_MM.ln());
+                    *at = (*at - (step / determinant).clamp(-1.0, 1.0))
+                        .clamp(libm::log(LEAST_PER_MM), libm::log(MOST_PER_MM));
                 }
                 Some(self.point(at, g))
             },

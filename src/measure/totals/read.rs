@@ -76,7 +76,7 @@ pub struct Instrument {
 impl Instrument {
     /// One standard deviation of a value.
     pub fn error_of(&self, value: f64) -> f64 {
-        (self.relative_error * value).hypot(self.absolute_error)
+        libm::hypot(self.relative_error * value, self.absolute_error)
     }
 }
 
