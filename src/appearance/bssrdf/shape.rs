@@ -20,7 +20,7 @@ const SURE: f64 = 3.0;
 const SPREAD: f64 = 0.05;
 /// Functions of r (in pixels) whose sum a smooth curve is: powers, exponentials, and what lies between.
 const FUNCTIONS: [fn(f64) -> f64; 6] =
-    [|_| 1.0, |r| libm::log(r), |r| r, |r| libm::log(r).powi(2), |r| r * r, |r| libm::log(r).powi(3)];
+    [|_| 1.0, libm::log, |r| r, |r| libm::log(r).powi(2), |r| r * r, |r| libm::log(r).powi(3)];
 /// So many distances for each of them.
 const DISTANCES_EACH: usize = 3;
 /// A function that the ones before it make up to this share says nothing new.
