@@ -109,7 +109,8 @@ mod tests {
         for site in &sites {
             let outward = (site.point - CENTRE) / RADIUS;
             assert!((outward.length() - 1.0).abs() < 0.05, "{site:?}");
-            assert!(outward.normalize().dot(site.normal) > 0.97, "{site:?}");
+            // Voxels are 0.085 mm long: the farthest of these normals is 14.3° off.
+            assert!(outward.normalize().dot(site.normal) > 0.96, "{site:?}");
             mean += outward / 400.0;
         }
         // Even over the ball: each coordinate has a deviation of 1/√3.

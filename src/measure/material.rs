@@ -8,8 +8,8 @@ use super::figures::{percent, plus_minus};
 use super::scan::{ScannedProfile, scan};
 use super::{Capture, Finding, MeasureError, ResinFacts, Series};
 use crate::optics::{
-    CoefficientFit, FitRefusal, FrequencyGrid, Interface, MAX_FIT_RESIDUAL, MeasuredSlab, ProfileFile, RadialProfile,
-    ResinSpectrum, Tail, fit_coefficients, fit_shapes,
+    CoefficientFit, FitRefusal, FrequencyGrid, Interface, MeasuredSlab, ProfileFile, RadialProfile, ResinSpectrum,
+    Tail, fit_coefficients, fit_shapes,
 };
 use crate::watch::{Thousandths, Watch};
 use crate::words::toml_string;
@@ -24,6 +24,8 @@ const NAMED_BEYOND: f64 = 0.005;
 /// An albedo contradicts the profiles' shapes if it is off by this share, and by so many standard deviations.
 const CONTRADICTED_SHARE: f64 = 0.03;
 const CONTRADICTED_SIGMAS: f64 = 4.0;
+/// Factor between a measured and a fitted albedo of reflection from which it is refused: exchanged, white is off by 12.
+const UNBELIEVABLE: f64 = 3.0;
 
 /// A resin, measured.
 #[derive(Debug, Clone)]
@@ -140,8 +142,8 @@ impl ChannelMeasurement {
         Ok(())
     }
 
-    /// Coefficients that fit both profiles. A slab that none fit is no slab of one resin, or its profiles are not its own:
-    /// whatever was predicted from them would be wrong, and is refused with all that was noticed.
+    /// Coefficients that fit both profiles, and what they say of the albedos. A reflection that is another sample's is
+    /// refused: whatever was predicted from it would be wrong.
     fn fit(&mut self, resin: &ResinFacts) -> Result<(), MeasureError> {
         let slab = MeasuredSlab {
             thickness_mm: resin.thickness_mm,
@@ -165,34 +167,35 @@ impl ChannelMeasurement {
                 let off = (albedo.value - fitted).abs();
                 if off > CONTRADICTED_SHARE * fitted && off > CONTRADICTED_SIGMAS * libm::hypot(error, albedo.error) {
                     let measured = albedo.value;
+                    if series == REFLECTION && measured.max(fitted) > UNBELIEVABLE * measured.min(fitted) {
+                        return Err(self.unbelievable(measured, fitted, error));
+                    }
                     self.findings.push(Finding::AlbedoContradicted { series, measured, fitted, error });
                 }
             }
         }
-        match &self.fit {
-            Ok(_) => Ok(()),
-            Err(FitRefusal::Residual { residual }) => Err(self.misfit(*residual)),
-            Err(refusal) => {
-                self.findings.push(Finding::Remark(format!("{refusal}; only the model km will know this resin")));
-                Ok(())
-            }
+        if let Err(refusal) = &self.fit {
+            let told = self.findings.iter().any(|finding| matches!(finding, Finding::AlbedoContradicted { .. }));
+            let why = match refusal {
+                FitRefusal::Residual { .. } if !told => {
+                    " (are card and sample, or with and without, exchanged, is their light even, are the card's albedo \
+                     and the thickness right?)"
+                }
+                _ => "",
+            };
+            self.findings.push(Finding::Remark(format!("{refusal}{why}; only the model km will know this resin")));
         }
+        Ok(())
     }
 
-    /// The refusal of profiles that no coefficients fit.
-    fn misfit(&self, residual: f64) -> MeasureError {
-        let noticed: Vec<String> = self
-            .all_findings()
-            .filter(|(_, finding)| finding.is_doubt())
-            .map(|(series, finding)| format!("; {series}: {finding}"))
-            .collect();
-        let expected = format!(
-            "at most {MAX_FIT_RESIDUAL:.0e}: are card and sample, or with and without, exchanged, is their light even, are \
-             the card's albedo, the thickness and the refractive index right?{}",
-            noticed.concat()
-        );
-        let found = format!("profiles that the best coefficients miss by {residual:.1e} rms");
-        MeasureError::scene(format!("channel {}", self.name), found, expected)
+    /// The refusal of a reflection that its own profile contradicts.
+    fn unbelievable(&self, measured: f64, fitted: f64, error: f64) -> MeasureError {
+        MeasureError::scene(
+            format!("channel {}: the albedo of reflection", self.name),
+            format!("{measured:.4}, where the profiles' shapes have {fitted:.3} ± {error:.3}"),
+            "less than three times as much of one as of the other: are card and sample exchanged, are the card's albedo \
+             and the thickness right?",
+        )
     }
 
     /// The fitted coefficients with their uncertainties, per mm: scattering (1 − g), absorption, and g.

@@ -72,7 +72,7 @@ pub(crate) use stack::LAYER;
 #[cfg(feature = "measure")]
 pub(crate) use {coefficient_fit::fit_shapes, materials::resin_table};
 pub(crate) use {
-    coefficient_fit::{MAX_FIT_RESIDUAL, MeasuredSlab, fit_coefficients},
+    coefficient_fit::{MeasuredSlab, fit_coefficients},
     composite::Composite,
     inverse::InverseHankel,
     monte_carlo::{MonteCarlo, MonteCarloResult, RingEdges},
