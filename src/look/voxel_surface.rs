@@ -10,8 +10,9 @@ use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
 use super::{Scene, Site};
 use crate::optics::monte_carlo::photon::uniform;
 
-/// Samples of a ball from its middle to its edge.
-const STEPS: i32 = 3;
+/// Samples of a ball from its middle to its edge. Of a ball of 2 mm in voxels of 42 × 85 × 30 µm normals are 3.0° off in
+/// the mean and 9.2° at most; with 3, as far apart as the voxels are long, 7.1° and 21°.
+const STEPS: i32 = 5;
 /// Radius of the ball that a normal is read from, in diagonals of a voxel, and at least so many mm.
 const BALL_VOXELS: f64 = 2.5;
 const BALL_MM: f64 = 0.2;
@@ -109,8 +110,7 @@ mod tests {
         for site in &sites {
             let outward = (site.point - CENTRE) / RADIUS;
             assert!((outward.length() - 1.0).abs() < 0.05, "{site:?}");
-            // Voxels are 0.085 mm long: the farthest of these normals is 14.3° off.
-            assert!(outward.normalize().dot(site.normal) > 0.96, "{site:?}");
+            assert!(outward.normalize().dot(site.normal) > 0.97, "{site:?}");
             mean += outward / 400.0;
         }
         // Even over the ball: each coordinate has a deviation of 1/√3.
