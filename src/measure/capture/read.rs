@@ -8,7 +8,7 @@ use super::reader::{Headers, Reader, Result, bounds};
 use super::{Aperture, Camera, Capture, Exposure, ResinFacts, Series};
 use crate::measure::MeasureError;
 use crate::measure::frame::{ColourPlane, Header};
-use crate::optics::resin_table::{DENSITY, MAX_THICKNESS_MM, is_name, rgba};
+use crate::optics::resin_table::{DENSITY, MAX_THICKNESS_MM, background, name, rgba};
 use crate::optics::{MAX_REFRACTIVE_INDEX, OpticsError};
 use crate::toml_reader::{At, Found, Source, Table};
 use crate::words::excerpt;
@@ -90,23 +90,14 @@ pub(super) fn capture(path: &Path) -> Result<Capture> {
 impl Reader<'_> {
     fn resin(&self) -> Result<ResinFacts> {
         let keys = &self.keys;
-        let name = keys.string("name")?.ok_or_else(|| keys.missing("name", "a name"))?;
-        if !is_name(&name.value) {
-            let expected = "letters, digits, spaces, `-`, `_`, `+` or `.`, a letter or digit first";
-            return Err(keys.wrong("name", &name, expected));
-        }
-        let print_as_background = match keys.string("print-as")? {
-            None => false,
-            Some(text) if text.value == "resin" => false,
-            Some(text) if text.value == "background" => true,
-            Some(text) => return Err(keys.wrong("print-as", &text, "\"background\" or \"resin\"")),
-        };
+        let name = name(keys)?.value;
+        let print_as_background = background(keys)?.is_some();
         let thickness_mm = self.require_number("thickness-mm", 0.0..=MAX_THICKNESS_MM)?;
         if thickness_mm == 0.0 {
             return self.refuse("thickness-mm", "0", "the thickness of the sample in mm");
         }
         Ok(ResinFacts {
-            name: name.value,
+            name,
             rgba: rgba(keys)?.value,
             density_g_per_cm3: self.require_number("density-g-per-cm3", DENSITY)?,
             print_as_background,

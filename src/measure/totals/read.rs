@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::observer;
 use crate::measure::MeasureError;
-use crate::optics::resin_table::{DENSITY, MAX_THICKNESS_MM, is_name, rgba};
+use crate::optics::resin_table::{DENSITY, MAX_THICKNESS_MM, background, name, rgba};
 use crate::optics::{Light, MAX_REFRACTIVE_INDEX, OpticsError};
 use crate::toml_reader::{Found, Source, Table};
 
@@ -152,19 +152,10 @@ fn number(
 }
 
 fn resin(keys: &Table<'_, MeasureError>) -> Result<SheetResin> {
-    let name = keys.string("name")?.ok_or_else(|| keys.missing("name", "a name"))?;
-    if !is_name(&name.value) {
-        let expected = "letters, digits, spaces, `-`, `_`, `+` or `.`, a letter or digit first";
-        return Err(keys.wrong("name", &name, expected));
-    }
-    let print_as_background = match keys.string("print-as")? {
-        None => false,
-        Some(text) if text.value == "resin" => false,
-        Some(text) if text.value == "background" => true,
-        Some(text) => return Err(keys.wrong("print-as", &text, "\"background\" or \"resin\"")),
-    };
+    let name = name(keys)?.value;
+    let print_as_background = background(keys)?.is_some();
     Ok(SheetResin {
-        name: name.value,
+        name,
         rgba: rgba(keys)?.value,
         density_g_per_cm3: number(keys, "density-g-per-cm3", DENSITY, None)?,
         // Sheets are seen in air: an index left out would be a mistake of 4% in reflectance alone.

@@ -75,14 +75,7 @@ impl Draft {
             keys.prefix = format!("resin {}: ", name.value);
         }
         keys.allow_only(&RESIN_KEYS)?;
-        let name = keys.string("name")?.ok_or_else(|| keys.missing("name", "a name"))?;
-        if !is_name(&name.value) {
-            return Err(keys.wrong(
-                "name",
-                &name,
-                "letters, digits, spaces, `-`, `_`, `+` or `.`, a letter or digit first",
-            ));
-        }
+        let name = name(&keys)?;
         if earlier.iter().any(|other| other.name.to_lowercase() == name.value.to_lowercase()) {
             return Err(keys.wrong("name", &name, "a name no other resin has"));
         }
@@ -100,18 +93,12 @@ impl Draft {
         if let Some(price) = price.as_ref().filter(|price| !PRICE.contains(&price.value)) {
             return Err(keys.wrong("price-per-kg", price, "0 to 1000000"));
         }
-        let background = match keys.string("print-as")? {
-            None => false,
-            Some(text) if text.value == "resin" => false,
-            Some(text) if text.value == "background" => {
-                if let Some(other) = earlier.iter().find(|other| other.background) {
-                    let expected = format!("one background resin at most, which {} is", other.name);
-                    return Err(keys.error(text.at, "print-as", "background", expected));
-                }
-                true
-            }
-            Some(text) => return Err(keys.wrong("print-as", &text, "\"background\" or \"resin\"")),
-        };
+        let background = background(&keys)?;
+        if let (Some(text), Some(other)) = (&background, earlier.iter().find(|other| other.background)) {
+            let expected = format!("one background resin at most, which {} is", other.name);
+            return Err(keys.error(text.at, "print-as", "background", expected));
+        }
+        let background = background.is_some();
         if !background && rgba.value[3] != 255 {
             // Printers blend or reject what is not opaque.
             let expected = "alpha 255, or none, for a resin that is printed";
@@ -210,6 +197,26 @@ pub(crate) fn is_name(name: &str) -> bool {
         && name.chars().all(|c| c.is_alphanumeric() || " -_+.".contains(c))
         && name.len() <= MAX_FILE_NAME
         && !is_device_name(name)
+}
+
+/// A resin's name.
+pub(crate) fn name<E: From<Fault>>(keys: &Table<'_, E>) -> Result<At<String>, E> {
+    let name = keys.string("name")?.ok_or_else(|| keys.missing("name", "a name"))?;
+    if !is_name(&name.value) {
+        let expected = "letters, digits, spaces, `-`, `_`, `+` or `.`, a letter or digit first";
+        return Err(keys.wrong("name", &name, expected));
+    }
+    Ok(name)
+}
+
+/// Where `print-as` says background, if it does.
+pub(crate) fn background<E: From<Fault>>(keys: &Table<'_, E>) -> Result<Option<At<String>>, E> {
+    match keys.string("print-as")? {
+        None => Ok(None),
+        Some(text) if text.value == "resin" => Ok(None),
+        Some(text) if text.value == "background" => Ok(Some(text)),
+        Some(text) => Err(keys.wrong("print-as", &text, "\"background\" or \"resin\"")),
+    }
 }
 
 pub(crate) fn rgba<E: From<Fault>>(keys: &Table<'_, E>) -> Result<At<[u8; 4]>, E> {
