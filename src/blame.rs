@@ -57,3 +57,9 @@ pub fn one_line(error: &dyn Error) -> String {
     }
     text
 }
+
+impl Blamed for Stopped {
+    fn blame(&self) -> Blame {
+        Blame::Interrupt
+    }
+}

@@ -20,8 +20,6 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use crate::blame::{Blame, Blamed};
-
 /// Watches over slow work. All methods may be called from any thread, and do nothing unless implemented.
 pub trait Watch: Sync {
     /// A stage begins, and the one before it is over; `steps` is how many steps it has, 0 if that is unknown.
@@ -48,12 +46,6 @@ pub trait Watch: Sync {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("interrupted")]
 pub struct Stopped;
-
-impl Blamed for Stopped {
-    fn blame(&self) -> Blame {
-        Blame::Interrupt
-    }
-}
 
 /// Hears nothing and never asks to stop.
 #[derive(Debug, Clone, Copy, Default)]

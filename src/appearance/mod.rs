@@ -26,6 +26,7 @@ mod surface_points;
 mod texture;
 mod textured;
 
+pub use crate::numeric::similarity::{isotropic_path_factor, similarity};
 pub use align::{AlignedStackings, MixedSlot, align, align_mixtures};
 pub use charts::{Atlas, ChartMap, Place};
 pub use clusters::{ClusterError, ClusterFit, ClusterId, ClusterOptions, Clusters, cluster};
@@ -37,7 +38,7 @@ pub use heights::HeightFields;
 pub use layers::{BrickQuery, LayerField, LayerStack, SurfaceShare};
 pub use limits::{SlotLimits, enforce_limits};
 pub use material::{MaterialError, material_target, srgb_albedo};
-pub use measured::{MeasuredMedium, isotropic_path_factor, similarity};
+pub use measured::MeasuredMedium;
 pub use nodes::{MAX_NODES, TexelSite};
 pub use reduction::Reduction;
 pub use slots::SlotTable;

@@ -3,14 +3,32 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{OWNER, Prepared, RoundRecord, StackingReport, look::LookSummary};
-use crate::output::{FileEntry, GENERATOR};
+use super::{
+    Prepared, StackingReport,
+    record::{LookSummary, ROUNDS, RoundRecord},
+};
+use crate::output::{FileEntry, GENERATOR, Owner, TIMINGS};
 
 /// Version of the manifest's form; raised when readers must change.
 pub const MANIFEST_VERSION: u32 = 1;
 
 /// Name of the file that holds the stackings.
 pub const STACKINGS: &str = "stackings.json";
+/// Name of the file that holds a look.
+pub const LOOK: &str = "look.json";
+/// The page's name in the output folder.
+pub const REPORT: &str = "report.html";
+/// Name of the table of colours and resins.
+pub const MAPPING: &str = "mapping.txt";
+
+/// What `slice` writes.
+pub const OWNER: Owner = Owner {
+    command: "slice",
+    names: &[
+        "slices/", "masks/", "meshes/", "heights/", "exports/", "bmp/", "preview/", "look/", LOOK, STACKINGS, ROUNDS,
+        REPORT, TIMINGS, MAPPING,
+    ],
+};
 
 /// A finished job.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

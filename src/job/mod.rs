@@ -2,6 +2,7 @@
 //!
 //! | room | request | record |
 //! | --- | --- | --- |
+//! | [`manifest`](mod@manifest) | what slicing found | the form of a finished folder |
 //! | [`start`](mod@start) | a mesh alone | a job for it, as text |
 //! | [`file`](mod@file) | a job file, TOML | a [`Job`], checked, with every default filled in |
 //! | `plan`    | a [`Job`] | a [`Prepared`] job: resins, targets, stackings, fields on a lattice |
@@ -16,10 +17,12 @@
 pub mod compare;
 pub mod factor;
 pub mod file;
+mod finished;
 pub mod look;
 pub mod manifest;
 mod plan;
 pub mod printable;
+mod record;
 mod rounds;
 mod run;
 mod run_error;
@@ -27,14 +30,13 @@ pub mod start;
 pub mod verify;
 
 pub use file::{Job, JobError};
-pub use manifest::Manifest;
+pub use manifest::{MAPPING, Manifest, OWNER, REPORT};
 pub use plan::{
     Asked, AskedMap, GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry,
     StackingReport, TransportEntry, VariantEntry, targets,
 };
-pub use rounds::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
+pub use record::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
 pub use run::{
-    ConvertError, Converted, Estimate, Finished, MAPPING, OWNER, ObjectPlace, REPORT, RedrawError, RunOptions, convert,
-    redraw, run,
+    ConvertError, Converted, Estimate, Finished, ObjectPlace, RedrawError, RunOptions, convert, redraw, run,
 };
 pub use run_error::RunError;

@@ -11,3 +11,4 @@ pub(crate) mod complex;
 pub(crate) mod least_squares;
 pub(crate) mod quadrature;
 pub(crate) mod rounding;
+pub(crate) mod similarity;

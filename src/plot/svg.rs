@@ -12,7 +12,10 @@ use super::{
     drawing::{Drawing, Item, Point, Step},
     font::{Line, Weight, outline},
 };
-use crate::picture::{Pixels, png};
+use crate::{
+    page::base64,
+    picture::{Pixels, png},
+};
 
 /// The text of the file.
 pub(super) fn encode(drawing: &Drawing, title: &str) -> String {
@@ -181,32 +184,5 @@ impl Display for Steps<'_> {
             }
         }
         Ok(())
-    }
-}
-
-/// RFC 4648, section 4.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let byte = |i: usize| u32::from(chunk.get(i).copied().unwrap_or(0));
-        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for digit in 0..4 {
-            let filled = digit <= chunk.len();
-            out.push(if filled { char::from(DIGITS[(bits >> (18 - 6 * digit)) as usize & 63]) } else { '=' });
-        }
-    }
-    out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn base64_has_the_values_of_the_standard() {
-        for (text, expected) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
-            assert_eq!(base64(text.as_bytes()), expected);
-        }
     }
 }

@@ -7,7 +7,7 @@ use thiserror::Error;
 use crate::{
     appearance::bssrdf::BssrdfError,
     blame::{Blame, Blamed, Remedy},
-    job::{RunError, verify::VerifyError},
+    job::{RunError, finished::VerifyError},
     optics::OpticsError,
     output::OutputError,
     plot::PlotError,

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::CompareError;
 use crate::job::run::slice_path;
 use crate::{
-    job::{Manifest, verify::read_manifest},
+    job::{Manifest, finished::read_manifest},
     look::VoxelGrid,
     optics::{ChannelId, MaterialFile, Stack, VolumeCoefficients},
     voxel::MaterialId,

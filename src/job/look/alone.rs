@@ -24,7 +24,7 @@ use super::{
     voxels::read_slices,
 };
 use crate::{
-    job::{Manifest, verify::read_manifest},
+    job::{Manifest, finished::read_manifest},
     look::{Scene, Site},
     optics::{MaterialFile, VolumeCoefficients},
     output::Existing,

@@ -17,7 +17,6 @@
 mod alone;
 mod asked;
 mod edges;
-mod error;
 mod mitsuba;
 mod pictures;
 pub(in crate::job) mod shade;
@@ -29,15 +28,21 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+pub use super::run_error::LookError;
 pub use alone::FinishedFolder;
 use edges::EdgeShape;
-pub use error::LookError;
 pub use mitsuba::{OWNER as MITSUBA, write_mitsuba};
 pub use pictures::PictureOptions;
 use surface::Expected;
 pub(in crate::job) use surface::{SurfaceSpot, normal_and_area};
+pub(in crate::job) use voxels::LOOK_VOXELS;
 
-use super::{Prepared, verify::read_manifest};
+pub use super::record::{Differences, EdgeRecord, Fit, LookSummary, SpotRecord};
+use super::{
+    Prepared,
+    finished::{Finding, read_manifest},
+    manifest::LOOK,
+};
 use crate::{
     colour::{delta_e_2000, lab},
     look::{Radiosity, Scene, Spot},
@@ -48,8 +53,6 @@ use crate::{
 
 /// Version of `look.json`'s form.
 pub const LOOK_VERSION: u32 = 1;
-/// Name of the file that holds a look.
-pub const LOOK: &str = "look.json";
 /// Worst spots that are listed.
 const WORST: usize = 5;
 /// Distances from a shadow's edge that a look tells, mm, negative in the shadow.
@@ -130,90 +133,6 @@ pub struct Look {
     pub pictures: Vec<PreviewFile>,
 }
 
-/// A look in a few numbers, as the manifest has it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct LookSummary {
-    /// Spots that were looked at.
-    pub spots: usize,
-    /// Walks for each spot and channel.
-    pub walks: u64,
-    /// Printed against asked, in each channel; `None` where nothing was asked for.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub against_asked: Option<Vec<Fit>>,
-    /// Printed against predicted, in each channel.
-    pub against_predicted: Vec<Fit>,
-    /// Where colours were asked for: their differences.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub delta_e_2000: Option<Differences>,
-    /// The spots that are farthest from what was asked for (or predicted), the worst first.
-    pub worst: Vec<SpotRecord>,
-}
-
-/// How far printed albedos are from what they should be, over all spots.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Fit {
-    /// Mean of printed less expected.
-    pub bias: f64,
-    /// Root mean square of printed less expected, the noise of the walks taken off.
-    pub rms: f64,
-    /// That over the root mean square of what is expected.
-    pub relative_rms: f64,
-}
-
-/// How far printed colours are from what they should be, ΔE2000 (CIE 142:2001; an albedo of 1 is white): noise is in them.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Differences {
-    /// Half of the spots are nearer.
-    pub median: f64,
-    /// Nine tenths of the spots are nearer.
-    pub ninety_percent: f64,
-    /// The largest.
-    pub worst: f64,
-}
-
-/// A shadow's edge at a spot, by channel and distance.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct EdgeRecord {
-    /// Unit vector along the surface into the light, in the lattice's frame.
-    pub into_the_light: [f64; 3],
-    /// Radiosity per irradiance that is asked for, as a flat sheet of the target's profile has it; `None` where a stacking
-    /// was given.
-    pub asked: Option<Vec<Vec<f64>>>,
-    /// That of the print.
-    pub printed: Vec<Vec<f64>>,
-    /// One standard deviation of it.
-    pub standard_error: Vec<Vec<f64>>,
-}
-
-/// One spot. Albedos are per channel.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SpotRecord {
-    /// Index of its object.
-    pub object: usize,
-    /// Its middle, mm in the lattice's frame.
-    pub position_mm: [f64; 3],
-    /// Outward unit normal there.
-    pub normal: [f64; 3],
-    /// What is asked for; `None` where a stacking was given, or where that is not known.
-    pub asked: Option<Vec<f64>>,
-    /// What was predicted for an endless flat slab; empty where that is not known.
-    pub predicted: Vec<f64>,
-    /// Share of the sky that it sees, 0 to 1: in a hollow print is held against what a surface of that albedo would show
-    /// among its like, see [`Look::against_asked`].
-    #[serde(default = "whole_sky")]
-    pub sky: f64,
-    /// Radiosity per irradiance of the print, under even light.
-    pub printed: Vec<f64>,
-    /// One standard deviation of it.
-    pub standard_error: Vec<f64>,
-    /// Printed against asked as ΔE2000, where colours were asked for.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub delta_e_2000: Option<f64>,
-    /// What shows by a shadow's edge, at the distances of [`Look::edge_mm`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub edge: Option<EdgeRecord>,
-}
-
 /// Looks at a job; with a `folder`, at the slices in it.
 ///
 /// # Errors
@@ -235,7 +154,7 @@ pub fn scene_for(prepared: &Prepared, folder: Option<&Path>, watch: &dyn Watch) 
     let volume = match folder {
         None => prepared.volume(watch)?,
         Some(folder) => {
-            let fault = |finding: super::verify::Finding| LookError::Folder {
+            let fault = |finding: Finding| LookError::Folder {
                 folder: folder.to_owned(),
                 found: finding.to_string(),
                 expected: "the manifest of a finished job".to_owned(),
@@ -395,10 +314,6 @@ impl Look {
 
 /// What `look` writes.
 pub const OWNER: Owner = Owner { command: "look", names: &[LOOK, "soft.png", "edge.png", "behind.png", "spot.png"] };
-
-pub(super) fn whole_sky() -> f64 {
-    1.0
-}
 
 impl Differences {
     /// `None` of none.

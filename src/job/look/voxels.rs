@@ -20,6 +20,10 @@ use crate::{
     watch::Watch,
 };
 
+/// Most voxels of a job that shows its look without being asked: it holds them in memory, at most a byte for each and
+/// mostly a tenth.
+pub(in crate::job) const LOOK_VOXELS: u64 = 2_000_000_000;
+
 impl Prepared {
     /// The job as it will be printed. Opens a stage of slices.
     ///

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use glam::{DMat4, DVec3};
 
-use super::prepare::bounds;
+use super::object::bounds;
 use crate::{job::Job, mesh::Solid};
 
 /// Row length of a tray without an end, in edges of the square that all objects would fill.

@@ -13,9 +13,6 @@ use crate::{
     search::SearchTarget,
 };
 
-/// Bytes per texel of what a texture asks for, while it is laid on the surface: measured with 4 to 268 M texels.
-pub(in crate::job) const TEXEL_BYTES: u64 = 64;
-
 /// What an object asks for, before any search.
 pub(super) struct Wanted {
     pub kind: &'static str,

@@ -1,6 +1,6 @@
 //! What the user should know of a job that is otherwise in order.
 
-use super::PreparedObject;
+use super::object::PreparedObject;
 use crate::job::{Job, JobError, file::DepthFrom};
 use crate::{
     container::{bmp, gcvf},

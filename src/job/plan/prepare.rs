@@ -9,12 +9,13 @@ use glam::{DMat4, DVec3};
 use serde::Serialize;
 
 use super::{
-    AskedMap, CHANNELS, ObjectPlan, StackingReport,
+    CHANNELS, ObjectPlan,
     arrange::arrange,
     checks,
     context::TargetContext,
     factored::FactoredMap,
     images::picture_size,
+    object::{PreparedObject, bounds},
     stackings::{ObjectLayers, object_layers},
 };
 use crate::{
@@ -24,8 +25,9 @@ use crate::{
             AlbedoSource, DepthFrom, Distance, InputPath, MaterialSource, ObjectJob, OutputFormat, Overlap, Projection,
             Scaling, StackingModel, TargetSpec,
         },
+        record::Rounds,
     },
-    mesh::{self, HealthReport, LoadOptions, Placement, Size, Solid},
+    mesh::{self, LoadOptions, Placement, Size, Solid},
     optics::{Grains, MaterialFile, MaterialSet, OpticsError, ResinId},
     output::digest,
     slice::{DistanceKind, ObjectField, Palette, Slicer},
@@ -51,27 +53,10 @@ pub struct Prepared {
     /// What the user should know, a sentence each.
     pub warnings: Vec<String>,
     /// What rounds of correction found; `None` where there were none.
-    pub rounds: Option<super::super::rounds::Rounds>,
+    pub rounds: Option<Rounds>,
     /// What the objects are laid from that can still be corrected.
     pub(in crate::job) plans: Vec<ObjectPlan>,
     slicer: Slicer,
-}
-
-/// An object, read and placed.
-#[derive(Debug)]
-pub struct PreparedObject {
-    /// Its mesh file as the job writes it.
-    pub mesh: String,
-    /// Mesh file coordinates to lattice frame, mm.
-    pub transform: DMat4,
-    /// The state of its mesh.
-    pub health: HealthReport,
-    /// Least and greatest corner of its bounding box, mm.
-    pub bounds: [DVec3; 2],
-    /// Its stackings.
-    pub stackings: StackingReport,
-    /// What its texture asks for.
-    pub asked: AskedMap,
 }
 
 /// A file that was read.
@@ -422,11 +407,6 @@ pub(super) fn complete_uvs(solid: &mut Solid, target: &TargetSpec) -> Result<boo
         solid.mesh.bake_base_color(detail);
     }
     Ok(had)
-}
-
-pub(super) fn bounds(solid: &Solid) -> [DVec3; 2] {
-    let positions = || solid.mesh.triangles.iter().flatten().map(|&v| solid.mesh.positions[v as usize]);
-    [positions().fold(DVec3::MAX, DVec3::min), positions().fold(DVec3::MIN, DVec3::max)]
 }
 
 /// Colours of the ids; a resin that prints as background is transparent.

@@ -18,21 +18,19 @@
 //! Points, walks and means are drawn and summed in a fixed order, and factors are rounded to a thousandth before they are
 //! used: what is found is the same for any number of threads, and reads back from a file as what it was.
 
-mod record;
 mod residual;
 
 use std::path::Path;
 
 use rayon::prelude::*;
 
-pub use record::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
 use residual::{Looked, residuals};
 
 use super::{
     Job, Prepared, RunError,
-    look::shade,
+    look::{LOOK_VOXELS, shade},
     plan::{CHANNELS, ObjectPlan},
-    run::LOOK_VOXELS,
+    record::{ObjectCorrection, RoundRecord, Rounds},
 };
 use crate::{
     look::{Scene, Spot},

@@ -13,7 +13,11 @@ use crate::{
         vdb::Vdb,
         vti::Vti,
     },
-    job::{Manifest, Prepared, file::OutputFormat, manifest::MaterialRecord},
+    job::{
+        Manifest, Prepared,
+        file::OutputFormat,
+        manifest::{MAPPING, MaterialRecord},
+    },
     output::{Growing, OutputError, OutputFolder},
     voxel::MaterialId,
     watch::Watch,
@@ -21,8 +25,6 @@ use crate::{
 
 /// Folder of files that hold a whole job.
 pub(super) const EXPORTS: &str = "exports";
-/// Name of the table of colours and resins.
-pub const MAPPING: &str = "mapping.txt";
 
 /// Path of the file that holds the whole job in `format`.
 pub(crate) fn export_path(job: &str, format: OutputFormat) -> String {

@@ -15,7 +15,7 @@ use super::{
 use crate::{
     blame::{Blame, Blamed, Remedy},
     container::{Content, SliceBatch, SliceImage, VolumeLayer, Voxels, bmp, gcvf},
-    job::{Manifest, file::OutputFormat, look::LookError, verify::read_manifest},
+    job::{Manifest, file::OutputFormat, finished::read_manifest, look::LookError},
     look::Volume,
     output::{FileEntry, MANIFEST, OutputError, OutputFolder, pretty},
     preview::{SliceColours, decode_slice},

@@ -19,13 +19,11 @@ use std::{
 use rayon::prelude::*;
 use serde_json::json;
 
-pub use containers::MAPPING;
 pub(crate) use containers::export_path;
 use containers::{Containers, write_texts};
 pub use convert::{ConvertError, Converted, convert};
 pub use estimate::{Estimate, ObjectPlace};
 pub use redraw::{RedrawError, redraw};
-pub use report::REPORT;
 use report::write_pictures;
 
 use crate::look::Volume;
@@ -34,14 +32,14 @@ use crate::{
     job::{
         Prepared, ROUNDS, RunError, StackingReport,
         file::{OutputFormat, Overlap},
-        look::{LOOK, Look, LookError, LookOptions, look_at},
-        manifest::{Manifest, MeshRecord, Outcome, STACKINGS, json},
+        finished::read_manifest,
+        look::{LOOK_VOXELS, Look, LookError, LookOptions, look_at},
+        manifest::{LOOK, Manifest, MeshRecord, OWNER, Outcome, STACKINGS, json},
         printable::Printable,
-        verify::read_manifest,
     },
     output::{
-        Existing, FileEntry, GENERATOR, MANIFEST, OutputError, OutputFolder, Owner, SliceCounts, TIMINGS, Task,
-        is_plain, pretty,
+        Existing, FileEntry, GENERATOR, MANIFEST, OutputError, OutputFolder, SliceCounts, TIMINGS, Task, is_plain,
+        pretty,
     },
     preview::{PreviewBuilder, PreviewMaterial},
     slice::{
@@ -184,10 +182,6 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     Ok(Finished { manifest, kept: kept.len() as u32 })
 }
 
-/// Most voxels of a job that shows its look without being asked: it holds them in memory, at most a byte for each and
-/// mostly a tenth.
-pub(super) const LOOK_VOXELS: u64 = 2_000_000_000;
-
 impl Prepared {
     /// An empty volume for the cut-away's surface and the look that a whole job shows with its pictures; `None` for a
     /// part of the slices and for a job too large for it.
@@ -211,15 +205,6 @@ pub(in crate::job) fn slice_path(k: u32) -> String {
 fn mask_path(resin: &str, k: u32) -> String {
     format!("masks/{resin}/slice_{k}.png")
 }
-
-/// What `slice` writes.
-pub const OWNER: Owner = Owner {
-    command: "slice",
-    names: &[
-        "slices/", "masks/", "meshes/", "heights/", "exports/", "bmp/", "preview/", "look/", LOOK, STACKINGS, ROUNDS,
-        REPORT, TIMINGS, MAPPING,
-    ],
-};
 
 /// Where slabs go.
 struct Sinks<'a> {

@@ -7,8 +7,8 @@ use crate::{
     blame::{Blame, Blamed, Remedy},
     job::{
         Manifest, RunError,
+        finished::{Finding, VerifyError, read_manifest},
         manifest::LatticeRecord,
-        verify::{Finding, VerifyError, read_manifest},
     },
     output::{MANIFEST, OutputError, OutputFolder, pretty},
     preview::PreviewFile,

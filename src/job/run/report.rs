@@ -2,10 +2,10 @@
 
 use crate::{
     colour::linear_to_byte,
-    job::look::{Fit, LookSummary},
     job::{
-        Manifest, RoundRecord, RunError,
-        manifest::{LatticeRecord, MaterialRecord, ObjectRecord},
+        Manifest, RunError,
+        manifest::{LatticeRecord, MaterialRecord, ObjectRecord, REPORT},
+        record::{Fit, LookSummary, RoundRecord},
     },
     optics::{Mixture, ResinId, Stack, mixture_parts},
     output::{MANIFEST, OutputFolder},
@@ -17,9 +17,6 @@ use crate::{
     watch::Watch,
 };
 use glam::DVec3;
-
-/// The page's name in the output folder.
-pub const REPORT: &str = "report.html";
 
 /// Writes pictures and the page that shows them; the page is written whenever there are pictures.
 pub(super) fn write_pictures(

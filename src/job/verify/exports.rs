@@ -3,10 +3,7 @@
 use super::{Check, Finding, Verification, VerifyError, bitmaps, files::Sound, gcvf, image::read_all, volumes};
 use crate::{
     container::mapping_text,
-    job::{
-        file::OutputFormat,
-        run::{MAPPING, export_path},
-    },
+    job::{file::OutputFormat, manifest::MAPPING, run::export_path},
 };
 
 /// Longest table of colours, bytes.

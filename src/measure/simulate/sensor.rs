@@ -61,8 +61,7 @@ impl SimulatedCamera {
     /// A number as a program writes it that puts black at 0, the largest at 65535, and sRGB's curve between.
     pub fn encoded(&self, number: u16) -> u16 {
         let linear = (f64::from(number) - self.black_level).max(0.0) / (self.largest_dn - self.black_level);
-        let curved = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 };
-        (65_535.0 * curved).round() as u16
+        (65_535.0 * crate::colour::linear_to_srgb(linear)).round() as u16
     }
 }
 

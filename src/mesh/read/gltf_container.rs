@@ -68,9 +68,10 @@ pub(super) fn percent_decode(text: &str) -> Vec<u8> {
     out
 }
 
-/// Standard alphabet, padding optional (RFC 4648, section 4).
+/// Standard alphabet, padding optional (RFC 4648, section 4); lines may be broken (RFC 2045, section 6.8).
 fn base64(text: &[u8]) -> Option<Vec<u8>> {
-    let text = text.trim_ascii();
+    let text: Vec<u8> = text.iter().copied().filter(|byte| !byte.is_ascii_whitespace()).collect();
+    let text = text.as_slice();
     let digits = text.strip_suffix(b"==").or_else(|| text.strip_suffix(b"=")).unwrap_or(text);
     let mut out = Vec::with_capacity(digits.len() / 4 * 3 + 3);
     for group in digits.chunks(4) {
@@ -101,6 +102,7 @@ mod tests {
         for (text, bytes) in [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYmE", "fooba")] {
             assert_eq!(base64(text.as_bytes()).as_deref(), Some(bytes.as_bytes()), "{text}");
         }
+        assert_eq!(base64(b"Zm9v\r\n YmFy\n").as_deref(), Some(&b"foobar"[..]));
         assert_eq!(base64(b"Z!=="), None);
     }
 

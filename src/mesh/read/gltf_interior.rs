@@ -28,7 +28,7 @@ use gltf::Document;
 use gltf::Material;
 use serde_json::Value;
 
-use crate::appearance::similarity;
+use crate::numeric::similarity::similarity;
 
 /// A texture that an extension names, and where on the surface it lies.
 #[derive(Debug, Clone, PartialEq)]
