@@ -373,7 +373,8 @@ fn check(dataset: &Dataset, channel: Channel, survey: &Survey) -> Result<Vec<Str
 /// What can be doubted once all is fitted.
 fn afterthoughts(rings: &Rings, survey: &Survey, misses: &Misses) -> Vec<String> {
     let mut doubts = Vec::new();
-    if let Some((zeros, least)) = belief::gated(misses, survey.least) {
+    if let Some(zeros) = belief::gated(misses) {
+        let least = survey.least;
         doubts.push(format!(
             "{zeros} values are 0 and none lies between 0 and {least:.1e} per mm²: what is faint was cut to 0, and the light \
              of dark and far places is lost"

@@ -31,8 +31,48 @@ pub struct Misses {
     pub axes: [[f64; 2]; 4],
     /// Pairs of dark texels, by distance.
     pub dark: Vec<Dark>,
-    /// Values that are exactly 0, and those that lie above the smallest one by less than half of it.
-    pub gate: [u64; 2],
+    /// Values near 0, beside those of the next texel to the right.
+    pub gate: Gate,
+}
+
+/// Values that are exactly 0, and those that lie just above the smallest one: by less than half of it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Gate {
+    /// Values that are 0.
+    pub zeros: u64,
+    /// Values just above the smallest one.
+    pub above: u64,
+    /// Those of them whose next one is 0.
+    pub above_then_zero: u64,
+    /// Zeros whose next one is just above.
+    pub zero_then_above: u64,
+    /// Zeros whose next one is anything but 0.
+    pub zero_then_light: u64,
+}
+
+impl Gate {
+    /// Counts the values of a row of texels at one offset.
+    pub(super) fn add(&mut self, values: &[f32], above: &std::ops::Range<f32>) {
+        for (at, value) in values.iter().enumerate() {
+            let next = values.get(at + 1).copied().filter(|next| next.is_finite());
+            if *value == 0.0 {
+                self.zeros += 1;
+                self.zero_then_above += u64::from(next.is_some_and(|next| above.contains(&next)));
+                self.zero_then_light += u64::from(next.is_some_and(|next| next != 0.0));
+            } else if above.contains(value) {
+                self.above += 1;
+                self.above_then_zero += u64::from(next == Some(0.0));
+            }
+        }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.zeros += other.zeros;
+        self.above += other.above;
+        self.above_then_zero += other.above_then_zero;
+        self.zero_then_above += other.zero_then_above;
+        self.zero_then_light += other.zero_then_light;
+    }
 }
 
 /// What pairs of texels with little light see of each other at one distance.
@@ -90,7 +130,7 @@ impl Misses {
             sum.sum += other.sum;
             sum.squares += other.squares;
         }
-        self.gate.iter_mut().zip(other.gate).for_each(|(sum, other)| *sum += other);
+        self.gate.merge(&other.gate);
     }
 
     /// √(Σ(D − R̂)² / ΣD²) over everything.

@@ -36,7 +36,7 @@ pub use error::BssrdfError;
 pub use factor::{FactorOptions, Factors, Freedom, Round, factor};
 pub use groups::{ClusterCount, Metric};
 pub use kernel::Variance;
-pub use misses::{Dark, Misses, Sums};
+pub use misses::{Dark, Gate, Misses, Sums};
 pub use npy::{NpyHeader, write_npy};
 pub use planes::Planes;
 pub use reciprocity::{Breach, Reciprocity};

@@ -183,7 +183,7 @@ impl Source<'_> {
         let rings = self.rings;
         let mut whole = Misses::new(rings.len(), width * height);
         let is_dark = survey.darkest(self.dataset);
-        let gate = survey.least * 1.001..survey.least * 1.5;
+        let gate = survey.least as f32 * 1.001..survey.least as f32 * 1.5;
         let empty = |band: Range<usize>| {
             let mut misses = Misses::new(rings.len(), band.len() * width);
             misses.dark.resize(rings.distances_mm.len(), Dark::default());
@@ -209,12 +209,11 @@ impl Source<'_> {
                         }
                     }
                     let [lit, seen] = [&is_dark[y * width..][texels.clone()], &is_dark[row * width..][to]];
+                    misses.gate.add(data, &gate);
                     let dark = &mut misses.dark[offset.distance];
                     for ((data, lit), seen) in data.iter().zip(lit).zip(seen).filter(|((data, _), _)| data.is_finite())
                     {
                         let data = f64::from(*data);
-                        misses.gate[0] += u64::from(data == 0.0);
-                        misses.gate[1] += u64::from(gate.contains(&data));
                         if *lit && *seen {
                             dark.count += 1.0;
                             dark.sum += data;
