@@ -3,6 +3,8 @@
 //! Encoded values are bytes ([`Rgb`]) or numbers from 0 to 1 as a file stores them; light is linear, 1 is white. What
 //! is mixed, averaged or scattered is light.
 
+use std::sync::LazyLock;
+
 /// A colour encoded as sRGB.
 pub type Rgb = [u8; 3];
 /// A colour in linear light, 0 to 1.
@@ -30,7 +32,9 @@ pub fn srgb_to_linear_f64(encoded: f64) -> f64 {
 
 /// The light of an encoded byte.
 pub(crate) fn byte_to_linear(encoded: u8) -> f32 {
-    srgb_to_linear(f32::from(encoded) / 255.0)
+    static LIGHT: LazyLock<[f32; 256]> =
+        LazyLock::new(|| std::array::from_fn(|encoded| srgb_to_linear(encoded as f32 / 255.0)));
+    LIGHT[usize::from(encoded)]
 }
 
 /// Light from 0 to 1, encoded; the same on every system.

@@ -124,6 +124,7 @@ pub mod container;
 mod disjoint_sets;
 pub mod job;
 pub mod look;
+mod machine;
 #[cfg(feature = "measure")]
 pub mod measure;
 pub mod mesh;

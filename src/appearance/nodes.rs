@@ -159,7 +159,8 @@ impl Atlas {
             .enumerate()
             .map(|(number, page)| vec![false; if wanted(number as u16) { page.source.len() } else { 0 }])
             .collect();
-        let mut sites = Vec::new();
+        let pages = self.pages().iter().enumerate().filter(|(number, _)| wanted(*number as u16));
+        let mut sites = Vec::with_capacity(pages.map(|(_, page)| page.covered().count()).sum());
         for ((triangle, uvs), place) in (0..).zip(&mesh.uvs).zip(self.places()) {
             let (page, seen) = (&self.pages()[usize::from(place.page)], &mut seen[usize::from(place.page)]);
             if seen.is_empty() {

@@ -118,6 +118,13 @@ pub enum Finding {
         /// Uncertainty of that.
         error: f64,
     },
+    /// Albedos without which the profiles fit much better.
+    AlbedosAtOdds {
+        /// What coefficients leave with them, root mean square.
+        with: f64,
+        /// And without.
+        without: f64,
+    },
     /// Coefficients that fit worse than photographs of a slab should.
     PoorFit {
         /// Root mean square of what they leave.
@@ -286,6 +293,12 @@ impl fmt::Display for Finding {
                 "the albedo of {series}, {measured:.4}, contradicts the profiles, whose shapes fit {}: are card and \
                  sample (or with and without) exchanged, is their light even, and is the thickness right?",
                 plus_minus(*fitted, *error)
+            ),
+            Self::AlbedosAtOdds { with, without } => write!(
+                f,
+                "coefficients leave {with:.1e} rms of both profiles, and {without:.1e} where their albedos are free: one \
+                 of the two albedos, or the thickness, is off by some percent; is the card's albedo right, its light even, \
+                 are the times of card and screen right?"
             ),
             Self::PoorFit { residual } => write!(
                 f,

@@ -19,6 +19,11 @@ const TRANSMISSION: &str = "transmission";
 const SERIES: [&str; 2] = [REFLECTION, TRANSMISSION];
 /// Coefficients that leave more are noted: captures that were sound left 1e-5 to 1e-4.
 const NOTED_RESIDUAL: f64 = 5e-4;
+/// Or leave more than this share of the albedo of reflection.
+const NOTED_SHARE: f64 = 4e-3;
+/// Albedos are at odds with the shapes where they leave more than this, and twice as much as the shapes alone do: sound
+/// captures left at most 1.4 times as much, an albedo that is off by 10% two to four times.
+const AT_ODDS: f64 = 1.5e-4;
 /// Light beyond the field is named from this share on: it is extrapolated, and scaled with the rest to the albedo.
 const NAMED_BEYOND: f64 = 0.005;
 /// An albedo contradicts the profiles' shapes if it is off by this share, and by so many standard deviations.
@@ -156,7 +161,8 @@ impl ChannelMeasurement {
             Err(FitRefusal::Residual { residual }) => *residual,
             Err(FitRefusal::KnowsNothing { .. }) => 0.0,
         };
-        if residual > NOTED_RESIDUAL && self.fit.is_ok() {
+        let noted = NOTED_RESIDUAL.min(NOTED_SHARE * self.reflection.albedo.value);
+        if residual > noted && self.fit.is_ok() {
             self.findings.push(Finding::PoorFit { residual });
         }
         if let Some(shapes) =
@@ -172,6 +178,13 @@ impl ChannelMeasurement {
                     }
                     self.findings.push(Finding::AlbedoContradicted { series, measured, fitted, error });
                 }
+            }
+            let told = self
+                .findings
+                .iter()
+                .any(|it| matches!(it, Finding::AlbedoContradicted { .. } | Finding::PoorFit { .. }));
+            if residual > AT_ODDS && !told && self.fit.is_ok() {
+                self.findings.push(Finding::AlbedosAtOdds { with: residual, without: shapes.residual });
             }
         }
         if let Err(refusal) = &self.fit {

@@ -44,6 +44,8 @@ const LOPSIDED_SIGMAS: f64 = 6.0;
 const NEAR_BORDER: f64 = 0.6;
 /// …and end at more than this share of the brightest, or above noise: few rings leave blur and stray light open.
 const LIGHT_AT_BORDER: f64 = 1e-3;
+/// …or in so much of it where it is nowhere lost in noise.
+const LEAST_AT_BORDER: f64 = 1e-5;
 /// More masked pixels than this share are no outliers but another scene.
 const MAX_MASKED: f64 = 0.05;
 
@@ -350,7 +352,8 @@ fn name_border(profile: &ProfileEstimate, width: usize, height: usize, findings:
     let reach_mm = grid.bins as f64 * grid.bin_mm;
     let last = &profile.mean[grid.bins.saturating_sub(5)..];
     let share = last.iter().sum::<f64>() / last.len().max(1) as f64 / profile.peak();
-    let in_light = share > LIGHT_AT_BORDER || background::first_lost(&profile.mean, &profile.error).is_none();
+    let unlost = || background::first_lost(&profile.mean, &profile.error).is_none();
+    let in_light = share > LIGHT_AT_BORDER || (share > LEAST_AT_BORDER && unlost());
     if reach_mm < NEAR_BORDER * farthest_mm && in_light {
         findings.push(Finding::NearBorder { reach_mm, farthest_mm, share });
     }

@@ -84,8 +84,8 @@ pub enum MeshError {
     },
     /// A closed surface around nothing.
     #[error(
-        "the mesh encloses {volume_mm3:e} mm³ under {area_mm2:e} mm² of surface, expected a solid: is it a flat or \
-            double-sided sheet?"
+        "the mesh encloses {volume_mm3:.3} mm³ under {area_mm2:.3} mm² of surface, expected a solid: is it a flat or \
+            double-sided sheet, or does it cross itself so that half of it is inside out?"
     )]
     NoVolume {
         /// Enclosed volume.

@@ -205,6 +205,8 @@ pub struct HealthReport {
     /// inside, or others lie on them.
     #[serde(skip_serializing_if = "is_nothing")]
     pub buried_area_mm2: f64,
+    /// Whether a part of the surface that crosses itself goes round space the wrong way: that space is left out.
+    pub inside_out: bool,
     /// Connected pieces.
     pub shells: usize,
     /// Pieces that faced inwards and were turned.

@@ -14,13 +14,19 @@ const BOX: &str = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 0 0 4\nv 4 0 4\nv 4 4 4
 
 const COLOURS: [[u8; 3]; 4] = [[200, 60, 60], [60, 160, 80], [70, 80, 180], [200, 190, 180]];
 
+/// A texture of `size` × `size` texels.
+fn texture(bench: &Bench, size: usize, colour: impl Fn(usize, usize) -> [u8; 3]) {
+    let texels: Vec<_> = (0..size * size).map(|texel| colour(texel % size, texel / size)).collect();
+    let mut texture = Vec::new();
+    let mut encoder = png::Encoder::new(&mut texture, size as u32, size as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().unwrap().write_image_data(texels.as_flattened()).unwrap();
+    bench.write("colours.png", &texture);
+}
+
 fn job(bench: &Bench, stacking: &str) {
     bench.write("box.obj", BOX.as_bytes());
-    let mut texture = Vec::new();
-    let mut encoder = png::Encoder::new(&mut texture, 2, 2);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.write_header().unwrap().write_image_data(COLOURS.as_flattened()).unwrap();
-    bench.write("colours.png", &texture);
+    texture(bench, 2, |x, y| COLOURS[x + 2 * y]);
     let target = "kind = \"texture\"\nalbedo = \"colours.png\"\nmean-free-path-mm = 0.3";
     let job = JOB
         .replace("cube.stl", "box.obj")
@@ -101,4 +107,30 @@ fn profiles_are_given_once_or_for_each_channel() {
     bench.run(["slice", "job.toml"]).refuses(2, &["target.profile", "2 paths", "one for each of 3 channels"]);
     job("[]");
     bench.run(["slice", "job.toml"]).refuses(2, &["target.profile", "an empty array", "one for each channel"]);
+}
+
+/// Texels of 0.16 mm, and each of them written 64 times: voxels of 0.2 mm can tell no difference.
+#[test]
+fn a_texture_finer_than_voxels_is_averaged() {
+    let bench = Bench::new();
+    job(&bench, "model = \"km\"");
+    let colour = |x: usize, y: usize| COLOURS[(x * x + 3 * y) % 4];
+    let [plain, fine] = [(25, 1, "plain"), (200, 8, "fine")].map(|(size, each, out)| {
+        texture(&bench, size, |x, y| colour(x / each, y / each));
+        bench.slice(out);
+        let mut files = bench.files(out);
+        // Others have the job's digest.
+        files.retain(|path, _| path.ends_with(".png"));
+        files
+    });
+    assert_eq!(plain.keys().collect::<Vec<_>>(), fine.keys().collect::<Vec<_>>());
+    let differ: Vec<_> = plain.iter().filter(|(path, bytes)| fine[*path] != **bytes).map(|(path, _)| path).collect();
+    assert!(differ.is_empty(), "{differ:?}");
+    // What lies between texels of 0.02 mm is their mean.
+    texture(&bench, 200, |x, y| COLOURS[usize::from((x / 4 + y / 4) % 2 == 0)]);
+    bench.slice("mixed");
+    let json: Value = serde_json::from_slice(&fs::read(bench.path("mixed/stackings.json")).unwrap()).unwrap();
+    let asked = json["objects"][0]["stackings"][0]["target_albedo"][0].as_f64().unwrap();
+    let mean = f64::midpoint(linear(COLOURS[0][0]), linear(COLOURS[1][0]));
+    assert!((asked - mean).abs() < 2e-3, "{asked} for {mean}");
 }

@@ -246,7 +246,8 @@ pub fn factor(
         }
         log.add(1.0, &step);
         roots_of(&log, &mut roots);
-        converged = change < REST && shape < REST && gain < LEAST_GAIN;
+        let corrected = !shaped || rounds.len() >= SHAPED_FROM;
+        converged = corrected && change < REST && shape < REST && gain < LEAST_GAIN;
     }
     let model = Model { global: &global, roots: &roots, nodes: &nodes };
     let misses = source.residual(&model, &survey)?;

@@ -13,9 +13,11 @@ use sha2::{Digest, Sha256};
 
 use crate::{
     appearance::bssrdf::{
-        self, BssrdfError, Channel, ClusterCount, Dataset, FactorOptions, Freedom, Metric, TailRings, areas, write_npy,
+        self, BssrdfError, Channel, ClusterCount, Dataset, FactorOptions, Freedom, Metric, Rings, TailRings, areas,
+        write_npy,
     },
     blame::{Blame, Blamed, Remedy},
+    machine::{self, mib},
     optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile},
     output::{Existing, GENERATOR, OutputError, OutputFolder, Owner, Task, pretty},
     plot::PlotError,
@@ -108,6 +110,7 @@ pub fn factor_into(
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
 
     let rings = dataset.rings();
+    refuse_too_large(&dataset, &rings)?;
     let tail_rings = TailRings::new(&rings.edges_mm);
     let edges_mm: Vec<f64> = rings.edges_mm.iter().chain(&tail_rings.edges_mm[1..]).copied().collect();
     let channels = dataset.channels.len();
@@ -206,6 +209,30 @@ pub fn factor_into(
     output.finish(&pretty(&list))?;
     Ok(factored)
 }
+
+/// Refuses a dataset whose factorisation needs more memory than the machine has: a number for every texel at every
+/// distance that occurs in a window, and some at every ring.
+fn refuse_too_large(dataset: &Dataset, rings: &Rings) -> Result<(), BssrdfError> {
+    let planes = (rings.distances_mm.len() + PLANES_PER_RING * rings.len()) as u64;
+    let needed = planes * dataset.texels() as u64 * size_of::<f32>() as u64;
+    let Some(there) = machine::short_of(needed) else { return Ok(()) };
+    Err(BssrdfError::Entry {
+        file: dataset.responses.path().to_path_buf(),
+        place: "responses".into(),
+        found: format!(
+            "{} × {} texels with windows of {} × {}, which need about {} MiB of memory",
+            dataset.width,
+            dataset.height,
+            dataset.window[0],
+            dataset.window[1],
+            mib(needed)
+        ),
+        expected: format!("at most the {} MiB that this machine has", mib(there)),
+    })
+}
+
+/// Values per ring and texel at the end of a round: ln P, gradient, step, the solver's own, what was measured.
+const PLANES_PER_RING: usize = 12;
 
 /// What `factor` writes.
 pub const OWNER: Owner = Owner {

@@ -3,16 +3,18 @@
 use glam::Vec2;
 
 use super::{
+    asked::TEXEL_BYTES,
     context::TargetContext,
     images::{Picture, read_picture},
 };
 use crate::{
-    appearance::AppearancePage,
-    colour::{LUMINANCE, byte_to_linear, srgb_to_linear, to_channels},
+    appearance::{AppearancePage, Reduction},
+    colour::{LUMINANCE, byte_to_linear, to_channels},
     job::{
         RunError,
-        file::{AlbedoSource, Projection, TextureTarget},
+        file::{AlbedoSource, OutputFormat, Projection, TextureTarget},
     },
+    machine::{self, mib},
     mesh::{Projected, SurfaceMaterial},
 };
 
@@ -69,20 +71,15 @@ impl<'a> Source<'a> {
 }
 
 impl Picture {
-    /// What is seen of it where it is projected, after `decode`.
-    fn projected(&self, at: &Projected, decode: impl Fn([f32; 3]) -> [f32; 3]) -> [f32; 3] {
+    /// What is seen where it is projected, of what `texel` is at (u, v).
+    fn projected(&self, at: &Projected, texel: impl Fn(f32, f32) -> [f32; 3]) -> [f32; 3] {
         let aspect = self.width as f32 / self.height as f32;
         let mut sum = [0.0; 3];
         for (uv, share) in at.uvs.iter().zip(at.shares).filter(|(_, share)| *share > 0.0) {
-            let rgb = decode(self.nearest(uv.x.rem_euclid(1.0), (uv.y * aspect).rem_euclid(1.0)));
+            let rgb = texel(uv.x.rem_euclid(1.0), (uv.y * aspect).rem_euclid(1.0));
             sum.iter_mut().zip(rgb).for_each(|(sum, value)| *sum += share * value);
         }
         sum
-    }
-
-    /// Whether its channels are alike everywhere.
-    fn is_grey(&self) -> bool {
-        self.rgb.iter().all(|[r, g, b]| r == g && g == b)
     }
 }
 
@@ -101,6 +98,13 @@ fn joined(albedo: [f32; 3], path: [f64; 3]) -> f64 {
 }
 
 impl TargetContext<'_> {
+    /// Length on the surface that texels may be averaged to, mm, where nothing is written of the texture as it is: no
+    /// voxel is finer.
+    fn finest_texel_mm(&self) -> Option<f64> {
+        let is_written = self.job.wants(OutputFormat::Heights);
+        (!is_written).then(|| self.job.printer.pitch_mm.min_element())
+    }
+
     /// Reads the textures of a texture target.
     pub(super) fn appearance(&self, target: &TextureTarget) -> Result<Appearance, RunError> {
         let channels = self.materials.channels.len();
@@ -112,7 +116,6 @@ impl TargetContext<'_> {
         let mesh = &self.solid.mesh;
         let given_mm = target.mean_free_path_mm;
         let path_mm = given_mm.unwrap_or([1.0; 3]);
-        let decode = |rgb: [f32; 3]| rgb.map(srgb_to_linear);
         let image = match &target.albedo {
             AlbedoSource::Texture(path) => {
                 if over_coordinates {
@@ -128,7 +131,7 @@ impl TargetContext<'_> {
             AlbedoSource::Constant(albedo) => vec![Source::plain([*albedo as f32; 3], path_mm)],
             AlbedoSource::Colour(colour) => vec![Source::plain(colour.map(|value| value as f32), path_mm)],
             AlbedoSource::Texture(_) => image.map_or_else(Vec::new, |image| {
-                let colour = Box::new(move |u, v| decode(image.nearest(u, v)));
+                let colour = Box::new(move |u, v| image.light(u, v));
                 vec![Source { width: image.width, height: image.height, colour, ..Source::plain([0.0; 3], path_mm) }]
             }),
             AlbedoSource::MeshBaseColor => {
@@ -156,7 +159,8 @@ impl TargetContext<'_> {
             _ => 1,
         };
         let mut unit_mm = vec![f64::MIN_POSITIVE; paths];
-        let mut pages = Vec::with_capacity(sources.len());
+        let mut pages: Vec<AppearancePage> = Vec::with_capacity(sources.len());
+        let mut texels = 0;
         // Mean free paths in mm by texel, and their factors.
         let mut lengths: Vec<Vec<(f64, f32)>> = Vec::with_capacity(sources.len());
         for source in &sources {
@@ -165,27 +169,46 @@ impl TargetContext<'_> {
             if let Some(factor) = factor.as_ref().filter(|_| !elsewhere) {
                 (width, height) = (width.max(factor.width), height.max(factor.height));
             }
+            let on_page = |triangle: usize| page_of.get(triangle).map_or(0, |page| usize::from(*page)) == pages.len();
+            let reduction = match self.finest_texel_mm().filter(|_| !elsewhere) {
+                Some(finest_mm) => Reduction::new(mesh, on_page, (width, height), finest_mm),
+                None => Reduction::none((width, height)),
+            };
+            // Linear red, green, blue, and the factors of their mean free paths.
+            let texel = |x: u32, y: u32| {
+                let texel = x as usize + width as usize * y as usize;
+                let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
+                let projected = source.projected.map(|projected| &projected[texel]);
+                let [r, g, b] = match (image, projected) {
+                    (Some(image), Some(at)) => image.projected(at, |u, v| image.light(u, v)),
+                    _ => (source.colour)(u, v),
+                };
+                let [u, v] = match source.baked_from.map(|from| from[texel]) {
+                    Some(from) => from.to_array().map(|at| at.rem_euclid(1.0)),
+                    None => [u, v],
+                };
+                let [fr, fg, fb] = match (&factor, projected) {
+                    (None, _) => [1.0; 3],
+                    (Some(factor), Some(at)) => factor.projected(at, |u, v| factor.nearest(u, v)),
+                    (Some(factor), None) => factor.nearest(u, v),
+                };
+                [r, g, b, fr, fg, fb]
+            };
+            let (width, height) = reduction.size();
+            texels += u64::from(width) * u64::from(height);
+            if let Some(there) = machine::short_of(texels * TEXEL_BYTES) {
+                let (needed, there) = (mib(texels * TEXEL_BYTES), mib(there));
+                let found = format!("{texels} texels, which need about {needed} MiB of memory");
+                return Err(self.refuse("target", found, &format!("at most the {there} MiB that this machine has")));
+            }
             let mut page = AppearancePage { width, height, albedo: Vec::new(), mean_free_path: Vec::new() };
             let mut of_page = Vec::new();
             for y in 0..height {
+                self.watch.go_on()?;
                 for x in 0..width {
-                    let texel = x as usize + width as usize * y as usize;
-                    let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
-                    let projected = source.projected.map(|projected| &projected[texel]);
-                    let rgb = match (image, projected) {
-                        (Some(image), Some(at)) => image.projected(at, decode),
-                        _ => (source.colour)(u, v),
-                    };
+                    let [r, g, b, factors @ ..] = reduction.mean(x, y, texel);
+                    let rgb = [r, g, b];
                     to_channels(rgb, channels, &mut page.albedo);
-                    let [u, v] = match source.baked_from.map(|from| from[texel]) {
-                        Some(from) => from.to_array().map(|at| at.rem_euclid(1.0)),
-                        None => [u, v],
-                    };
-                    let factors = match (&factor, projected) {
-                        (None, _) => [1.0; 3],
-                        (Some(factor), Some(at)) => factor.projected(at, |rgb| rgb),
-                        (Some(factor), None) => factor.nearest(u, v),
-                    };
                     if paths == 3 {
                         of_page.extend(source.path_mm.into_iter().zip(factors));
                     } else if factors == [factors[0]; 3] {

@@ -5,6 +5,7 @@ use std::path::Path;
 use image::{DynamicImage, ImageReader};
 
 use crate::appearance::ClusterId;
+use crate::colour::{byte_to_linear, srgb_to_linear};
 use crate::job::RunError;
 use crate::words::one_line;
 
@@ -18,22 +19,29 @@ pub struct Picture {
     pub width: u32,
     /// Rows, the first on top.
     pub height: u32,
-    /// Red, green, blue per texel.
-    pub rgb: Vec<[f32; 3]>,
+    /// As the file has them: a texture of 16k × 16k texels is large enough.
+    texels: Texels,
+}
+
+/// Red, green, blue per texel.
+#[derive(Debug)]
+enum Texels {
+    Bytes(Vec<u8>),
+    Words(Vec<u16>),
 }
 
 /// Reads an image; transparency is ignored.
 pub fn read_picture(path: &Path) -> Result<Picture, RunError> {
     let image = open(path)?;
     let (width, height) = (image.width(), image.height());
-    let rgb = match image {
+    let texels = match image {
         DynamicImage::ImageLuma8(_)
         | DynamicImage::ImageLumaA8(_)
         | DynamicImage::ImageRgb8(_)
-        | DynamicImage::ImageRgba8(_) => image.to_rgb8().pixels().map(|p| p.0.map(|v| f32::from(v) / 255.0)).collect(),
-        _ => image.to_rgb16().pixels().map(|p| p.0.map(|v| f32::from(v) / 65535.0)).collect(),
+        | DynamicImage::ImageRgba8(_) => Texels::Bytes(image.into_rgb8().into_raw()),
+        _ => Texels::Words(image.into_rgb16().into_raw()),
     };
-    Ok(Picture { width, height, rgb })
+    Ok(Picture { width, height, texels })
 }
 
 /// Reads an image of labels: width, height, clusters row by row. Grey of 8 or 16 bits.
@@ -82,9 +90,39 @@ fn open(path: &Path) -> Result<DynamicImage, RunError> {
 }
 
 impl Picture {
-    /// The texel that texture coordinates (u, v) in [0, 1) fall into.
+    /// The texel that texture coordinates (u, v) in [0, 1) fall into, as stored.
     pub fn nearest(&self, u: f32, v: f32) -> [f32; 3] {
+        let texel = self.texel(u, v);
+        match &self.texels {
+            Texels::Bytes(bytes) => std::array::from_fn(|c| f32::from(bytes[texel + c]) / 255.0),
+            Texels::Words(words) => std::array::from_fn(|c| f32::from(words[texel + c]) / 65535.0),
+        }
+    }
+
+    /// The same of an sRGB image, as linear light.
+    pub fn light(&self, u: f32, v: f32) -> [f32; 3] {
+        match &self.texels {
+            Texels::Bytes(bytes) => {
+                let texel = self.texel(u, v);
+                std::array::from_fn(|c| byte_to_linear(bytes[texel + c]))
+            }
+            Texels::Words(_) => self.nearest(u, v).map(srgb_to_linear),
+        }
+    }
+
+    fn texel(&self, u: f32, v: f32) -> usize {
         let texel = |at: f32, size: u32| ((at * size as f32) as u32).min(size - 1) as usize;
-        self.rgb[texel(u, self.width) + self.width as usize * texel(v, self.height)]
+        3 * (texel(u, self.width) + self.width as usize * texel(v, self.height))
+    }
+
+    /// Whether its channels are alike everywhere.
+    pub fn is_grey(&self) -> bool {
+        fn alike<T: PartialEq>(texels: &[T]) -> bool {
+            texels.chunks_exact(3).all(|rgb| rgb[0] == rgb[1] && rgb[1] == rgb[2])
+        }
+        match &self.texels {
+            Texels::Bytes(bytes) => alike(bytes),
+            Texels::Words(words) => alike(words),
+        }
     }
 }

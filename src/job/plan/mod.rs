@@ -28,6 +28,7 @@ mod prepare;
 mod stacking_report;
 mod stackings;
 
+pub(super) use asked::TEXEL_BYTES;
 pub use asked::{Asked, AskedMap};
 pub(super) use factored::FactoredMap;
 pub use job_targets::{JobTarget, targets};

@@ -4,7 +4,8 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::{
-    job::{Prepared, PreparedObject, RunError, manifest::MaterialRecord, printable::Printable},
+    job::{Prepared, PreparedObject, RunError, manifest::MaterialRecord, plan::TEXEL_BYTES, printable::Printable},
+    machine::{self, mib},
     voxel::{BlockShape, Lattice, Slab},
     watch::Watch,
 };
@@ -106,36 +107,23 @@ impl Prepared {
         let slab_height = u64::from(BlockShape::for_lattice(lattice).voxels()[2]);
         let slab = u64::from(lattice.dims[0]) * u64::from(lattice.dims[1]) * slab_height;
         let triangles: u64 = self.objects.iter().map(|object| object.health.triangles as u64).sum();
-        BASE_MEMORY + slab / 2 + triangles * TRIANGLE_BYTES
+        let texels: u64 = self.objects.iter().map(|object| object.asked.texels() as u64).sum();
+        // The draft whose print was looked at is gone when slices are written.
+        let looked_at = if self.job.rounds() > 0 { lattice.voxels() / 2 } else { 0 };
+        BASE_MEMORY + triangles * TRIANGLE_BYTES + texels * TEXEL_BYTES + looked_at.max(slab / 2)
     }
 
     /// Refuses a job that needs more memory than the machine has.
     pub(super) fn refuse_too_large(&self) -> Result<(), RunError> {
         let needed = self.memory_bytes();
-        match machine_memory() {
-            Some(there) if needed > there => {
+        match machine::short_of(needed) {
+            Some(there) => {
                 let [x, y, z] = self.lattice.dims;
-                let found = format!("{x} × {y} × {z} voxels, which need about {} MiB of memory", needed >> 20);
-                let expected = format!("at most the {} MiB that this machine has", there >> 20);
+                let found = format!("{x} × {y} × {z} voxels, which need about {} MiB of memory", mib(needed));
+                let expected = format!("at most the {} MiB that this machine has", mib(there));
                 Err(self.job.refuse("printer", found, expected).into())
             }
-            _ => Ok(()),
+            None => Ok(()),
         }
-    }
-}
-
-/// Memory of the machine, bytes, where the system tells it as Linux does.
-fn machine_memory() -> Option<u64> {
-    let told = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let total = told.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
-    Some(total.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? << 10)
-}
-
-#[cfg(test)]
-mod tests {
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn the_machine_has_memory() {
-        assert!(super::machine_memory().is_some_and(|bytes| bytes > 64 << 20));
     }
 }

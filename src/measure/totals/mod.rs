@@ -46,9 +46,13 @@ const STEPS: usize = 30;
 /// How far g may be from what is stated.
 const G_UNKNOWN: f64 = 0.2;
 const G: std::ops::RangeInclusive<f64> = -0.5..=0.95;
-/// Values missed by so many times their errors are noted, by so much of the light refused: no resin does that.
-const NOTED_MISFIT: f64 = 3.0;
+/// Values missed by so much of the light, root mean square, are refused: no resin does that.
 const MOST_MISFIT: f64 = 0.02;
+/// Another reading of the instrument is named where it brings the sum of squares, in units of the errors, down by this
+/// much and below half.
+const CLEARLY_BETTER: f64 = 9.0;
+/// Sheets thinner than this are asked about, mm.
+const THIN_MM: f64 = 0.05;
 /// Uncertainties of this size know nothing.
 const KNOWS_NOTHING: f64 = 0.5;
 /// Absorption counts from this share of the thickest sheet on.
@@ -71,6 +75,22 @@ pub struct TotalsFit {
     pub residual: f64,
     /// Numbers it rests on.
     pub values: usize,
+    /// The misfit if reflectance were stated the other way, with or without what the surface mirrors; `None` where that
+    /// is not clearly less.
+    pub other_specular: Option<f64>,
+}
+
+impl TotalsFit {
+    /// Values beyond the two that any two numbers can be fitted to.
+    pub fn spare(&self) -> usize {
+        self.values.saturating_sub(2)
+    }
+
+    /// Whether values are missed by more than their errors explain: of a thousand sound sheets one is.
+    fn is_missed(&self) -> bool {
+        let (squares, spare) = (self.misfit.powi(2) * self.values as f64, self.spare().max(1) as f64);
+        squares > spare + 4.0 * (2.0 * spare).sqrt() + 4.0
+    }
 }
 
 /// Fits every channel. `watch` hears one stage.
@@ -164,7 +184,17 @@ impl Data<'_> {
             misfit,
             residual,
             values,
+            other_specular: self.other_specular(&found, g),
         })
+    }
+
+    /// The misfit with reflectance read the other way, where it is clearly less.
+    fn other_specular(&self, found: &Point, g: f64) -> Option<f64> {
+        let mut totals = self.totals.clone();
+        totals.instrument.specular = !totals.instrument.specular;
+        let objective = Data { totals: &totals, ..*self }.descend(found.at, g).objective();
+        let better = objective < 0.5 * found.objective() && objective + CLEARLY_BETTER < found.objective();
+        better.then(|| (objective / found.residuals.len() as f64).sqrt())
     }
 
     fn volume(&self, at: Parameters, g: f64) -> VolumeCoefficients {
@@ -174,16 +204,18 @@ impl Data<'_> {
     }
 
     fn best(&self, g: f64) -> Result<Point, MeasureError> {
-        let mut starts = Vec::new();
+        let nearer = |a: &Point, b: &Point| a.objective().total_cmp(&b.objective());
+        // Transmittance alone has a valley of little scattering and one of much: each start's own is followed down.
+        let mut ends = Vec::new();
         for scattering in SCATTERING {
             if self.watch.stop_requested() {
                 return Err(crate::watch::Stopped.into());
             }
-            starts.extend(ABSORPTION.map(|absorption| self.point([libm::log(scattering), libm::log(absorption)], g)));
+            let start = |absorption| self.point([libm::log(scattering), libm::log(absorption)], g);
+            let start = ABSORPTION.map(start).into_iter().min_by(nearer);
+            ends.extend(start.map(|start| self.descend(start.at, g)));
         }
-        starts.sort_by(|a, b| a.objective().total_cmp(&b.objective()));
-        let ends = starts.iter().take(2).map(|start| self.descend(start.at, g));
-        let best = ends.min_by(|a, b| a.objective().total_cmp(&b.objective()));
+        let best = ends.into_iter().min_by(nearer);
         best.ok_or_else(|| MeasureError::scene("sheets", "none", "at least one"))
     }
 
@@ -282,12 +314,33 @@ impl Totals {
     /// What to know before the numbers are believed.
     pub fn notes(&self, fits: &[TotalsFit]) -> Vec<String> {
         let mut notes = self.remarks.clone();
-        for fit in fits.iter().filter(|fit| fit.misfit > NOTED_MISFIT) {
+        for fit in fits {
+            let (channel, missed) = (&fit.channel, fit.misfit);
+            let of_light = format!("{missed:.1} times their errors, {:.4} of the light", fit.residual);
+            if let Some(other) = fit.other_specular {
+                let [stated, better] = match self.instrument.specular {
+                    true => ["included", "excluded"],
+                    false => ["excluded", "included"],
+                };
+                notes.push(format!(
+                    "channel {channel}: values are missed by {of_light}, and by {other:.1} times their errors with \
+                     specular = \"{better}\" in place of \"{stated}\": which is it?"
+                ));
+            } else if fit.is_missed() {
+                notes.push(format!(
+                    "channel {channel}: values are missed by {of_light}: errors are larger than stated, or a thickness, \
+                     the refractive index or the light is not as stated"
+                ));
+            }
+        }
+        if let Some(fit) = fits.iter().find(|fit| fit.spare() == 0) {
             notes.push(format!(
-                "channel {}: values are missed by {:.1} times their errors, {:.4} of the light: errors are larger than \
-                 stated, or a thickness, the refractive index or the light is not as stated",
-                fit.channel, fit.misfit, fit.residual
+                "{} values for two numbers: nothing checks them; a sheet of another thickness would",
+                fit.values
             ));
+        }
+        if let Some(sheet) = self.sheets.iter().find(|sheet| sheet.thickness_mm < THIN_MM) {
+            notes.push(format!("a sheet of {} mm: are thicknesses in mm?", sheet.thickness_mm));
         }
         notes
     }

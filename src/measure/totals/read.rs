@@ -21,6 +21,8 @@ const RELATIVE_ERROR: f64 = 0.005;
 const ABSOLUTE_ERROR: f64 = 5e-4;
 /// Spectra that are turned into colours reach at least so far, nm.
 const SPECTRUM: [f64; 2] = [420.0, 680.0];
+/// Widest gap in them, nm: what lies within is a straight line.
+const MAX_GAP_NM: f64 = 25.0;
 /// Largest table accepted, bytes.
 const MAX_BYTES: u64 = 16 << 20;
 
@@ -133,7 +135,9 @@ fn text(path: &Path, most: u64) -> Result<String> {
     if size > most {
         return Err(MeasureError::frame(path, format!("{size} bytes"), format!("at most {most}")));
     }
-    Ok(crate::regular_file::read_text(path).map_err(disk)?)
+    let text = crate::regular_file::read_text(path).map_err(disk)?;
+    // Spreadsheets write a mark of byte order before UTF-8.
+    Ok(text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned))
 }
 
 fn number(
@@ -212,6 +216,7 @@ fn read_table(path: &Path, channels: Channels) -> Result<(Vec<String>, Vec<Sheet
     let Some((first, header)) = lines.next() else {
         return Err(fault(1, "header", "nothing".into(), "names of columns"));
     };
+    let header = header.to_ascii_lowercase();
     let header: Vec<&str> = header.split(',').map(str::trim).collect();
     if let Some(unknown) = header.iter().find(|name| !COLUMNS.contains(name)) {
         let expected = format!("one of: {}", COLUMNS.join(", "));
@@ -316,6 +321,15 @@ fn read_table(path: &Path, channels: Channels) -> Result<(Vec<String>, Vec<Sheet
                     if ends[0] > SPECTRUM[0] || ends[1] < SPECTRUM[1] {
                         let found = format!("a spectrum of {} to {} nm", ends[0], ends[1]);
                         let expected = "420 to 680 nm at least, better 380 to 730";
+                        return Err(fault(first.line, "wavelength_nm", found, expected));
+                    }
+                    let gap = points.windows(2).find(|pair| {
+                        let seen = pair[1].0 > SPECTRUM[0] && pair[0].0 < SPECTRUM[1];
+                        seen && pair[1].0 - pair[0].0 > MAX_GAP_NM
+                    });
+                    if let Some([(from, _), (to, _)]) = gap {
+                        let found = format!("nothing between {from} and {to} nm");
+                        let expected = "a value every 25 nm at least; or channels = \"wavelengths\"";
                         return Err(fault(first.line, "wavelength_nm", found, expected));
                     }
                     let rgb = observer::rgb(&points);

@@ -190,10 +190,72 @@ fn what_is_no_table_is_refused() {
     refused("thickness,reflectance\n1,0.6\n", "expected one of");
     refused("thickness_mm,wavelength_nm,reflectance\n1,500,0.6\n", "expected a column that names the sample");
     refused("sample,thickness_mm,wavelength_nm,reflectance\na,1,500,0.6\na,1,600,0.6\n", "expected 420 to 680 nm");
+    let gap = (0..36).map(|i| 380 + 10 * i).filter(|nm| !(490..=610).contains(nm));
+    let rows: String = gap.map(|nm| format!("a,1,{nm},0.6\n")).collect();
+    let words = "found nothing between 480 and 620 nm, expected a value every 25 nm";
+    refused(&format!("sample,thickness_mm,wavelength_nm,reflectance\n{rows}"), words);
     // One number for two coefficients.
     refused("thickness_mm,reflectance\n1,0.5\n", "expected an uncertainty below half of it");
     // Thick sheets that let more through than thin ones.
     refused("thickness_mm,reflectance,transmittance\n0.3,0.6,0.1\n3,0.3,0.4\n", "missed by");
+}
+
+/// Notes of a table of sheets without noise, of an instrument that sees the glint or does not.
+fn notes_of(text: &str, specular: bool) -> (TotalsFit, Vec<String>) {
+    let folder = folder_with(text, "resin", 0.5);
+    let mut totals = Totals::read(&folder.path().join("fit.toml")).unwrap();
+    totals.instrument.specular = specular;
+    let fits = fit_totals(&totals, &Unwatched).unwrap();
+    (fits[0].clone(), totals.notes(&fits))
+}
+
+const BARE: Instrument = Instrument {
+    model: String::new(),
+    light: Light::Normal,
+    specular: true,
+    relative_error: NOISE,
+    absolute_error: 5e-4,
+};
+
+/// By transmittance alone, white has a valley of little scattering beside its own.
+#[test]
+fn transmittance_alone_is_fitted() {
+    for (sigma_s, sigma_a) in [(12.0, 0.01), (8.0, 0.17), (3.0, 0.05)] {
+        let row = |mm: f64| format!("{mm},{}\n", seen(volume(sigma_s, sigma_a, 0.5), mm, None, &BARE)[1]);
+        let text = format!("thickness_mm,transmittance\n{}", [0.3, 1.0, 3.0].map(row).concat());
+        let (fit, notes) = notes_of(&text, true);
+        let [(reduced, _), (absorption, _)] = fit.coefficients_with_errors();
+        assert!((reduced / (0.5 * sigma_s) - 1.0).abs() < 1e-2, "{sigma_s} {sigma_a}: {fit:?}");
+        assert!((absorption / sigma_a - 1.0).abs() < 0.05, "{sigma_s} {sigma_a}: {fit:?}");
+        assert!(notes.is_empty(), "{notes:?}");
+    }
+}
+
+/// Reflectance with the glint, stated without it, and the other way.
+#[test]
+fn a_glint_that_is_misstated_is_named() {
+    for (sigma_s, sigma_a) in [(8.0, 0.17), (5.0, 0.3), (20.0, 0.02)] {
+        for specular in [true, false] {
+            let truly = Instrument { specular, ..BARE };
+            let row = |mm: f64| {
+                let [r, t] = seen(volume(sigma_s, sigma_a, 0.5), mm, None, &truly);
+                format!("{mm},{r},{t}\n")
+            };
+            let text = format!("thickness_mm,reflectance,transmittance\n{}", [0.3, 1.0, 3.0].map(row).concat());
+            assert_eq!(notes_of(&text, specular).1, Vec::<String>::new());
+            let notes = notes_of(&text, !specular).1;
+            let stated = if specular { "specular = \"included\"" } else { "specular = \"excluded\"" };
+            assert!(notes.iter().any(|note| note.contains(stated)), "{sigma_s} {sigma_a} {specular}: {notes:?}");
+        }
+    }
+}
+
+#[test]
+fn what_nothing_checks_is_said() {
+    let [r, t] = seen(volume(8.0, 0.17, 0.5), 0.04, None, &BARE);
+    // As a spreadsheet writes it.
+    let notes = notes_of(&format!("\u{feff}Thickness_mm,Reflectance,TRANSMITTANCE\r\n0.04,{r},{t}\r\n"), true).1;
+    assert!(notes[0].contains("nothing checks them") && notes[1].contains("are thicknesses in mm?"), "{notes:?}");
 }
 
 /// A measured sample: a phantom of PDMS, 2.65 mm without slides, in a dual-beam spectrometer (A. Bahl, King's College;

@@ -102,6 +102,12 @@ impl HealthReport {
                 self.buried_area_mm2
             ),
         );
+        say(
+            usize::from(self.inside_out),
+            "Where the surface crosses itself, a part of it is inside out (its outer side within): what that encloses \
+             is left out of the print, unless it is a cavity."
+                .to_owned(),
+        );
         said
     }
 }

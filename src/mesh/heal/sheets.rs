@@ -11,6 +11,11 @@ use super::nesting::{Shell, Shells};
 use super::{HealthReport, MAX_CAP_FRACTION, MIN_COMPACTNESS, TriangleMesh, boundary, fill};
 use crate::disjoint_sets::DisjointSets;
 
+/// An open patch whose holes take less than this share of its area, and that would enclose more than this times its
+/// area^(3/2), holds something: a cube without a lid has 0.2 and 0.068, a sphere cut in halves 0.5.
+const HOLLOW_CAP: f64 = 0.4;
+const HOLLOW: f64 = 0.02;
+
 /// Drops sheets; says whether there were any. `shells` are measured, caps included.
 pub(super) fn drop(mesh: &mut TriangleMesh, edges: &Edges, shells: &Shells, health: &mut HealthReport) -> bool {
     if edges.iter().all(|edge| edge.half_edges.len() > 1) && !shells.all.iter().any(Shell::is_flat) {
@@ -119,7 +124,11 @@ fn open_patches(mesh: &TriangleMesh, edges: &Edges) -> Vec<bool> {
     let survey = Survey::of(&alone);
     for (&t, &shell) in members.iter().zip(&survey.shells.of_triangle) {
         let shell = &survey.shells.all[shell as usize];
-        is_sheet[t] = shell.cap_area > MAX_CAP_FRACTION * shell.area;
+        let is_open = shell.cap_area > MAX_CAP_FRACTION * shell.area;
+        // A box without its lid is no sheet, but a solid that is not closed.
+        let compactness = shell.volume.abs() / libm::pow(shell.area + shell.cap_area, 1.5);
+        let is_hollow = shell.cap_area < HOLLOW_CAP * shell.area && compactness > HOLLOW;
+        is_sheet[t] = is_open && !is_hollow;
     }
     is_sheet
 }

@@ -41,16 +41,18 @@ pub(super) struct Materials<'a> {
     document: &'a Document,
     buffers: &'a [Vec<u8>],
     images: BTreeMap<usize, Option<Arc<Texture>>>,
+    /// Why images cannot be read.
+    lost: BTreeMap<usize, String>,
 }
 
 impl<'a> Materials<'a> {
     pub(super) fn new(source: &'a Source<'a>, document: &'a Document, buffers: &'a [Vec<u8>]) -> Self {
-        Self { source, document, buffers, images: BTreeMap::new() }
+        Self { source, document, buffers, images: BTreeMap::new(), lost: BTreeMap::new() }
     }
 
     pub(super) fn read(&mut self, material: &Material, raw: &mut RawMesh) -> SurfaceMaterial {
         let base = BaseColor::of(material);
-        let name = material.name().unwrap_or("").to_owned();
+        let name = name_of(material);
         let others = material.extensions().into_iter().flat_map(|others| others.keys());
         for unread in others.filter(|name| support::fate("glTF", name) == Some(Fate::Lost)) {
             raw.lose_color(format!("the colour of material `{name}` is given by {unread}, which is not read"));
@@ -59,6 +61,11 @@ impl<'a> Materials<'a> {
         let interior = Interior::of(material).filter(|_| material.pbr_specular_glossiness().is_none());
         looks.mean_free_path_mm = interior.as_ref().and_then(Interior::mean_free_path);
         let inside = interior.as_ref().filter(|interior| !interior.keeps_base_colour());
+        // A mask over a colour without texture shows all of it or nothing.
+        let cutoff = material.alpha_cutoff().unwrap_or(0.5);
+        if base.texture.is_none() && material.alpha_mode() == AlphaMode::Mask && base.factor[3] < cutoff {
+            raw.lose_color(format!("the alpha of material `{}` cuts out all of it", looks.name));
+        }
         self.read_base(material, base, &mut looks, raw);
         if let Some(interior) = inside {
             if interior.is_clear() {
@@ -85,7 +92,9 @@ impl<'a> Materials<'a> {
         looks.wrap = wrap(&sampler);
         let texture = self.image(image.index(), raw);
         if texture.is_none() {
-            let lost = || format!("image {}, the base colour of material `{name}`, cannot be read", image.index());
+            let why = self.lost.get(&image.index()).map_or("", String::as_str);
+            let lost =
+                || format!("image {}, the base colour of material `{name}`, cannot be read ({why})", image.index());
             raw.lost_color.get_or_insert_with(lost);
         }
         looks.base_color_texture = texture.map(|texture| without_holes(texture, material, base.factor[3], raw));
@@ -159,6 +168,7 @@ impl<'a> Materials<'a> {
         let texture = self.decode(index);
         if let Err(reason) = &texture {
             raw.warnings.push(format!("image {index} cannot be read ({reason}): its materials stay plain"));
+            self.lost.insert(index, reason.clone());
         }
         let texture = texture.ok();
         self.images.insert(index, texture.clone());
@@ -177,6 +187,12 @@ impl<'a> Materials<'a> {
         let end = view.offset().checked_add(view.length());
         texture::decode(end.and_then(|end| bytes.get(view.offset()..end)).ok_or("its bytes lie outside the buffer")?)
     }
+}
+
+/// The name of a material, or its number.
+fn name_of(material: &Material) -> String {
+    let number = || material.index().map_or_else(|| "default".to_owned(), |index| index.to_string());
+    material.name().filter(|name| !name.is_empty()).map_or_else(number, str::to_owned)
 }
 
 /// How a texture goes on beyond its edges, along u and v.
@@ -199,7 +215,7 @@ fn without_holes(texture: Arc<Texture>, material: &Material, alpha: f32, raw: &m
     };
     let cut: Vec<bool> = texture.texels.iter().map(|texel| f32::from(texel[3]) / 255.0 * alpha < cutoff).collect();
     let count = cut.iter().filter(|&&cut| cut).count();
-    let name = material.name().unwrap_or("");
+    let name = name_of(material);
     if count == 0 {
         return texture;
     }

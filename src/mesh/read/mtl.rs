@@ -72,14 +72,23 @@ pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, r
                 match color(rest) {
                     Some([r, g, b]) => material.base_color = [r, g, b, material.base_color[3]],
                     None => raw.lose_color(format!(
-                        "{name}, line {number}: found colour {}, expected three numbers: the material stays white",
+                        "{name}, line {number}: found colour {}, expected three numbers of 0 to 1: the material stays \
+                         white",
                         quote(rest.as_bytes())
                     )),
                 }
             }
-            ("d", Some(Definition { material, .. })) if known => {
-                if let Some(alpha) = rest.parse::<f32>().ok().filter(|a| a.is_finite()) {
+            (keyword @ ("d" | "tr"), Some(Definition { material, .. })) if known => {
+                if let Some(value) = rest.parse::<f32>().ok().filter(|a| a.is_finite()) {
+                    let alpha = if keyword == "d" { value } else { 1.0 - value };
                     material.base_color[3] = alpha;
+                    if alpha <= 0.0 {
+                        let material = &material.name;
+                        raw.warnings.push(format!(
+                            "{name}, line {number}: material `{material}` is wholly transparent; its surface is printed \
+                             all the same"
+                        ));
+                    }
                 }
             }
             ("map_kd", Some(definition)) if known => {
@@ -121,9 +130,13 @@ pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, r
 /// One number stands for all three channels, as the format has it.
 fn color(text: &str) -> Option<[f32; 3]> {
     let values: Vec<f32> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
+    // Bytes would all be white; a little beyond 1 is rounding.
+    if values.iter().any(|value| !(0.0..=1.01).contains(value)) {
+        return None;
+    }
     match values[..] {
-        [grey] if grey.is_finite() => Some([grey; 3]),
-        [r, g, b] if r.is_finite() && g.is_finite() && b.is_finite() => Some([r, g, b]),
+        [grey] => Some([grey; 3]),
+        [r, g, b] => Some([r, g, b]),
         _ => None,
     }
 }

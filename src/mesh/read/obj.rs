@@ -43,6 +43,32 @@ struct Corner {
     uv: u32,
 }
 
+/// Vertices of seven numbers: `x y z r g b a`, or `x y z w r g b`.
+#[derive(Default)]
+struct Sevens {
+    /// The seventh of each.
+    last: Vec<f32>,
+    /// Whether the fourth, or the seventh, is ever another number than 1.
+    varies: [bool; 2],
+}
+
+impl Sevens {
+    fn note(&mut self, [fourth, ..]: [f64; 3], last: f64) {
+        self.last.push(last as f32);
+        self.varies[0] |= fourth != 1.0;
+        self.varies[1] |= last != 1.0;
+    }
+
+    /// A fourth number that is 1 everywhere, beside a seventh that is not, was a weight: colours begin one later.
+    fn settle(&self, colors: &mut [[f32; 3]]) {
+        let colored = colors.iter_mut().filter(|color| color.iter().all(|value| !value.is_nan()));
+        let colored: Vec<_> = colored.collect();
+        if self.varies == [false, true] && colored.len() == self.last.len() {
+            colored.into_iter().zip(&self.last).for_each(|(color, last)| *color = [color[1], color[2], *last]);
+        }
+    }
+}
+
 struct Reader<'a> {
     source: &'a Source<'a>,
     raw: RawMesh,
@@ -53,6 +79,8 @@ struct Reader<'a> {
     library: Vec<Definition>,
     /// Encoded RGB of every position so far, NaN for those without; shorter where none follows.
     colors: Vec<[f32; 3]>,
+    /// Vertices of seven numbers.
+    sevens: Sevens,
     /// Positions that ZBrush's comments have coloured.
     painted: usize,
     /// What was met and is not read.
@@ -74,6 +102,7 @@ impl<'a> Reader<'a> {
             lines: Vec::new(),
             library: Vec::new(),
             colors: Vec::new(),
+            sevens: Sevens::default(),
             painted: 0,
             unread: Vec::new(),
             used: HashMap::new(),
@@ -95,6 +124,9 @@ impl<'a> Reader<'a> {
                 if let Some(rgb) = numbers::<3>(&mut words) {
                     self.colors.resize(self.raw.positions.len() - 1, [f32::NAN; 3]);
                     self.colors.push(rgb.map(|c| c as f32));
+                    if let Some([last]) = numbers::<1>(&mut words) {
+                        self.sevens.note(rgb, last);
+                    }
                 }
             }
             b"vt" => {
@@ -273,6 +305,7 @@ impl<'a> Reader<'a> {
 
     /// Gives the vertices' colours to the corners.
     fn apply_colors(&mut self) -> Parsed<()> {
+        self.sevens.settle(&mut self.colors);
         let greatest = self.colors.iter().flatten().copied().fold(0.0, f32::max);
         // Some writers give bytes.
         let full = if greatest > 1.0 { 255.0 } else { 1.0 };

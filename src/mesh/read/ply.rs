@@ -24,9 +24,24 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let mut raw = RawMesh::new(1.0);
     let mut vertices = Vertices::default();
     let mut textures = Textures::new(header.texture_files.len());
+    // Elements may come in any order, and faces ask for colours and coordinates of their corners.
+    let at = |names: &[&str]| header.elements.iter().position(|element| names.contains(&element.name.as_str()));
+    let vertices_last = at(&["vertex"]).zip(at(&["face", "tristrips"])).is_some_and(|(vertex, face)| face < vertex);
+    if vertices_last {
+        let mut ahead = Body { ..body };
+        for element in &header.elements {
+            ahead.check_room(element)?;
+            if element.name == "vertex" {
+                vertices.read(element, &mut ahead, &mut raw.positions)?;
+                break;
+            }
+            skip(element, &mut ahead)?;
+        }
+    }
     for element in &header.elements {
         body.check_room(element)?;
         match element.name.as_str() {
+            "vertex" if vertices_last => skip(element, &mut body)?,
             "vertex" => vertices.read(element, &mut body, &mut raw.positions)?,
             "face" => faces(element, &mut body, &mut raw, &vertices, &mut textures)?,
             "tristrips" => strips(element, &mut body, &mut raw, &vertices, &mut textures)?,
@@ -188,8 +203,16 @@ fn faces(
         let number = textures.number(row.texture, || body.place(element, i))?;
         textures.fill(raw.triangles.len(), number);
     }
-    if vertices.colors.is_empty() && color.is_some() {
+    let plain = vertices.colors.iter().all(|color| *color == WHITE);
+    if color.is_some() && !plain {
+        let colored = face_colors.iter().any(|encoded| encoded[1..] != encoded[..1].repeat(2));
+        if colored || face_colors.iter().any(|encoded| *encoded != face_colors[0]) {
+            raw.warnings.push("the colours of the faces are not used, for vertices have their own".to_owned());
+        }
+    }
+    if color.is_some() && plain {
         linear_colors(&mut face_colors);
+        raw.corner_colors.truncate(before);
         raw.corner_colors.resize(before, [WHITE; 3]);
         raw.corner_colors.extend(face_colors.iter().map(|&color| [color; 3]));
     }

@@ -28,6 +28,11 @@ pub(super) fn dress(raw: &mut RawMesh, source: &Source, files: &[String], textur
             true => raw.add_material(|| "the header".to_owned(), plain("without texture", [1.0; 4]))?,
             false => 0,
         };
+        let is_plain = |t: usize| raw.corner_colors.get(t).is_none_or(|colors| *colors == [WHITE; 3]);
+        let white = (0..textures.of.len()).filter(|&t| textures.of[t] == Textures::NONE && is_plain(t)).count();
+        if white > 0 {
+            raw.warnings.push(format!("{} without a texture: white", counted(white, "triangle")));
+        }
         raw.material_of =
             textures.of.iter().map(|&number| if number == Textures::NONE { bare } else { number }).collect();
     }

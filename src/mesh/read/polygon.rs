@@ -11,8 +11,8 @@ use super::raw::RawMesh;
 
 /// Turns below this, relative to the whole polygon's area, are straight on: rounding of coordinates.
 const STRAIGHT: f64 = 1e-12;
-/// Longest polygon that is cut ear by ear, which is cubic at worst: 300³ are 27 million steps.
-const MAX_EARS: usize = 300;
+/// Longest polygon that is cut ear by ear: about a square of steps, as corners are remembered that are none.
+const MAX_EARS: usize = 20_000;
 
 /// Replaces the fans that fold over themselves. Every index must be in range.
 pub(super) fn settle(raw: &mut RawMesh) {
@@ -53,24 +53,55 @@ fn triangulated(points: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     }
     let mut left: Vec<usize> = (0..points.len()).collect();
     let mut cut = Vec::with_capacity(points.len() - 2);
+    // What is known of a corner holds until a neighbour goes, or the point that lies in its way.
+    let mut known = vec![Corner::Unknown; points.len()];
+    let mut is_left = vec![true; points.len()];
     while left.len() > 3 {
         let n = left.len();
         let corners = |i: usize| [left[(i + n - 1) % n], left[i], left[(i + 1) % n]];
-        let is_ear = |i: &usize| {
-            let [a, b, c] = corners(*i);
+        let look = |i: usize| {
+            let [a, b, c] = corners(i);
             let holds = |&p: &usize| turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0;
             let same_place = |p: usize| [a, b, c].iter().any(|&q| points[p] == points[q]);
-            turn(a, b, c) > straight && !left.iter().any(|p| ![a, b, c].contains(p) && !same_place(*p) && holds(p))
+            if turn(a, b, c) <= straight {
+                return Corner::Turns;
+            }
+            let in_the_way = left.iter().find(|&p| ![a, b, c].contains(p) && !same_place(*p) && holds(p));
+            in_the_way.map_or(Corner::Ear, |&point| Corner::Holds(point))
         };
         // Without an ear a straight corner goes, and failing that any.
-        let ear = (0..n).find(is_ear);
+        let ear = (0..n).find(|&i| {
+            let corner = &mut known[left[i]];
+            let stands = match *corner {
+                Corner::Holds(point) => is_left[point],
+                Corner::Ear | Corner::Turns => true,
+                Corner::Unknown => false,
+            };
+            if !stands {
+                *corner = look(i);
+            }
+            *corner == Corner::Ear
+        });
         let ear = ear.or_else(|| (0..n).find(|&i| turn(corners(i)[0], corners(i)[1], corners(i)[2]).abs() <= straight));
         let ear = ear.unwrap_or(1);
-        cut.push(corners(ear));
+        let [before, gone, after] = corners(ear);
+        cut.push([before, gone, after]);
+        (known[before], known[after], is_left[gone]) = (Corner::Unknown, Corner::Unknown, false);
         left.remove(ear);
     }
     cut.push([left[0], left[1], left[2]]);
     Some(cut)
+}
+
+/// What is known of a corner that is left.
+#[derive(Clone, Copy, PartialEq)]
+enum Corner {
+    Unknown,
+    Ear,
+    /// Straight, or to the outside.
+    Turns,
+    /// This point lies in its triangle.
+    Holds(usize),
 }
 
 #[cfg(test)]
@@ -109,6 +140,32 @@ mod tests {
                 let found = area(&points, &triangulated(&points).unwrap_or(fan));
                 assert!((found - expected * slope).abs() < 1e-12, "{found} for {points:?}");
             }
+        }
+    }
+
+    /// A comb of 300 teeth, and a zigzag ring like a gear.
+    #[test]
+    fn long_polygons_are_covered_once_too() {
+        let mut comb = vec![(0, -1), (600, -1)];
+        comb.extend((0..600).rev().map(|x| (x, if x % 2 == 0 { 0 } else { 5 })));
+        let comb = flat(&comb);
+        // Under the zigzag from (599, 5) to (0, 0), and the corner at (600, −1).
+        let below = |points: &[DVec3]| {
+            let shoelace: f64 = (0..points.len())
+                .map(|i| points[i].truncate().perp_dot(points[(i + 1) % points.len()].truncate()))
+                .sum();
+            0.5 * shoelace * (1.0f64 + 0.0625).sqrt()
+        };
+        let gear: Vec<DVec3> = (0..2000)
+            .map(|i| {
+                let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 2000.0).sin_cos();
+                let radius = if i % 2 == 0 { 10.0 } else { 6.0 };
+                DVec3::new(radius * cos, radius * sin, 0.25 * radius * cos)
+            })
+            .collect();
+        for points in [comb, gear] {
+            let found = area(&points, &triangulated(&points).unwrap());
+            assert!((found / below(&points) - 1.0).abs() < 1e-9, "{found} for {}", below(&points));
         }
     }
 

@@ -128,6 +128,32 @@ fn sheets_are_refused_with_their_share() {
     }
 }
 
+/// A box without its lid, and a closed one through its floor: what is open encloses more than a sheet does.
+#[test]
+fn an_open_box_is_no_sheet_beside_a_solid() {
+    let mut triangles = cube(0.0, 4.0)[..10].to_vec();
+    triangles.extend(box_triangles(DVec3::new(1.0, 1.0, -2.0), DVec3::new(3.0, 3.0, 2.0)));
+    let found = close(mesh_of(&triangles));
+    assert!(matches!(found, Err(MeshError::OpenSheet { .. })), "{found:?}");
+}
+
+/// A prism over a bow tie of unlike lobes: one of them goes round the wrong way, which is said.
+#[test]
+fn what_is_inside_out_is_named() {
+    let rim = [[0.0, 0.0], [4.0, 4.0], [4.0, 0.0], [0.0, 2.0]];
+    let at = |i: usize, z: f64| DVec3::new(rim[i % 4][0], rim[i % 4][1], z);
+    let mut triangles = vec![[at(0, 1.0), at(1, 1.0), at(2, 1.0)], [at(0, 1.0), at(2, 1.0), at(3, 1.0)]];
+    triangles.extend([[at(0, 0.0), at(2, 0.0), at(1, 0.0)], [at(0, 0.0), at(3, 0.0), at(2, 0.0)]]);
+    for i in 0..4 {
+        let [a, b, c, d] = [at(i, 0.0), at(i + 1, 0.0), at(i + 1, 1.0), at(i, 1.0)];
+        triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    let solid = close(mesh_of(&triangles)).unwrap();
+    assert!(solid.health.inside_out, "{:?}", solid.health);
+    assert!(solid.health.warnings().iter().any(|said| said.contains("inside out")), "{:?}", solid.health.warnings());
+    assert!(!closed(&cube(0.0, 1.0)).health.inside_out);
+}
+
 #[test]
 fn surfaces_without_volume_are_refused() {
     let plate = [[DVec3::ZERO, DVec3::X, DVec3::Y], [DVec3::ZERO, DVec3::Y, DVec3::X]];

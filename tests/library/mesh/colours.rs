@@ -120,6 +120,8 @@ fn what_an_mtl_leaves_open_is_said() {
         ("newmtl m\nKs 1 1 1", None, "without Kd or map_Kd"),
         ("newmtl other\nKd 1 0 0", None, "nowhere defined"),
         ("newmtl m\nKd spectral red.rfl", None, "expected three numbers"),
+        ("newmtl m\nKd 128 64 0", None, "found colour `128 64 0`, expected three numbers of 0 to 1"),
+        ("newmtl m\nKd -1 0 0", None, "expected three numbers of 0 to 1"),
         ("newmtl m\nmap_Kd none.png", Some(WHOLE), "no such file"),
         ("newmtl m\nmap_Kd half.png", None, "12 of 12 triangles with the texture of material `m`"),
         ("newmtl m\nmap_Kd -mm 0.2 1 half.png", Some(WHOLE), "-mm"),
@@ -130,6 +132,10 @@ fn what_an_mtl_leaves_open_is_said() {
     let black = plain_obj("newmtl m\nKd 0 0 0\nmap_Kd half.png", Some(WHOLE));
     assert!(lost(&black).is_empty() && said(&black, "multiplies its texture by black"));
     assert_shares(&black, &[([0, 0, 0], 1.0)]);
+    for unseen in ["d 0.0", "Tr 1"] {
+        let loaded = plain_obj(&format!("newmtl m\nKd 1 0 0\n{unseen}"), None);
+        assert!(lost(&loaded).is_empty() && said(&loaded, "wholly transparent"), "{:?}", loaded.warnings);
+    }
     let masked = plain_obj("newmtl m\nmap_Kd half.png\nmap_d half.png", Some(WHOLE));
     assert!(lost(&masked).is_empty() && said(&masked, "map_d"));
     let mapped = read(&[("a.obj", obj("usemap wood", |_| String::new(), None)), ("a.mtl", Vec::new())]);
@@ -144,9 +150,10 @@ fn colours_of_obj_vertices() {
     let red = |_: usize| "0.784314 0.156863 0.156863".to_owned();
     let bytes = |_: usize| "200 40 40".to_owned();
     let with_alpha = |_: usize| "0.784314 0.156863 0.156863 1.0".to_owned();
+    let with_weight = |_: usize| "1 0.784314 0.156863 0.156863".to_owned();
     // In place of Kd; as bytes; with alpha; a Kd stays where all vertices are white, and where a weight is all there
     // is.
-    for behind in [&red as &dyn Fn(usize) -> String, &bytes, &with_alpha] {
+    for behind in [&red as &dyn Fn(usize) -> String, &bytes, &with_alpha, &with_weight] {
         let loaded = of("newmtl m\nKd 0.8 0.8 0.8", behind, None);
         assert_eq!(loaded.warnings, Vec::<String>::new());
         assert!(loaded.mesh.corner_colors.is_empty(), "one colour is a material");
@@ -223,6 +230,32 @@ fn colours_of_ply_vertices_and_faces() {
         &[(RED, 5.0 / 6.0), (BLUE, 1.0 / 6.0)],
     );
     assert!(read(&[("a.ply", ply("", none, none))]).mesh.materials.is_empty());
+    // Both: white vertices say nothing, others go before, and it is said.
+    let both = |vertex: &'static str| {
+        read(&[("a.ply", ply("", (&colors("uchar"), &move |_| vertex.to_owned()), (&colors("uchar"), &face)))])
+    };
+    assert_shares(&both("255 255 255"), &[(RED, 5.0 / 6.0), (BLUE, 1.0 / 6.0)]);
+    let vertices = both("30 150 60");
+    assert_shares(&vertices, &[(GREEN, 1.0)]);
+    assert!(said(&vertices, "colours of the faces are not used"), "{:?}", vertices.warnings);
+}
+
+/// Any order of elements is legal.
+#[test]
+fn faces_of_a_ply_may_come_before_its_vertices() {
+    let none = ("", &(|_| String::new()) as &dyn Fn(usize) -> String);
+    let colors = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    let usual = String::from_utf8(ply("", (colors, &|_| "200 40 40".to_owned()), none)).unwrap();
+    let (header, body) = usual.split_once("end_header\n").unwrap();
+    let (vertices, faces) = header.split_at(header.find("element face").unwrap());
+    let (preamble, vertices) = vertices.split_at(vertices.find("element vertex").unwrap());
+    let lines: Vec<&str> = body.lines().collect();
+    let (points, polygons) = lines.split_at(8);
+    let body = [polygons, points].concat().join("\n");
+    let turned = format!("{preamble}{faces}{vertices}end_header\n{body}\n");
+    let loaded = read(&[("a.ply", turned.into_bytes())]);
+    assert_eq!(loaded.warnings, Vec::<String>::new());
+    assert_shares(&loaded, &[(RED, 1.0)]);
 }
 
 #[test]
@@ -241,6 +274,8 @@ fn several_textures_of_a_ply() {
     let loaded = files(ply(header, (colors, &|_| "30 150 60".to_owned()), (names, &some)));
     assert_shares(&loaded, &[(RED, 1.0 / 3.0), (BLUE, 1.0 / 3.0), (GREEN, 1.0 / 3.0)]);
     assert!(said(&loaded, "8 triangles with a texture are not used"), "{:?}", loaded.warnings);
+    let white = files(ply(header, none, (names, &some)));
+    assert!(said(&white, "4 triangles without a texture: white"), "{:?}", white.warnings);
     // No coordinates; no files; too high a number.
     let bare = files(ply(header, none, ("property int texnumber\n", &|_| "1".to_owned())));
     assert!(lost(&bare).contains("12 of 12 triangles with the texture of material `blue 2.png`"), "{}", lost(&bare));

@@ -46,13 +46,28 @@ pub(super) struct Judge<'a> {
     pub(super) knows_neighbours: bool,
     /// Per body, whether it was met behind a face.
     pub(super) behind: Vec<AtomicBool>,
+    /// Whether space was met that the surface goes round the wrong way.
+    pub(super) inside_out: AtomicBool,
 }
 
 impl<'a> Judge<'a> {
     /// A judge of faces that are all first, and pay heed to all.
     pub(super) fn new(soup: &'a Soup, tolerance: Tolerance) -> Self {
         let behind = (0..soup.bodies).map(|_| Default::default()).collect();
-        Self { soup, tolerance, rank: &|_| u32::MAX, skips: &|_, _| false, knows_neighbours: true, behind }
+        Self {
+            soup,
+            tolerance,
+            rank: &|_| u32::MAX,
+            skips: &|_, _| false,
+            knows_neighbours: true,
+            behind,
+            inside_out: AtomicBool::new(false),
+        }
+    }
+
+    /// Whether space was met that the surface goes round the wrong way, with nothing on the other side of the face.
+    pub(super) fn is_inside_out(&self) -> bool {
+        self.inside_out.load(Ordering::Relaxed)
     }
 
     /// Whether a body was met behind a face.
@@ -125,6 +140,9 @@ impl<'a> Judge<'a> {
         let behind = windings.iter().any(|winding| *winding > 0);
         self.soup.windings(at + off * face.frame.normal, windings);
         let before = windings.iter().any(|winding| *winding > 0);
+        if is_wide && !before && !behind && windings.iter().any(|winding| *winding < 0) {
+            self.inside_out.store(true, Ordering::Relaxed);
+        }
         if before || !behind {
             return false;
         }

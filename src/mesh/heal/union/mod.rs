@@ -66,6 +66,7 @@ pub(super) fn bare(mesh: &mut TriangleMesh, caps: &[[DVec3; 3]], health: &mut He
         return None;
     }
     let before: f64 = mesh.corners().map(area).sum();
+    health.inside_out = judge.is_inside_out();
     health.volume_mm3 = volume(&soup.corners, &verdicts, 0.5 * (low + high));
     replace(mesh, &verdicts);
     health.area_mm2 = mesh.corners().map(area).sum();
