@@ -150,7 +150,7 @@ fn levels_and_units_are_told() {
         let material = NormalizedDiffusion::new(0.2, 0.5).unwrap();
         doubts_of(20, 21, 0.003, offset, |_, _| material)
     };
-    let (sound, above, below) = (dark(0.0), dark(1e-3), dark(-7e-4));
+    let (sound, above, below) = (dark(0.0), dark(1e-3), dark(-1e-3));
     assert!(sound.is_empty(), "{sound:?}");
     assert!(above.iter().any(|doubt| doubt.contains("levels off")), "{above:?}");
     assert!(below.iter().any(|doubt| doubt.contains("black level that is too high")), "{below:?}");
