@@ -35,10 +35,10 @@ const DARK_CENTRES: f64 = 0.1;
 const SENTINELS: u64 = 10;
 /// A gate leaves out this share of the values at least, and has as many just above it.
 const GATED: f64 = 0.005;
-/// …of which fewer than this share have a 0 beside them, and more than this share of the zeros that have light there one.
+/// …of which fewer than this share have a 0 beside them, and more than this share of the zeros with light there one.
 const APART: f64 = 0.15;
 const BESIDE: f64 = 0.3;
-/// r R of dark texels falls by less than this share of what it fell by before only where something is added to it: among
+/// r R of dark texels falls by less than this share of what it fell by before only where something is added: among
 /// simulated sets a mixture of materials, the worst, keeps 0.65, an offset of 6% at the windows' ends 0.58.
 const LEVELS_OFF: f64 = 0.6;
 /// …and by more than this many times only where something is taken away: light that is diffuse falls ever slower.
@@ -103,8 +103,8 @@ pub(super) fn sentinel(survey: &Survey) -> Option<(u64, f64)> {
     (lowest.count >= SENTINELS && stands_out).then_some((lowest.count, lowest.value))
 }
 
-/// How many values a gate has made 0. What is counted is 0 by chance, beside light as well: a gate's zeros lie together,
-/// and what lies beside them is faint.
+/// How many values a gate has made 0. What is counted is 0 by chance, beside light as well: a gate's zeros lie
+/// together, and what lies beside them is faint.
 pub(super) fn gated(misses: &Misses) -> Option<u64> {
     let all: f64 = misses.rings.iter().map(|sums| sums.count).sum();
     let Gate { zeros, above, above_then_zero, zero_then_above, zero_then_light } = misses.gate;

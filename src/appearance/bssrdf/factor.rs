@@ -356,16 +356,16 @@ fn check(dataset: &Dataset, channel: Channel, survey: &Survey) -> Result<Vec<Str
             return Err(fault(found, "values per mm²: light per pixel over a pixel's area; or is the pitch in mm?"));
         }
         Some((area, false)) => doubts.push(format!(
-            "windows hold {mean:.1e} of the light sent in, and {:.2} if values were light per pixel: is the sample that dark, or \
-             are values not per mm²?",
+            "windows hold {mean:.1e} of the light sent in, and {:.2} if values were light per pixel: is the sample \
+             that dark, or are values not per mm²?",
             mean / area
         )),
         None => {}
     }
     if let Some((texels, ceiling)) = belief::clipped(survey) {
         doubts.push(format!(
-            "{texels} windows have {ceiling:.4} at the lit texel, the largest value there is: was it cut off? P(x, 0) is \
-             too small there"
+            "{texels} windows have {ceiling:.4} at the lit texel, the largest value there is: was it cut off? P(x, \
+             0) is too small there"
         ));
     }
     Ok(doubts)
@@ -377,28 +377,28 @@ fn afterthoughts(rings: &Rings, survey: &Survey, misses: &Misses) -> Vec<String>
     if let Some(zeros) = belief::gated(misses) {
         let least = survey.least;
         doubts.push(format!(
-            "{zeros} values are 0 and none lies between 0 and {least:.1e} per mm²: what is faint was cut to 0, and the light \
-             of dark and far places is lost"
+            "{zeros} values are 0 and none lies between 0 and {least:.1e} per mm²: what is faint was cut to 0, and \
+             the light of dark and far places is lost"
         ));
     }
     if let Some((level, at)) = belief::level(rings, misses) {
         doubts.push(if level > 0.0 {
             format!(
-                "the response of dark texels levels off at {level:.1e} per mm², {at:.2} mm from the lit texel: an offset \
-                 (black level, stray light) that is not the sample's"
+                "the response of dark texels levels off at {level:.1e} per mm², {at:.2} mm from the lit texel: an \
+                 offset (black level, stray light) that is not the sample's"
             )
         } else {
             format!(
-                "the response of dark texels ends before its light does, as if {:.1e} per mm² were taken away, seen {at:.2} \
-                 mm from the lit texel: a black level that is too high?",
+                "the response of dark texels ends before its light does, as if {:.1e} per mm² were taken away, seen \
+                 {at:.2} mm from the lit texel: a black level that is too high?",
                 -level
             )
         });
     }
     if let Some((off, along)) = belief::out_of_round(misses) {
         doubts.push(format!(
-            "light goes farther along {along} than the other way: {:.1}% more beyond the lit texel than a round response has; \
-             are pixels square, and is the material the same in all directions?",
+            "light goes farther along {along} than the other way: {:.1}% more beyond the lit texel than a round \
+             response has; are pixels square, and is the material the same in all directions?",
             100.0 * off
         ));
     }

@@ -264,8 +264,8 @@ impl TailRecord {
         let apart = tail > BEYOND_SLOPE * continued && tail - continued > BEYOND_SHARE * all;
         (known && apart).then(|| {
             format!(
-                "the albedo puts {:.1}% of the light beyond the windows, their slope {:.1}%: is the albedo that of this \
-                 sample, are values per mm², and is the pitch right?",
+                "the albedo puts {:.1}% of the light beyond the windows, their slope {:.1}%: is the albedo that of \
+                 this sample, are values per mm², and is the pitch right?",
                 100.0 * tail / all,
                 100.0 * continued / all
             )

@@ -99,13 +99,13 @@ impl std::fmt::Display for Breach {
             ),
             Self::Shifted { pixels: [x, y] } => write!(
                 f,
-                "windows are shifted by about {x:+.2}, {y:+.2} pixels against their lit texels (right, down): is the lit \
-                 texel the middle pixel's centre?"
+                "windows are shifted by about {x:+.2}, {y:+.2} pixels against their lit texels (right, down): is the \
+                 lit texel the middle pixel's centre?"
             ),
             Self::HotLine { what, at, share } => write!(
                 f,
-                "{what} {at:+} of the windows, from the lit texel, is {:.1}% brighter than its mirror image: a hot {what} \
-                 of the sensor, or another background there",
+                "{what} {at:+} of the windows, from the lit texel, is {:.1}% brighter than its mirror image: a hot \
+                 {what} of the sensor, or another background there",
                 100.0 * share
             ),
             Self::Gains { what, at, share, rms } => write!(
@@ -117,16 +117,16 @@ impl std::fmt::Display for Breach {
             ),
             Self::Drift { across: [x, y] } => write!(
                 f,
-                "light changes steadily from texel to texel, by {:+.1}% over the columns and {:+.1}% over the rows: a lamp or \
-                 an exposure that drifted while they were measured",
+                "light changes steadily from texel to texel, by {:+.1}% over the columns and {:+.1}% over the rows: \
+                 a lamp or an exposure that drifted while they were measured",
                 100.0 * libm::expm1(*x),
                 100.0 * libm::expm1(*y)
             ),
             Self::Texels { differ: [all, noise], at: [row, column], share, rms } => write!(
                 f,
-                "light both ways differs by {:.1}% where noise explains {:.1}%, and by the same at all pixels of a window: \
-                 {:.1}% rms over texels, row {row}, column {column} {:+.1}%. Are texels in another order (every second row \
-                 the other way, or off by one), or has each a gain of its own?",
+                "light both ways differs by {:.1}% where noise explains {:.1}%, and by the same at all pixels of a \
+                 window: {:.1}% rms over texels, row {row}, column {column} {:+.1}%. Are texels in another order \
+                 (every second row the other way, or off by one), or has each a gain of its own?",
                 100.0 * all,
                 100.0 * noise,
                 100.0 * rms,
@@ -134,8 +134,8 @@ impl std::fmt::Display for Breach {
             ),
             Self::Outliers { count, of, at: [row, column] } => write!(
                 f,
-                "{count} of {of} pairs differ by over ten times their noise from what the other way says, one at row {row}, \
-                 column {column}: dead or hot pixels, cosmic rays?"
+                "{count} of {of} pairs differ by over ten times their noise from what the other way says, one at row \
+                 {row}, column {column}: dead or hot pixels, cosmic rays?"
             ),
             Self::Zeros { count, of, at: [row, column] } => write!(
                 f,

@@ -32,8 +32,8 @@ fn fit(rows: &[[f64; 4]]) -> Option<([f64; 2], f64)> {
     Some((slopes, left))
 }
 
-/// The shift whose 2 s·∇ ln R is what the mean window differs from its mirror image by, or the drift that grows with the
-/// offset.
+/// The shift whose 2 s·∇ ln R is what the mean window differs from its mirror image by, or the drift that grows with
+/// the offset.
 pub(super) fn shift_or_drift(
     offsets: &[[isize; 2]],
     ratios: &[Option<(f64, f64)>],

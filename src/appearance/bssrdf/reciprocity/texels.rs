@@ -37,8 +37,8 @@ pub(super) struct Found {
     pub by_line: bool,
 }
 
-/// What the pixels of one texel's window share. Noise of different pixels is independent, however large: the square of a
-/// window's sum is the sum of its squares, but for chance.
+/// What the pixels of one texel's window share. Noise of different pixels is independent, however large: the square of
+/// a window's sum is the sum of its squares, but for chance.
 pub(super) fn texels(
     [width, height]: [usize; 2],
     offsets: &[[isize; 2]],
