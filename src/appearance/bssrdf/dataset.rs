@@ -117,6 +117,14 @@ impl Dataset {
             let expected = "(rows, columns, window rows, window columns), with channels as a third axis if any";
             return Err(fault("responses", format!("an array of shape {shape:?}"), expected));
         }
+        if let [.., rows, columns, last @ (1 | 3)] = shape[..]
+            && shape.len() == 5
+            && rows == columns
+            && rows > last
+        {
+            let expected = "channels as the third axis: numpy.moveaxis(responses, -1, 2)";
+            return Err(fault("responses", format!("an array of shape {shape:?}, channels last"), expected));
+        }
         let (height, width, stored) = (shape[0], shape[1], if shape.len() == 5 { shape[2] } else { 1 });
         let window = [shape[shape.len() - 1], shape[shape.len() - 2]];
         if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {

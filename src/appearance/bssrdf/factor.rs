@@ -22,13 +22,15 @@ use rayon::prelude::*;
 use super::{
     BssrdfError, Dataset, belief,
     kernel::{Residual, Variance},
+    misses::Misses,
     operator::{Operator, Prior},
-    passes::{Misses, Model, Source, Survey},
+    passes::{Model, Source},
     planes::Planes,
     reciprocity::{Breach, Reciprocity, reciprocity},
     responses::Channel,
     rings::Rings,
     shape::{correction, global_profile, nodes},
+    survey::Survey,
 };
 use crate::watch::Watch;
 
@@ -136,6 +138,9 @@ const MAX_NEGATIVE: f64 = 0.25;
 /// Energy of windows that no surface gives back, on the mean of all texels.
 const MAX_ENERGY: f64 = 1.05;
 
+/// Texels are larger than this, mm.
+const WAVELENGTH_MM: f64 = 1e-3;
+
 /// Factors one channel of a dataset. `watch` hears a stage for every pass over the data: "reading", a round of the fit,
 /// "checking".
 ///
@@ -173,12 +178,6 @@ pub fn factor(
         });
     }
     doubts.extend(reciprocity.breaches.iter().map(Breach::to_string));
-    if let Some((level, at)) = belief::level(&rings, &survey) {
-        doubts.push(format!(
-            "the mean response levels off at {level:.1e} per mm², {at:.2} mm from the lit texel: an offset (black level, \
-             stray light) that is not the sample's"
-        ));
-    }
     let nodes = nodes(&rings);
     let means = |global: &[f32]| rings.means(&global.iter().map(|g| f64::from(*g)).collect::<Vec<_>>());
     let present: Vec<f32> = (0..dataset.texels()).map(|texel| f32::from(u8::from(dataset.is_present(texel)))).collect();
@@ -251,15 +250,8 @@ pub fn factor(
         converged = corrected && change < REST && shape < REST && gain < LEAST_GAIN;
     }
     let model = Model { global: &global, roots: &roots, nodes: &nodes };
-    let misses = source.residual(&model)?;
-    if let Some(off) = belief::out_of_round(&misses) {
-        doubts.push(format!(
-            "light goes farther along {} than the other way: {:.1}% more beyond the lit texel than a round response has; \
-             are pixels square, and is the material the same in all directions?",
-            if off > 0.0 { "rows" } else { "columns" },
-            100.0 * off.abs()
-        ));
-    }
+    let misses = source.residual(&model, &survey)?;
+    doubts.extend(afterthoughts(&rings, &survey, &misses));
     Ok(Factors {
         reciprocity,
         doubts,
@@ -308,7 +300,9 @@ impl Factors {
 /// Where a channel's values are.
 fn place(dataset: &Dataset, channel: Channel) -> String {
     match (channel, dataset.channels.as_slice()) {
-        (Channel::Stored(index), names @ [_, _, ..]) => format!("responses, channel {}", names[index]),
+        (Channel::Stored(index), names @ [_, _, ..]) => {
+            format!("responses, channel {}", names[index].trim_start_matches("channel "))
+        }
         _ => "responses".to_owned(),
     }
 }
@@ -339,7 +333,19 @@ fn check(dataset: &Dataset, channel: Channel, survey: &Survey) -> Result<Vec<Str
         let found = format!("windows that hold {mean:.3} times the light sent in, on the mean");
         return Err(fault(found, "at most 1: values per mm² and unit flux, and a pitch in mm"));
     }
+    if let Some((count, value)) = belief::sentinel(survey) {
+        let found = format!("{value}, {count} times");
+        return Err(fault(found, "NaN where a value is missing"));
+    }
+    if let Some((count, texel)) = belief::dark_centres(survey) {
+        let (row, column) = (texel / dataset.width, texel % dataset.width);
+        let found = format!("0 at the lit texel of {count} windows, row {row}, column {column} one of them");
+        return Err(fault(found, "light where it is sent in, or NaN where it was not measured"));
+    }
     let mut doubts = Vec::new();
+    if dataset.pitch_mm < WAVELENGTH_MM {
+        doubts.push(format!("a pitch of {} mm is about a wavelength of light: is it in mm?", dataset.pitch_mm));
+    }
     let index = if let Channel::Stored(index) = channel { index } else { 0 };
     match belief::per_pixel(dataset, survey, index) {
         Some((area, true)) => {
@@ -350,18 +356,53 @@ fn check(dataset: &Dataset, channel: Channel, survey: &Survey) -> Result<Vec<Str
             return Err(fault(found, "values per mm²: light per pixel over a pixel's area; or is the pitch in mm?"));
         }
         Some((area, false)) => doubts.push(format!(
-            "windows hold {mean:.1e} of the light sent in, and {:.2} if values were light per pixel: are they per mm²?",
+            "windows hold {mean:.1e} of the light sent in, and {:.2} if values were light per pixel: is the sample \
+             that dark, or are values not per mm²?",
             mean / area
         )),
         None => {}
     }
     if let Some((texels, ceiling)) = belief::clipped(survey) {
         doubts.push(format!(
-            "{texels} windows have {ceiling:.4} at the lit texel, the largest value there is: was it cut off? P(x, 0) is \
-             too small there"
+            "{texels} windows have {ceiling:.4} at the lit texel, the largest value there is: was it cut off? P(x, \
+             0) is too small there"
         ));
     }
     Ok(doubts)
+}
+
+/// What can be doubted once all is fitted.
+fn afterthoughts(rings: &Rings, survey: &Survey, misses: &Misses) -> Vec<String> {
+    let mut doubts = Vec::new();
+    if let Some(zeros) = belief::gated(misses) {
+        let least = survey.least;
+        doubts.push(format!(
+            "{zeros} values are 0 and none lies between 0 and {least:.1e} per mm²: what is faint was cut to 0, and \
+             the light of dark and far places is lost"
+        ));
+    }
+    if let Some((level, at)) = belief::level(rings, misses) {
+        doubts.push(if level > 0.0 {
+            format!(
+                "the response of dark texels levels off at {level:.1e} per mm², {at:.2} mm from the lit texel: an \
+                 offset (black level, stray light) that is not the sample's"
+            )
+        } else {
+            format!(
+                "the response of dark texels ends before its light does, as if {:.1e} per mm² were taken away, seen \
+                 {at:.2} mm from the lit texel: a black level that is too high?",
+                -level
+            )
+        });
+    }
+    if let Some((off, along)) = belief::out_of_round(misses) {
+        doubts.push(format!(
+            "light goes farther along {along} than the other way: {:.1}% more beyond the lit texel than a round \
+             response has; are pixels square, and is the material the same in all directions?",
+            100.0 * off
+        ));
+    }
+    doubts
 }
 
 /// Floor, gain and relative error, known or estimated.

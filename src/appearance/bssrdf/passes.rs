@@ -8,15 +8,17 @@ use rayon::prelude::*;
 use super::{
     BssrdfError, Dataset,
     kernel::{self, Residual, RowSums, Variance},
+    misses::{AXIS_FROM, Dark, Misses},
     planes::Planes,
     responses::Channel,
     rings::{Offset, Rings},
     shape::Node,
+    survey::Survey,
 };
 use crate::watch::{Thousandths, Watch};
 
 /// Rows of a band: enough that the rows around it, which its windows reach into, cost little memory and adding.
-const BAND_ROWS: usize = 16;
+pub(super) const BAND_ROWS: usize = 16;
 
 /// What a pass works on.
 pub struct Source<'a> {
@@ -32,7 +34,7 @@ pub struct Source<'a> {
 
 impl Source<'_> {
     /// Runs `work` on every row, in parallel by bands, and folds the bands' results in their order.
-    fn pass<T: Send>(
+    pub(super) fn pass<T: Send>(
         &self,
         stage: &str,
         empty: impl Fn(Range<usize>) -> T + Sync,
@@ -80,95 +82,6 @@ impl Source<'_> {
         let row = y.checked_add_signed(offset.dy).filter(|row| *row < height)?;
         let range = inside(width, offset.dx);
         (!range.is_empty()).then_some((range, row))
-    }
-
-    /// Looks at all data once.
-    pub fn survey(&self) -> Result<Survey, BssrdfError> {
-        let Dataset { width, height, .. } = *self.dataset;
-        let rings = self.rings;
-        let (distances, pixels) = (rings.distances_mm.len(), rings.width * rings.height);
-        let mut survey = Survey {
-            sums: vec![0.0; distances],
-            squares: vec![0.0; distances],
-            counts: vec![0; distances],
-            availability: Planes::new(rings.len(), width, height, 0.0),
-            energy: vec![0.0; width * height],
-            centres: vec![f32::NAN; width * height],
-            least: f64::INFINITY,
-            missing: 0,
-            negative: 0.0,
-            positive: 0.0,
-        };
-        let area = self.dataset.pitch_mm * self.dataset.pitch_mm;
-        let empty = |band: Range<usize>| Survey {
-            sums: vec![0.0; distances],
-            squares: vec![0.0; distances],
-            counts: vec![0; distances],
-            availability: Planes::new(rings.len(), width, band.len(), 0.0),
-            energy: vec![0.0; width * band.len()],
-            centres: vec![f32::NAN; width * band.len()],
-            least: f64::INFINITY,
-            missing: 0,
-            negative: 0.0,
-            positive: 0.0,
-        };
-        let row = |survey: &mut Survey, y: usize, windows: &[f32]| {
-            let local = y % BAND_ROWS;
-            for pixel in 0..pixels {
-                let data = &windows[pixel * width..(pixel + 1) * width];
-                for (&value, x) in data.iter().zip(0..) {
-                    let value = f64::from(value);
-                    if value.is_finite() {
-                        survey.negative -= value.min(0.0);
-                        survey.positive += value.max(0.0);
-                        if value > 0.0 {
-                            survey.least = survey.least.min(value);
-                        }
-                    } else if self.dataset.is_present(y * width + x) {
-                        survey.missing += 1;
-                    }
-                }
-            }
-            let middle = pixels / 2;
-            survey.centres[local * width..(local + 1) * width]
-                .copy_from_slice(&windows[middle * width..(middle + 1) * width]);
-            for ring in 0..rings.len() {
-                let share = 1.0 / rings.ring(ring).len() as f32;
-                let availability = survey.availability.row_mut(ring, local);
-                for offset in rings.ring(ring) {
-                    let data = &windows[offset.pixel * width..(offset.pixel + 1) * width];
-                    let energy = &mut survey.energy[local * width..(local + 1) * width];
-                    for ((&value, availability), energy) in data.iter().zip(availability.iter_mut()).zip(energy) {
-                        if value.is_finite() {
-                            *energy += f64::from(value) * area;
-                            survey.sums[offset.distance] += f64::from(value);
-                            survey.squares[offset.distance] += f64::from(value) * f64::from(value);
-                            survey.counts[offset.distance] += 1;
-                            *availability += share;
-                        }
-                    }
-                }
-            }
-        };
-        self.pass("reading", empty, row, |band, part| {
-            survey.energy[band.start * width..band.end * width].copy_from_slice(&part.energy);
-            survey.centres[band.start * width..band.end * width].copy_from_slice(&part.centres);
-            survey.least = survey.least.min(part.least);
-            for ring in 0..rings.len() {
-                for (local, y) in band.clone().enumerate() {
-                    survey.availability.row_mut(ring, y).copy_from_slice(part.availability.row(ring, local));
-                }
-            }
-            for distance in 0..distances {
-                survey.sums[distance] += part.sums[distance];
-                survey.squares[distance] += part.squares[distance];
-                survey.counts[distance] += part.counts[distance];
-            }
-            survey.missing += part.missing;
-            survey.negative += part.negative;
-            survey.positive += part.positive;
-        })?;
-        Ok(survey)
     }
 
     /// Σ ½·weight·residual over the measurements of every texel and ring, and what the model misses by.
@@ -263,31 +176,48 @@ impl Source<'_> {
         Ok(whole)
     }
 
-    /// What equation 7 misses by, ring by ring and texel by texel.
-    pub fn residual(&self, model: &Model<'_>) -> Result<Misses, BssrdfError> {
+    /// What equation 7 misses by, ring by ring and texel by texel; and what is left to be believed of the data, which
+    /// `survey` found first.
+    pub fn residual(&self, model: &Model<'_>, survey: &Survey) -> Result<Misses, BssrdfError> {
         let Dataset { width, height, .. } = *self.dataset;
         let rings = self.rings;
         let mut whole = Misses::new(rings.len(), width * height);
-        let empty = |band: Range<usize>| (Misses::new(rings.len(), band.len() * width), Scratch::default());
+        let is_dark = survey.darkest(self.dataset);
+        let gate = survey.least as f32 * 1.001..survey.least as f32 * 1.5;
+        let empty = |band: Range<usize>| {
+            let mut misses = Misses::new(rings.len(), band.len() * width);
+            misses.dark.resize(rings.distances_mm.len(), Dark::default());
+            (misses, Scratch::default())
+        };
         let row = |(misses, scratch): &mut (Misses, Scratch), y: usize, windows: &[f32]| {
             for ring in 0..rings.len() {
                 scratch.reset(width);
                 for offset in rings.ring(ring) {
                     let Some((texels, row)) = self.inside(y, offset) else { continue };
                     let data = &windows[offset.pixel * width..(offset.pixel + 1) * width][texels.clone()];
+                    let to = moved(&texels, offset.dx);
                     let lit = &model.roots.row(offset.distance, y)[texels.clone()];
-                    let seen = &model.roots.row(offset.distance, row)[moved(&texels, offset.dx)];
+                    let seen = &model.roots.row(offset.distance, row)[to.clone()];
                     let global = model.global[offset.distance];
                     kernel::differences(data, lit, seen, global, texels.start, &mut scratch.sums);
-                    if (offset.dx == 0) != (offset.dy == 0)
-                        && offset.dx.unsigned_abs() + offset.dy.unsigned_abs() >= AXIS_FROM
-                    {
-                        let axis = &mut misses.axes[usize::from(offset.dx == 0)];
+                    if let Some(axis) = axis_of(offset).map(|axis| &mut misses.axes[axis]) {
                         for ((data, lit), seen) in
                             data.iter().zip(lit).zip(seen).filter(|((data, _), _)| data.is_finite())
                         {
                             axis[0] += f64::from(*data);
                             axis[1] += f64::from(global * lit * seen);
+                        }
+                    }
+                    let [lit, seen] = [&is_dark[y * width..][texels.clone()], &is_dark[row * width..][to]];
+                    misses.gate.add(data, &gate);
+                    let dark = &mut misses.dark[offset.distance];
+                    for ((data, lit), seen) in data.iter().zip(lit).zip(seen).filter(|((data, _), _)| data.is_finite())
+                    {
+                        let data = f64::from(*data);
+                        if *lit && *seen {
+                            dark.count += 1.0;
+                            dark.sum += data;
+                            dark.squares += data * data;
                         }
                     }
                 }
@@ -301,6 +231,24 @@ impl Source<'_> {
         })?;
         Ok(whole)
     }
+}
+
+/// Which axis of [`Misses::axes`] a pixel lies on, if any.
+fn axis_of(offset: &Offset) -> Option<usize> {
+    let (dx, dy) = (offset.dx, offset.dy);
+    let far = dx.unsigned_abs().max(dy.unsigned_abs()) >= AXIS_FROM;
+    let axis = if dy == 0 {
+        0
+    } else if dx == 0 {
+        1
+    } else if dx == dy {
+        2
+    } else if dx == -dy {
+        3
+    } else {
+        return None;
+    };
+    far.then_some(axis)
 }
 
 /// A measurement beyond the patch, where another material may lie, counts this much of one within: it decides where
@@ -320,30 +268,6 @@ pub fn inside(width: usize, dx: isize) -> Range<usize> {
 /// The columns `dx` further.
 pub fn moved(columns: &Range<usize>, dx: isize) -> Range<usize> {
     columns.start.saturating_add_signed(dx)..columns.end.saturating_add_signed(dx)
-}
-
-/// What the data look like.
-pub struct Survey {
-    /// Σ D per distance.
-    pub sums: Vec<f64>,
-    /// Σ D² per distance.
-    pub squares: Vec<f64>,
-    /// Measurements per distance.
-    pub counts: Vec<u64>,
-    /// Share of each texel's window that is there, by ring.
-    pub availability: Planes,
-    /// Σ D · area over the rings of each texel's window.
-    pub energy: Vec<f64>,
-    /// D at the lit texel itself.
-    pub centres: Vec<f32>,
-    /// The smallest value above 0.
-    pub least: f64,
-    /// Values missing in windows that should be there.
-    pub missing: u64,
-    /// −Σ of what is negative.
-    pub negative: f64,
-    /// Σ of what is positive.
-    pub positive: f64,
 }
 
 /// R̂ = g·eᵢ·eₒ.
@@ -366,98 +290,6 @@ pub struct Gradient {
     pub shape: Vec<[f64; 2]>,
     /// What the model misses by.
     pub misses: Misses,
-}
-
-/// Sums of differences between data and model.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Sums {
-    /// Measurements.
-    pub count: f64,
-    /// Σ (D − R̂)².
-    pub error: f64,
-    /// Σ D².
-    pub data: f64,
-    /// Σ R̂².
-    pub model_square: f64,
-    /// Σ R̂.
-    pub model: f64,
-    /// Σ (D − R̂).
-    pub bias: f64,
-}
-
-/// Differences by ring and by place.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Misses {
-    /// Per ring.
-    pub rings: Vec<Sums>,
-    /// Per lit texel: Σ (D − R̂)² and Σ D².
-    pub places: Vec<[f64; 2]>,
-    /// Σ D and Σ R̂ along rows, and along columns, from [`AXIS_FROM`] pixels on.
-    pub axes: [[f64; 2]; 2],
-}
-
-/// Nearer, a pixel is too large to tell a direction.
-const AXIS_FROM: usize = 2;
-
-impl Misses {
-    fn new(rings: usize, places: usize) -> Self {
-        Self { rings: vec![Sums::default(); rings], places: vec![[0.0; 2]; places], axes: [[0.0; 2]; 2] }
-    }
-
-    fn add(&mut self, ring: usize, row: &RowSums) {
-        let total = |values: &[f32]| values.iter().map(|value| f64::from(*value)).sum::<f64>();
-        let sums = &mut self.rings[ring];
-        sums.count += total(&row.count);
-        sums.error += total(&row.error);
-        sums.data += total(&row.data);
-        sums.model_square += total(&row.model_square);
-        sums.model += total(&row.model);
-        sums.bias += total(&row.bias);
-    }
-
-    fn add_places(&mut self, start: usize, row: &RowSums) {
-        for ((place, error), data) in self.places[start..].iter_mut().zip(&row.error).zip(&row.data) {
-            place[0] += f64::from(*error);
-            place[1] += f64::from(*data);
-        }
-    }
-
-    fn merge(&mut self, other: &Self) {
-        for (sums, other) in self.rings.iter_mut().zip(&other.rings) {
-            sums.count += other.count;
-            sums.error += other.error;
-            sums.data += other.data;
-            sums.model_square += other.model_square;
-            sums.model += other.model;
-            sums.bias += other.bias;
-        }
-        for (sum, other) in self.axes.iter_mut().flatten().zip(other.axes.iter().flatten()) {
-            *sum += other;
-        }
-    }
-
-    /// √(Σ(D − R̂)² / ΣD²) over everything.
-    pub fn relative(&self) -> f64 {
-        relative(&self.rings)
-    }
-
-    /// The same without the lit texel itself, where equation 7 is no more than P(x, 0).
-    pub fn relative_beyond_centre(&self) -> f64 {
-        relative(&self.rings[1..])
-    }
-
-    /// The part of that which is noise of the measurement, by what is known of it.
-    pub fn noise_beyond_centre(&self, variance: Variance) -> f64 {
-        let rings = &self.rings[1..];
-        let noise = |sums: &Sums| f64::from(variance.constant) * sums.count + f64::from(variance.linear) * sums.model;
-        let data = rings.iter().map(|sums| sums.data).sum::<f64>();
-        (rings.iter().map(noise).sum::<f64>() / data.max(f64::MIN_POSITIVE)).sqrt()
-    }
-}
-
-fn relative(rings: &[Sums]) -> f64 {
-    let total = |f: fn(&Sums) -> f64| rings.iter().map(f).sum::<f64>();
-    (total(|sums| sums.error) / total(|sums| sums.data).max(f64::MIN_POSITIVE)).sqrt()
 }
 
 /// Buffers of a row.

@@ -12,7 +12,7 @@
 //!
 //! The lit texel stands for itself: its pixel holds the 1/r at the centre, and no line leads from it to the next ring.
 
-use super::{passes::Survey, rings::Rings};
+use super::{rings::Rings, survey::Survey};
 
 /// Noise is told from light in the mean response by this many standard deviations.
 const SURE: f64 = 3.0;

@@ -239,12 +239,38 @@ pub struct TailRecord {
     pub mean_energy_in_window: f64,
     /// Mean over texels.
     pub mean_energy_in_tail: f64,
+    /// Mean over texels of what tails by slope alone would hold.
+    #[serde(default)]
+    pub mean_energy_continued: f64,
     /// Root mean square difference of the light that leaves within the window and the measured albedo.
     pub albedo_rms_error_without: Option<f64>,
     /// With a tail by slope alone, as where no albedo is known.
     pub albedo_rms_error_continued: Option<f64>,
     /// With the tail.
     pub albedo_rms_error_with: Option<f64>,
+}
+
+/// Albedos that leave this many times as much beyond the window as its slope does…
+const BEYOND_SLOPE: f64 = 3.0;
+/// …and this share of all light more, are doubted.
+const BEYOND_SHARE: f64 = 0.1;
+
+impl TailRecord {
+    /// Whether the albedo and the windows are of one sample.
+    fn doubt(&self) -> Option<String> {
+        let (tail, continued) = (self.mean_energy_in_tail, self.mean_energy_continued);
+        let all = self.mean_energy_in_window + tail;
+        let known = self.fitted + self.stretched > 0;
+        let apart = tail > BEYOND_SLOPE * continued && tail - continued > BEYOND_SHARE * all;
+        (known && apart).then(|| {
+            format!(
+                "the albedo puts {:.1}% of the light beyond the windows, their slope {:.1}%: is the albedo that of \
+                 this sample, are values per mm², and is the pitch right?",
+                100.0 * tail / all,
+                100.0 * continued / all
+            )
+        })
+    }
 }
 
 /// A cluster.
@@ -305,7 +331,7 @@ impl ChannelFit {
             common: (rings.distances_mm.iter().zip(&factors.global))
                 .map(|(r, g)| CommonProfile { r_mm: *r, per_mm2: f64::from(*g) })
                 .collect(),
-            doubts: factors.doubts.clone(),
+            doubts: factors.doubts.iter().cloned().chain(tail.doubt()).collect(),
             simpler: simpler
                 .iter()
                 .map(|(freedom, misses)| Simpler {

@@ -96,6 +96,7 @@ impl Texels {
             none: count(TailKind::None),
             mean_energy_in_window: mean(&|told| told.within),
             mean_energy_in_tail: mean(&|told| told.beyond),
+            mean_energy_continued: mean(&|told| told.continued),
             albedo_rms_error_without: error(&|told| told.within),
             albedo_rms_error_continued: error(&|told| told.within + told.continued),
             albedo_rms_error_with: error(&|told| told.within + told.beyond),

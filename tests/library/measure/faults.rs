@@ -191,8 +191,10 @@ fn try_fault(resin: &str, farthest_mm: f64, (name, change, words): &(&str, Chang
 fn no_fault_is_silent() {
     let all = FAULTS.iter().flat_map(|fault| [("black", 5.5), ("white", 12.0)].map(|(resin, mm)| (resin, mm, fault)));
     let wanted = std::env::var("LUMISLICE_FAULT").unwrap_or_default();
-    let all = all.filter(|(_, _, fault)| fault.0.contains(&wanted));
-    let failed: Vec<String> = all.filter_map(|(resin, mm, fault)| try_fault(resin, mm, fault).err()).collect();
+    let all: Vec<_> = all.filter(|(_, _, fault)| fault.0.contains(&wanted)).collect();
+    assert!(!all.is_empty(), "no fault is called `{wanted}`");
+    let failed: Vec<String> =
+        all.into_iter().filter_map(|(resin, mm, fault)| try_fault(resin, mm, fault).err()).collect();
     assert!(failed.is_empty(), "{failed:#?}");
 }
 

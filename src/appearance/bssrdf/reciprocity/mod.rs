@@ -8,11 +8,27 @@
 //! - windows off by a part of a pixel: the mean window is not its own mirror image, and 2 s·∇ ln R is the difference;
 //! - a hot column or row of the windows: the mean window has one column its mirror image lacks;
 //! - lit rows or columns of texels with a gain: ln D(x, x+o) − ln D(x+o, x) = ln gain(x) − ln gain(x+o);
-//! - zeros in place of what is missing: nothing one way, light the other.
+//! - light that drifts: ln D(x, x+o) − ln D(x+o, x) grows with o as a straight line;
+//! - zeros in place of what is missing: nothing one way, light the other;
+//! - texels with a gain each, or in another order: what one texel's window differs by, it differs by at all offsets, as
+//!   noise does not;
+//! - single values that are wrong: pairs that differ by many times what nine in ten of their brightness differ by.
 //!
 //! Offsets up to a few pixels are compared, where windows have most of their light.
 
+mod breach;
+mod gains;
+mod mean_window;
+mod outliers;
+mod texels;
+
+pub use breach::Breach;
+
+use gains::gains;
+use mean_window::{bent, hot_line, shift_or_drift};
+use outliers::Outliers;
 use rayon::prelude::*;
+use texels::{Shares, texels};
 
 use super::{BssrdfError, Dataset, responses::Channel, rings::Rings};
 use crate::watch::{Thousandths, Watch};
@@ -23,8 +39,10 @@ const REACH: isize = 4;
 const BAND_ROWS: usize = 32;
 /// A pair tells zeros from light where the other way has at least this share of the mean response there.
 const LIT_SHARE: f64 = 0.3;
+/// Shares of pairs are summed where they have this part of the mean response.
+const SEEN_SHARE: f64 = 0.02;
 /// …and so many of the smallest steps of the data: counts of photons are 0 by chance.
-const QUANTA: f64 = 14.0;
+const QUANTA: f64 = 24.0;
 /// Symmetries other than the windows' own are named if they leave this share of what the windows as they are leave.
 const BETTER: f64 = 0.7;
 /// Differences are named from this many standard errors on…
@@ -47,52 +65,6 @@ const SYMMETRIES: [(Symmetry, &str); 8] = [
     ([[0, -1], [-1, 0]], "transposed along the other diagonal"),
 ];
 
-/// What breaks the symmetry, with its size.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Breach {
-    /// Windows are another way round.
-    Turned {
-        /// How.
-        how: &'static str,
-        /// What they leave as they are, and turned back: root mean square differences as shares.
-        leaves: [f64; 2],
-    },
-    /// Windows are shifted against their texels.
-    Shifted {
-        /// By how much, pixels to the right and down.
-        pixels: [f64; 2],
-    },
-    /// A column or row of the windows is brighter than its mirror image.
-    HotLine {
-        /// "column" or "row".
-        what: &'static str,
-        /// Its place from the lit texel, pixels.
-        at: isize,
-        /// By this share.
-        share: f64,
-    },
-    /// Rows or columns of lit texels have gains of their own.
-    Gains {
-        /// "row" or "column".
-        what: &'static str,
-        /// The worst one.
-        at: usize,
-        /// Its gain less 1.
-        share: f64,
-        /// Root mean square over all.
-        rms: f64,
-    },
-    /// Zeros where the other way there is light.
-    Zeros {
-        /// How many.
-        count: u64,
-        /// Of so many pairs that have light.
-        of: u64,
-        /// One of them: row and column of the lit texel.
-        at: [usize; 2],
-    },
-}
-
 /// How far a channel is from being reciprocal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reciprocity {
@@ -111,6 +83,7 @@ struct Pairs {
     b: f64,
     squares: f64,
     difference: f64,
+    count: f64,
 }
 
 impl Pairs {
@@ -119,6 +92,7 @@ impl Pairs {
         self.b += b;
         self.squares += 0.5 * (a * a + b * b);
         self.difference += (a - b) * (a - b);
+        self.count += 1.0;
     }
 
     fn merge(&mut self, other: &Self) {
@@ -126,31 +100,19 @@ impl Pairs {
         self.b += other.b;
         self.squares += other.squares;
         self.difference += other.difference;
+        self.count += other.count;
     }
 
     /// ln of the ratio of the sums, and its standard error with all differences independent.
     fn log_ratio(&self) -> Option<(f64, f64)> {
         let log = libm::log(self.a / self.b);
-        (self.a > 0.0 && self.b > 0.0 && log.is_finite()).then(|| (log, self.difference.sqrt() / self.a.min(self.b)))
+        // What all pairs differ by alike is the ratio, not its error.
+        let alike = (self.a - self.b).powi(2) / self.count;
+        let spread = (self.difference - alike).max(0.0) * self.count / (self.count - 1.0);
+        let known = self.a > 0.0 && self.b > 0.0 && log.is_finite() && self.count > 1.0;
+        known.then(|| (log, spread.sqrt() / self.a.min(self.b)))
     }
 }
-
-impl Breach {
-    /// Whether no surface can have such windows, so that nothing should be made of them.
-    pub fn is_no_data(&self) -> bool {
-        match self {
-            Self::Turned { .. } => true,
-            Self::Zeros { count, of, .. } => *count as f64 > MOST_ZEROS * *of as f64,
-            Self::Shifted { pixels: [x, y] } => libm::hypot(*x, *y) > MOST_SHIFT,
-            _ => false,
-        }
-    }
-}
-
-/// More zeros than this share of what has light the other way are no dead pixels.
-const MOST_ZEROS: f64 = 1e-3;
-/// A shift from here on puts the light into another texel.
-const MOST_SHIFT: f64 = 0.75;
 
 /// What one band of rows says.
 struct Sums {
@@ -164,6 +126,10 @@ struct Sums {
     lit: u64,
     first_zero: Option<[usize; 2]>,
     places: Vec<Pairs>,
+    /// Per offset of the half plane, and per texel: those of a band, and of the rows below that it reaches.
+    shares: Vec<Shares>,
+    texels: Vec<Shares>,
+    outliers: Outliers,
 }
 
 /// Compares all pairs of texels that are a few pixels apart. `global` is the mean response per distance, `least` the
@@ -225,7 +191,7 @@ pub fn reciprocity(
     let band_sums = |first: usize| -> Result<Sums, BssrdfError> {
         let rows = first..height.min(first + BAND_ROWS);
         let planes = read(first..height.min(rows.end + reach as usize))?;
-        let mut sums = Sums::new(half_plane.len(), reach as usize, [width, rows.len()]);
+        let mut sums = Sums::new(half_plane.len(), reach as usize, [width, rows.len()], planes.len());
         for y in rows.clone() {
             for (o, &[dx, dy]) in half_plane.iter().enumerate() {
                 let other = y + dy as usize;
@@ -251,6 +217,13 @@ pub fn reciprocity(
                         } else if dy == 0 {
                             sums.columns[dx as usize - 1][x].add(a, b);
                         }
+                        if 0.5 * (a + b) > SEEN_SHARE * means[o] {
+                            let share = ((a - b) / (a + b)).clamp(-1.0, 1.0);
+                            sums.shares[o].add(share);
+                            sums.texels[(y - first) * width + x].add(share);
+                            sums.texels[(other - first) * width + to].add(-share);
+                            sums.outliers.add(a + b, share, [y, x]);
+                        }
                         let most = a.max(b);
                         if most > LIT_SHARE * means[o] && most > QUANTA * least {
                             sums.lit += 1;
@@ -268,21 +241,21 @@ pub fn reciprocity(
     };
     let starts: Vec<usize> = (0..height).step_by(BAND_ROWS).collect();
     let progress = Thousandths::begin(watch, "both ways", height as u64);
-    let mut total = Sums::new(half_plane.len(), reach as usize, [width, 0]);
+    let mut total = Sums::new(half_plane.len(), reach as usize, [width, 0], height);
     for batch in starts.chunks(rayon::current_num_threads()) {
         progress.go_on()?;
         let parts: Vec<Result<Sums, BssrdfError>> = batch.par_iter().map(|first| band_sums(*first)).collect();
-        for part in parts {
-            total.append(part?);
+        for (part, first) in parts.into_iter().zip(batch) {
+            total.append(part?, first * width);
         }
         progress.advance((batch.len() * BAND_ROWS) as u64);
     }
-    Ok(total.judge(&half_plane, rings, global, dataset.pitch_mm))
+    Ok(total.judge(dataset, &half_plane, rings, global))
 }
 
 impl Sums {
     /// Of `rows` rows, nothing so far.
-    fn new(offsets: usize, reach: usize, [width, rows]: [usize; 2]) -> Self {
+    fn new(offsets: usize, reach: usize, [width, rows]: [usize; 2], with_reach: usize) -> Self {
         Self {
             offsets: vec![Pairs::default(); offsets],
             rows: vec![vec![Pairs::default(); rows]; reach],
@@ -292,10 +265,14 @@ impl Sums {
             lit: 0,
             first_zero: None,
             places: vec![Pairs::default(); rows * width],
+            shares: vec![Shares::default(); offsets],
+            texels: vec![Shares::default(); with_reach * width],
+            outliers: Outliers::default(),
         }
     }
 
-    fn append(&mut self, part: Self) {
+    /// `start` is the first texel of the part.
+    fn append(&mut self, part: Self, start: usize) {
         self.offsets.iter_mut().zip(&part.offsets).for_each(|(sum, part)| sum.merge(part));
         self.rows.iter_mut().zip(part.rows).for_each(|(all, part)| all.extend(part));
         for (all, part) in self.columns.iter_mut().zip(&part.columns) {
@@ -306,9 +283,12 @@ impl Sums {
         self.lit += part.lit;
         self.first_zero = self.first_zero.or(part.first_zero);
         self.places.extend(part.places);
+        self.shares.iter_mut().zip(&part.shares).for_each(|(sum, part)| sum.merge(part));
+        self.texels[start..].iter_mut().zip(&part.texels).for_each(|(sum, part)| sum.merge(part));
+        self.outliers.merge(&part.outliers);
     }
 
-    fn judge(self, offsets: &[[isize; 2]], rings: &Rings, global: &[f32], pitch_mm: f64) -> Reciprocity {
+    fn judge(self, dataset: &Dataset, offsets: &[[isize; 2]], rings: &Rings, global: &[f32]) -> Reciprocity {
         let mut breaches = Vec::new();
         let left = self.symmetries.map(|pairs| relative(&pairs));
         let best = (1..8).min_by(|&a, &b| left[a].total_cmp(&left[b])).unwrap_or(0);
@@ -322,12 +302,25 @@ impl Sums {
         }
         if breaches.is_empty() {
             let ratios: Vec<Option<(f64, f64)>> = self.offsets.iter().map(Pairs::log_ratio).collect();
-            breaches.extend(shift(offsets, &ratios, rings, global, pitch_mm));
-            if breaches.is_empty() {
-                breaches.extend(hot_line(offsets, &ratios));
+            let lines: Vec<Breach> =
+                gains("row", &self.rows).into_iter().chain(gains("column", &self.columns)).collect();
+            let size = [dataset.width, dataset.height];
+            match texels(size, offsets, &self.shares, &self.texels) {
+                // The mean window of texels in another order says little.
+                Some(found) if found.variance > bent(&self.shares) => {
+                    breaches.extend(if found.by_line && !lines.is_empty() { lines } else { vec![found.breach] });
+                }
+                _ => {
+                    breaches.extend(shift_or_drift(offsets, &ratios, rings, global, dataset));
+                    if breaches.is_empty() {
+                        breaches.extend(hot_line(offsets, &ratios));
+                    }
+                    breaches.extend(lines);
+                }
             }
-            breaches.extend(gains("row", &self.rows));
-            breaches.extend(gains("column", &self.columns));
+        }
+        if breaches.is_empty() {
+            breaches.extend(self.outliers.judge());
         }
         let places = self.places.iter().map(|pairs| relative(pairs) as f32).collect();
         Reciprocity { relative: left[0], places, breaches }
@@ -336,169 +329,4 @@ impl Sums {
 
 fn relative(pairs: &Pairs) -> f64 {
     if pairs.squares > 0.0 { (pairs.difference / pairs.squares).sqrt() } else { f64::NAN }
-}
-
-/// The shift whose 2 s·∇ ln R is what the mean window differs from its mirror image by.
-fn shift(
-    offsets: &[[isize; 2]],
-    ratios: &[Option<(f64, f64)>],
-    rings: &Rings,
-    global: &[f32],
-    pitch_mm: f64,
-) -> Option<Breach> {
-    let log_at = |r: f64| {
-        let r = r * pitch_mm;
-        let distances = &rings.distances_mm;
-        let after = distances.partition_point(|distance| *distance < r).clamp(1, distances.len() - 1);
-        let at = ((r - distances[after - 1]) / (distances[after] - distances[after - 1])).clamp(0.0, 1.0);
-        let [low, high] = [after - 1, after].map(|i| libm::log(f64::from(global[i])));
-        low + at * (high - low)
-    };
-    let (mut xx, mut xy, mut yy, mut xv, mut yv, mut vv, mut n) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0_f64);
-    let rows: Vec<_> = offsets
-        .iter()
-        .zip(ratios)
-        .filter_map(|(&[dx, dy], ratio)| {
-            let (value, error) = (*ratio)?;
-            let r = ((dx * dx + dy * dy) as f64).sqrt();
-            let slope = (log_at(r + 0.5) - log_at((r - 0.5).max(0.0))) / if r < 0.5 { r + 0.5 } else { 1.0 };
-            Some((2.0 * slope * dx as f64 / r, 2.0 * slope * dy as f64 / r, value, error))
-        })
-        .collect();
-    for (gx, gy, value, _) in &rows {
-        xx += gx * gx;
-        xy += gx * gy;
-        yy += gy * gy;
-        xv += gx * value;
-        yv += gy * value;
-        vv += value * value;
-        n += 1.0;
-    }
-    let determinant = xx * yy - xy * xy;
-    if !(determinant > 0.0) || n < 6.0 {
-        return None;
-    }
-    let pixels = [(yy * xv - xy * yv) / determinant, (xx * yv - xy * xv) / determinant];
-    let left: f64 = rows.iter().map(|(gx, gy, v, _)| (v - gx * pixels[0] - gy * pixels[1]).powi(2)).sum();
-    let noise: f64 = rows.iter().map(|(.., error)| error * error).sum();
-    let explains = left < 0.35 * vv && vv > SIGMAS * SIGMAS * noise / n.sqrt();
-    (explains && libm::hypot(pixels[0], pixels[1]) > NAMED_SHIFT).then_some(Breach::Shifted { pixels })
-}
-
-/// The column or row of the mean window that stands out of its mirror image most.
-fn hot_line(offsets: &[[isize; 2]], ratios: &[Option<(f64, f64)>]) -> Option<Breach> {
-    let mut worst: Option<(f64, Breach)> = None;
-    for axis in 0..2 {
-        let reach = offsets.iter().map(|offset| offset[axis].abs()).max().unwrap_or(0);
-        for at in 1..=reach {
-            let (mut sum, mut weight) = (0.0, 0.0);
-            for (offset, ratio) in offsets.iter().zip(ratios).filter(|(offset, _)| offset[axis].abs() == at) {
-                let Some((value, error)) = ratio else { continue };
-                let own = 1.0 / (error * error + 1e-8);
-                sum += own * value * offset[axis].signum() as f64;
-                weight += own;
-            }
-            let (mean, error) = (sum / weight, (1.0 / weight).sqrt());
-            let significance = mean.abs() / error;
-            if mean.abs() > NAMED_GAIN && significance > SIGMAS && worst.as_ref().is_none_or(|w| mean.abs() > w.0) {
-                let what = if axis == 0 { "column" } else { "row" };
-                let at = if mean > 0.0 { at } else { -at };
-                worst = Some((mean.abs(), Breach::HotLine { what, at, share: libm::expm1(mean.abs()) }));
-            }
-        }
-    }
-    worst.map(|worst| worst.1)
-}
-
-/// ln gain of every line by least squares over the differences to the lines 1, 2, … further (Gauss–Seidel).
-fn gains(what: &'static str, by_step: &[Vec<Pairs>]) -> Option<Breach> {
-    const SWEEPS: usize = 4000;
-    let count = by_step.first()?.len();
-    // From line, to line, difference, weight: less a step's own mean, which no line's gain makes.
-    let mut links = Vec::new();
-    for (step, lines) in by_step.iter().enumerate() {
-        let known: Vec<(usize, f64, f64)> = lines
-            .iter()
-            .enumerate()
-            .filter_map(|(at, pairs)| pairs.log_ratio().map(|(log, error)| (at, log, 1.0 / (error * error + 1e-6))))
-            .filter(|(at, ..)| at + step + 1 < count)
-            .collect();
-        let weight: f64 = known.iter().map(|line| line.2).sum();
-        let mean = known.iter().map(|line| line.1 * line.2).sum::<f64>() / weight.max(f64::MIN_POSITIVE);
-        links.extend(known.into_iter().map(|(at, log, weight)| (at, at + step + 1, log - mean, weight)));
-    }
-    if links.len() < 4 || count < 4 {
-        return None;
-    }
-    let mut near: Vec<Vec<(usize, f64, f64)>> = vec![Vec::new(); count];
-    for &(from, to, difference, weight) in &links {
-        near[from].push((to, difference, weight));
-        near[to].push((from, -difference, weight));
-    }
-    let mut logs = vec![0.0_f64; count];
-    for _ in 0..SWEEPS {
-        let mut moved = 0.0_f64;
-        for at in 0..count {
-            let weight: f64 = near[at].iter().map(|link| link.2).sum();
-            if weight > 0.0 {
-                let value = near[at].iter().map(|(to, off, own)| own * (logs[*to] + off)).sum::<f64>() / weight;
-                moved = moved.max((value - logs[at]).abs());
-                logs[at] = value;
-            }
-        }
-        if moved < 1e-7 {
-            break;
-        }
-    }
-    // Against the lines on both sides: what drifts slowly over the patch is no gain of a line.
-    let own: Vec<(usize, f64, f64)> = (0..count)
-        .map(|at| {
-            let from = at.saturating_sub(3);
-            let mut around: Vec<f64> =
-                (from..(at + 4).min(count)).filter(|near| *near != at).map(|near| logs[near]).collect();
-            around.sort_by(f64::total_cmp);
-            let middle = around[around.len() / 2];
-            let weight: f64 = near[at].iter().map(|link| link.2).sum();
-            (at, logs[at] - middle, (1.0 / weight.max(f64::MIN_POSITIVE)).sqrt())
-        })
-        .collect();
-    let rms = (own.iter().map(|line| line.1 * line.1).sum::<f64>() / count as f64).sqrt();
-    let named = own.iter().filter(|(_, log, error)| log.abs() > NAMED_GAIN && log.abs() > SIGMAS * error);
-    let (at, log, _) = named.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
-    Some(Breach::Gains { what, at: *at, share: libm::expm1(*log), rms })
-}
-
-impl std::fmt::Display for Breach {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Turned { how, leaves: [as_is, back] } => write!(
-                f,
-                "windows that look {how}: both ways differ by {:.1}% as they are, by {:.1}% if that is undone",
-                100.0 * as_is,
-                100.0 * back
-            ),
-            Self::Shifted { pixels: [x, y] } => write!(
-                f,
-                "windows are shifted by about {x:+.2}, {y:+.2} pixels against their lit texels (right, down): is the lit \
-                 texel the middle pixel's centre?"
-            ),
-            Self::HotLine { what, at, share } => write!(
-                f,
-                "{what} {at:+} of the windows, from the lit texel, is {:.1}% brighter than its mirror image: a hot {what} \
-                 of the sensor, or another background there",
-                100.0 * share
-            ),
-            Self::Gains { what, at, share, rms } => write!(
-                f,
-                "lit {what}s have gains of their own, {what} {at} {:+.1}%, {:.1}% rms over all: light or exposure that \
-                 changed while they were measured",
-                100.0 * share,
-                100.0 * rms
-            ),
-            Self::Zeros { count, of, at: [row, column] } => write!(
-                f,
-                "{count} zeros in {of} pairs that have light the other way, one in the window of row {row}, column {column}"
-            ),
-        }
-    }
 }
