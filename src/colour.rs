@@ -119,6 +119,32 @@ pub fn delta_e_2000([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
     (dl * dl + dc * dc + dh * dh + rotation * dc * dh).max(0.0).sqrt()
 }
 
+/// Three numbers whose squares sum to that of CIEDE2000, but that lightness, chroma and hue are told apart along the hue
+/// of the mean of both colours instead of along the mean of their hues: no jump at grey or at opposite hues, and the
+/// same to first order for colours of like hue.
+pub(crate) fn difference_parts([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> [f64; 3] {
+    let seventh = |c: f64| (c.powi(7) / (c.powi(7) + 25.0_f64.powi(7))).sqrt();
+    let g = 0.5 * (1.0 - seventh(0.5 * (libm::hypot(a1, b1) + libm::hypot(a2, b2))));
+    let (a1, a2) = ((1.0 + g) * a1, (1.0 + g) * a2);
+    let c = 0.5 * (libm::hypot(a1, b1) + libm::hypot(a2, b2));
+    let mean = [0.5 * (a1 + a2), 0.5 * (b1 + b2)];
+    let length = libm::hypot(mean[0], mean[1]);
+    let along = if length > 0.0 { mean.map(|x| x / length) } else { [1.0, 0.0] };
+    let hue = libm::atan2(along[1], along[0]).to_degrees().rem_euclid(360.0);
+    let cos = |degrees: f64| libm::cos(degrees.to_radians());
+    let t = 1.0 - 0.17 * cos(hue - 30.0) + 0.24 * cos(2.0 * hue) + 0.32 * cos(3.0 * hue + 6.0)
+        - 0.20 * cos(4.0 * hue - 63.0);
+    let l = 0.5 * (l1 + l2) - 50.0;
+    let [da, db] = [a2 - a1, b2 - b1];
+    let dl = (l2 - l1) / (1.0 + 0.015 * l * l / (20.0 + l * l).sqrt());
+    let dc = (da * along[0] + db * along[1]) / (1.0 + 0.045 * c);
+    let dh = (db * along[0] - da * along[1]) / (1.0 + 0.015 * c * t);
+    // dc² + dh² + r dc dh as two squares.
+    let turned = 60.0 * libm::exp(-((hue - 275.0) / 25.0).powi(2));
+    let half = -seventh(c) * libm::sin(turned.to_radians());
+    [dl, dc + half * dh, (1.0 - half * half).max(0.0).sqrt() * dh]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -140,6 +166,28 @@ mod tests {
             }
         }
         assert_eq!(delta_e_2000([50.0, 0.0, 0.0], [50.0, 0.0, 0.0]), 0.0);
+    }
+
+    #[test]
+    fn parts_of_a_difference_are_ciede2000_for_like_hues() {
+        for (one, other) in [
+            ([50.0, 2.5, 0.0], [56.0, 2.0, -0.4]),
+            ([33.0, 56.0, 47.0], [31.0, 36.0, 27.0]),
+            ([30.0, 20.0, -60.0], [36.0, 12.0, -35.0]),
+            ([60.0, -40.0, 35.0], [55.0, -20.0, 22.0]),
+        ] {
+            let parts = difference_parts(one, other);
+            let found = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
+            let expected = delta_e_2000(one, other);
+            assert!((found / expected - 1.0).abs() < 0.02, "{found} for {expected}: {one:?}, {other:?}");
+        }
+        // Across grey nothing jumps.
+        let across = |a: f64| difference_parts([50.0, 10.0, 0.0], [50.0, a, 0.1]);
+        let size = |parts: [f64; 3]| parts.iter().map(|part| part * part).sum::<f64>();
+        for at in [-10.0, 0.0] {
+            let [before, after] = [-1e-6, 1e-6].map(|by| size(across(at + by)));
+            assert!((before - after).abs() < 1e-3, "{before}, {after}");
+        }
     }
 
     #[test]

@@ -15,7 +15,7 @@
 //! would have. Spatial weights are scaled to 1 on average.
 
 use super::SearchTarget;
-use crate::colour::lightness_slope;
+use crate::colour::{difference_parts, lab, lightness_slope};
 
 /// Which errors count how much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -52,6 +52,41 @@ impl Default for Objective {
     /// Natural light.
     fn default() -> Self {
         Self { norm: Norm::Natural, dc_weight: 1.0 }
+    }
+}
+
+/// The error of an albedo in three channels, red, green and blue, as eyes see it: CIEDE2000.
+///
+/// Lightness by channel says enough near the goal. Far from it, where resins do not reach a colour, it does not: of a
+/// dark red the channels that should be black weigh a hundred times what the red one does, and black comes out.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ColourError {
+    /// The albedo that is asked for.
+    pub asked: [f64; 3],
+    /// Root of the weight of a unit of CIEDE2000, squared.
+    root: f64,
+}
+
+/// Step of an albedo for slopes.
+const STEP: f64 = 1e-5;
+
+impl ColourError {
+    /// Three residuals of an albedo, the sum of whose squares is its part of the objective.
+    pub fn residuals(&self, albedo: [f64; 3]) -> [f64; 3] {
+        difference_parts(lab(self.asked), lab(albedo)).map(|part| self.root * part)
+    }
+
+    /// Their slopes, index `[channel][residual]`.
+    pub fn slopes(&self, albedo: [f64; 3]) -> [[f64; 3]; 3] {
+        std::array::from_fn(|channel| {
+            let moved = |by: f64| {
+                let mut albedo = albedo;
+                albedo[channel] += by;
+                self.residuals(albedo)
+            };
+            let [more, less] = [STEP, -STEP].map(moved);
+            std::array::from_fn(|i| (more[i] - less[i]) / (2.0 * STEP))
+        })
     }
 }
 
@@ -107,6 +142,16 @@ impl Objective {
         };
         weights.iter_mut().for_each(|weight| *weight *= factor);
         weights
+    }
+
+    /// How much the albedo's colour counts where a fit can follow it; `None` where albedos count channel by channel: of
+    /// other norms, and but for three channels.
+    pub(crate) fn colour(&self, target: &SearchTarget) -> Option<ColourError> {
+        let [r, g, b] = &target.channels[..] else { return None };
+        let asked = [r, g, b].map(|channel| channel.first().copied().unwrap_or(0.0));
+        let weight = self.fixed_weights(r.len()).first().copied().filter(|weight| *weight > 0.0)?;
+        // A grey's error is in three channels.
+        (self.norm == Norm::Natural).then(|| ColourError { asked, root: (3.0 * weight).sqrt() / 100.0 })
     }
 
     /// Σ over channels and coefficients of weight · (R̂ − R̂_t)².

@@ -6,7 +6,10 @@ use super::{
 };
 use crate::{
     optics::{Base, Grains, LayeredReflection, TransportOptions, VolumeCoefficients},
-    search::refine::{fit::Residuals, nodes::Nodes},
+    search::{
+        objective::ColourError,
+        refine::{fit::Residuals, nodes::Nodes},
+    },
 };
 
 /// What lies below a shape's slots.
@@ -23,6 +26,8 @@ pub(super) enum Below {
 pub(super) struct Goal {
     pub wanted: Vec<Vec<f64>>,
     pub roots: Vec<Vec<f64>>,
+    /// How errors of the albedo count in place of their roots, if as a colour.
+    pub colour: Option<ColourError>,
 }
 
 /// One of the models.
@@ -98,7 +103,33 @@ impl Model {
                 slopes.extend(self.nodes.spread(&at_nodes).iter().zip(roots).map(|(slope, root)| root * slope));
             }
         }
+        if let Some(colour) = &goal.colour {
+            goal.colour_residuals(colour, &mut residuals);
+        }
         residuals
+    }
+}
+
+impl Goal {
+    /// Puts the errors of the colour in the place of those of the albedo.
+    fn colour_residuals(&self, colour: &ColourError, residuals: &mut Residuals) {
+        let firsts = self.firsts();
+        let roots: [f64; 3] = std::array::from_fn(|channel| self.roots[channel][0]);
+        let albedo = std::array::from_fn(|i| colour.asked[i] + residuals.values[firsts[i]] / roots[i]);
+        let slopes = colour.slopes(albedo);
+        firsts.iter().zip(colour.residuals(albedo)).for_each(|(&at, residual)| residuals.values[at] = residual);
+        for of_number in &mut residuals.per_mm {
+            let along: [f64; 3] = std::array::from_fn(|channel| of_number[firsts[channel]] / roots[channel]);
+            for (i, &at) in firsts.iter().enumerate() {
+                of_number[at] = (0..3).map(|channel| slopes[channel][i] * along[channel]).sum();
+            }
+        }
+    }
+
+    /// Where the albedos of three channels stand among all residuals.
+    pub fn firsts(&self) -> [usize; 3] {
+        let len = self.wanted.first().map_or(0, Vec::len);
+        [0, len, 2 * len]
     }
 }
 

@@ -76,7 +76,7 @@ impl Asked {
         let room_mm = half_mm.map_or(options.max_thickness_mm, |half| half.min(options.max_thickness_mm));
         Some(Self {
             weight: roots.iter().flatten().map(|root| root * root).sum(),
-            goal: Goal { wanted: channels.clone(), roots },
+            goal: Goal { wanted: channels.clone(), roots, colour: options.objective.colour(&part.target) },
             below: half_mm.map_or(Below::Endless, Below::Middle),
             limits: shape.limits(options, room_mm, half_mm.is_some())?,
         })
@@ -95,7 +95,7 @@ impl Asked {
     fn shifted(&self, shift: Option<&Spectra>) -> Goal {
         match shift {
             None => self.goal.clone(),
-            Some(shift) => Goal { wanted: less(&self.goal.wanted, shift), roots: self.goal.roots.clone() },
+            Some(shift) => Goal { wanted: less(&self.goal.wanted, shift), ..self.goal.clone() },
         }
     }
 }
@@ -194,11 +194,22 @@ impl Solver<'_> {
         let Self { shape, cheap, .. } = self;
         let shifted = asked.shifted(Some(&solved.shift));
         let residuals = cheap.residuals(shape, &solved.x, asked.below, &shifted);
+        // What is asked moves the colour's error as what is found does, the other way.
+        let of_colour = asked
+            .goal
+            .colour
+            .as_ref()
+            .map(|colour| colour.slopes(std::array::from_fn(|channel| solved.reflection[channel][0])));
         let (mut from, mut slopes) = (0, Vec::new());
         for (wanted, roots) in asked.goal.wanted.iter().zip(&asked.goal.roots) {
             let mut towards = vec![0.0; residuals.values.len()];
             for ((to, wanted), root) in towards[from..].iter_mut().zip(wanted).zip(roots) {
                 *to = -root * wanted;
+            }
+            if let (Some(of_colour), firsts) = (&of_colour, asked.goal.firsts()) {
+                let slopes = of_colour[slopes.len()];
+                towards[from] = 0.0;
+                firsts.iter().zip(slopes).for_each(|(&at, slope)| towards[at] = -slope * wanted[0]);
             }
             from += wanted.len();
             slopes.push(gradient(&residuals.per_mm, &towards));
@@ -233,7 +244,11 @@ impl Solver<'_> {
 impl Goal {
     /// The objective of R̂.
     fn off(&self, reflection: &Spectra) -> f64 {
-        self.size(&less(reflection, &self.wanted))
+        let mut difference = less(reflection, &self.wanted);
+        let Some(colour) = &self.colour else { return self.size(&difference) };
+        let albedo = std::array::from_fn(|channel| colour.asked[channel] + difference[channel][0]);
+        difference.iter_mut().for_each(|channel| channel[0] = 0.0);
+        self.size(&difference) + colour.residuals(albedo).iter().map(|residual| residual * residual).sum::<f64>()
     }
 
     /// Weighted squares of a difference.

@@ -144,3 +144,153 @@ fn thin_parts_are_slabs_with_light_from_both_sides() {
         assert!((both / 0.4 - 1.0).abs() < 0.01 || half_mm < 0.2, "{half_mm}: {both}");
     }
 }
+
+/// 40 random colours, dark saturated ones among them, each as near as any stacking of the family comes, by CIEDE2000:
+/// against random stackings of every shape, and the best of them changed at random.
+#[test]
+#[ignore = "some minutes; in scripts/prove search"]
+fn colours_come_as_near_as_any_stacking_does() {
+    use rand_xoshiro::{
+        Xoshiro256PlusPlus,
+        rand_core::{Rng, SeedableRng},
+    };
+
+    use crate::{
+        colour::{delta_e_2000, lab, srgb_to_linear_f64},
+        optics::{Base, LayeredReflection},
+    };
+
+    for name in ["inks-rgb-7", "vero-j850-provisional"] {
+        let set = MaterialSet::builtin(name).unwrap();
+        let core = set.resin("black").map(|(id, _)| id);
+        let limit =
+            |name: &str| ResinLimit { min_depth_mm: if name == "support" { 0.2 } else { 0.0 }, ..ResinLimit::NONE };
+        let limits = set.resins.iter().map(|resin| limit(&resin.name)).collect();
+        let options = SearchOptions { core, limits, ..options() };
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(14);
+        let mut unit = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+        // Every third of full saturation and dark.
+        let colour = |i: usize, unit: &mut dyn FnMut() -> f64| -> [f64; 3] {
+            let mut srgb = [unit(), unit(), unit()];
+            if i % 3 == 0 {
+                let value = 0.25 + 0.5 * unit();
+                let at = (3.0 * unit()) as usize % 3;
+                srgb = [0.0; 3];
+                srgb[at] = value;
+                srgb[(at + 1) % 3] = value * (unit() - 0.5).max(0.0);
+            }
+            srgb.map(srgb_to_linear_f64)
+        };
+        let colours: Vec<[f64; 3]> = (0..40).map(|i| colour(i, &mut unit)).collect();
+        let spectrum = |albedo: f64| NormalizedDiffusion::new(albedo, 0.5).unwrap().spectrum(&set.grid);
+        let targets: Vec<PartTarget> =
+            colours.iter().map(|c| SearchTarget { channels: c.map(spectrum).to_vec() }.into()).collect();
+
+        // The oracle.
+        let resins = Resins::new(&set).unwrap();
+        let shapes = shapes::offered(&resins.volumes, &resins.background, &options, &RefineOptions::default());
+        let mut best = vec![f64::INFINITY; colours.len()];
+        for shape in &shapes {
+            let limits = shape.limits(&options, options.max_thickness_mm, false).unwrap();
+            let directions = TransportOptions { polar: 6, orders: 1 };
+            let model = |channel: usize| {
+                let volumes: Vec<_> = resins.volumes.iter().map(|resin| resin[channel]).collect();
+                let layers: Vec<_> =
+                    shape.slots.iter().map(|slot| (slot.resins.len() == 1).then(|| volumes[slot.resins[0]])).collect();
+                let indices: Vec<_> = shape.slots.iter().map(|slot| volumes[slot.resins[0]].refractive_index).collect();
+                let base = core.map_or(Base::Nothing, |core| Base::HalfSpace(volumes[core.0]));
+                (LayeredReflection::new(&layers, &indices, base, &[0.01], directions), volumes)
+            };
+            let models: Vec<_> = (0..3).map(model).collect();
+            let albedo = |x: &[f64]| -> [f64; 3] {
+                std::array::from_fn(|channel| {
+                    let (model, volumes) = &models[channel];
+                    let mixed: Vec<_> =
+                        shape.mixed(x, volumes, resins.grains).into_iter().map(|mixed| mixed.volume).collect();
+                    model.reflection(&x[..shape.slots.len()].iter().map(|mm| mm.max(0.0)).collect::<Vec<_>>(), &mixed)
+                        [0]
+                })
+            };
+            let slots = shape.slots.len();
+            let any = |unit: &mut dyn FnMut() -> f64| -> Vec<f64> {
+                let mut x: Vec<f64> = (0..slots).map(|_| 3.0 * unit().powi(3)).collect();
+                let shares = shape.len() - slots;
+                // Few inks at once, little and much of them.
+                let mut share: Vec<f64> =
+                    (0..shares).map(|_| if unit() < 0.4 { unit().powi(3) } else { 0.0 }).collect();
+                let sum: f64 = share.iter().sum();
+                if sum > 1.0 || (unit() < 0.3 && sum > 0.0) {
+                    share.iter_mut().for_each(|s| *s /= sum);
+                }
+                x.extend(share);
+                x
+            };
+            let xs: Vec<Vec<f64>> = (0..4000).filter_map(|_| limits.nearest(&any(&mut unit))).collect();
+            let known: Vec<[f64; 3]> = xs.par_iter().map(|x| albedo(x)).collect();
+            let seeds: Vec<u64> = (0..colours.len()).map(|_| (unit() * 1e9) as u64).collect();
+            let found: Vec<f64> = (0..colours.len())
+                .into_par_iter()
+                .map(|at| {
+                    let off = |albedo: [f64; 3]| delta_e_2000(lab(colours[at]), lab(albedo));
+                    let mut order: Vec<usize> = (0..xs.len()).collect();
+                    order.sort_by(|&a, &b| off(known[a]).total_cmp(&off(known[b])));
+                    let mut random = Xoshiro256PlusPlus::seed_from_u64(seeds[at]);
+                    let mut unit = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+                    let improved = order.iter().take(4).map(|&start| {
+                        let (mut x, mut least) = (xs[start].clone(), off(known[start]));
+                        let mut size = 0.3;
+                        for _ in 0..250 {
+                            let moved: Vec<f64> =
+                                x.iter()
+                                    .map(|value| {
+                                        if unit() < 0.5 {
+                                            value + size * (unit() - 0.5) * (value + 0.02)
+                                        } else {
+                                            *value
+                                        }
+                                    })
+                                    .collect();
+                            let Some(moved) = limits.nearest(&moved) else { continue };
+                            let there = off(albedo(&moved));
+                            if there < least {
+                                (x, least) = (moved, there);
+                                size = (1.3 * size).min(1.0);
+                            } else {
+                                size = (0.97 * size).max(0.01);
+                            }
+                        }
+                        least
+                    });
+                    improved.fold(f64::INFINITY, f64::min)
+                })
+                .collect();
+            best.iter_mut().zip(found).for_each(|(best, found)| *best = best.min(found));
+        }
+
+        // Each alone, as `match` asks, and all together, as an object does.
+        let off = |answer: &FamilyAnswer, at: usize| {
+            let albedo = std::array::from_fn(|channel| answer.reflection[channel][0]);
+            (delta_e_2000(lab(colours[at]), lab(albedo)), albedo)
+        };
+        let of = |targets: &[PartTarget]| {
+            let family = Family::new(&set, &options, &RefineOptions::default(), targets, &Unwatched).unwrap().unwrap();
+            family.answers(targets, &Unwatched).unwrap()
+        };
+        let together = of(&targets);
+        let alone: Vec<FamilyAnswer> =
+            targets.iter().map(|target| of(std::slice::from_ref(target)).remove(0)).collect();
+        let mut worst = [0.0_f64; 2];
+        for at in 0..colours.len() {
+            let [(one, albedo), (all, _)] = [off(&alone[at], at), off(&together[at], at)];
+            println!(
+                "{name} {:.3?}: nearest {:.2}, alone {one:.2} {albedo:.3?}, together {all:.2}",
+                colours[at], best[at]
+            );
+            for (worst, found) in worst.iter_mut().zip([one, all]) {
+                *worst = worst.max((found - best[at]) / (0.1 * best[at]).max(1.0));
+            }
+        }
+        println!("{name}: worst, of what is allowed: {worst:?}");
+        assert!(worst[0] <= 1.0 && worst[1] <= 1.0, "{name}: {worst:?}");
+    }
+}

@@ -12,9 +12,10 @@
 //!
 //! With one channel, of two targets the brighter stays the brighter, and of two equally bright ones the wider stays the
 //! wider: distinct targets stay distinct as far as the gamut has room. It has none at its tips, where only one stacking
-//! is; so the ceiling and the floor are not simply the brightest and the darkest that can be reached: of those that
-//! leave room for widths they are the ones that move the targets least, by the weighted mean of (Δ ln albedo)² + w (Δ
-//! ln radius)². Targets that are all inside are not moved at all.
+//! is; so where a target is brighter than the ceiling or darker than the floor, these are not simply the brightest and the
+//! darkest that can be reached: of those that leave some room for widths they are the ones that move albedos least, by the
+//! weighted mean of (Δ ln albedo)². Widths never cost light: where the albedos of all targets are reached, they stay, as
+//! the search meets an albedo before a width. Targets that are all inside are not moved at all.
 
 use super::{Gamut, place_of};
 use crate::{
@@ -52,9 +53,6 @@ const FLOOR_REACH: f64 = 0.25;
 /// that one.
 const LEAST_BEND: f64 = 0.2;
 const MOST_BEND: f64 = 0.5;
-/// w. A choice: a change of brightness is taken to show where one of width shows when it is three times as large. At 1
-/// the widths of an image far out of reach would take all its light.
-const WIDTH_WEIGHT: f64 = 0.1;
 /// What the logarithms of the radii are to span at the ceiling and at the floor, if the targets' do.
 const LEAST_ROOM: f64 = 0.1;
 /// Changes of a logarithm below this are none.
@@ -99,10 +97,7 @@ impl GamutMap {
                 let [ceiling, floor] = tried.map(|n| n as f64 / (TRIED - 1) as f64);
                 let bend = Bend::new(gamut, &places, 1.0 - CEILING_REACH * ceiling, FLOOR_REACH * floor);
                 let factors: Vec<[f64; 2]> = places.iter().map(|place| bend.factors(place)).collect();
-                let cost = factors
-                    .iter()
-                    .zip(weights)
-                    .map(|([a, s], weight)| weight * (libm::log(*a).powi(2) + WIDTH_WEIGHT * libm::log(*s).powi(2)));
+                let cost = factors.iter().zip(weights).map(|([a, _], weight)| weight * libm::log(*a).powi(2));
                 ((bend.lacking_room(), cost.sum::<f64>()), factors)
             });
             // The first of equals: the highest ceiling.
