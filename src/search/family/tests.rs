@@ -172,7 +172,7 @@ fn colours_come_as_near_as_any_stacking_does() {
         // Every third of full saturation and dark.
         let colour = |i: usize, unit: &mut dyn FnMut() -> f64| -> [f64; 3] {
             let mut srgb = [unit(), unit(), unit()];
-            if i % 3 == 0 {
+            if i.is_multiple_of(3) {
                 let value = 0.25 + 0.5 * unit();
                 let at = (3.0 * unit()) as usize % 3;
                 srgb = [0.0; 3];
