@@ -75,7 +75,7 @@ pub struct SpotRecord {
     /// What was predicted for an endless flat slab; empty where that is not known.
     pub predicted: Vec<f64>,
     /// Share of the sky that it sees, 0 to 1: in a hollow print is held against what a surface of that albedo would show
-    /// among its like, see [`Look::against_asked`].
+    /// among its like, see [`against_asked`](super::look::Look::against_asked).
     #[serde(default = "whole_sky")]
     pub sky: f64,
     /// Radiosity per irradiance of the print, under even light.
@@ -85,7 +85,7 @@ pub struct SpotRecord {
     /// Printed against asked as ΔE2000, where colours were asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delta_e_2000: Option<f64>,
-    /// What shows by a shadow's edge, at the distances of [`Look::edge_mm`].
+    /// What shows by a shadow's edge, at the distances of [`edge_mm`](super::look::Look::edge_mm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edge: Option<EdgeRecord>,
 }
