@@ -7,14 +7,21 @@ pub fn memory_bytes() -> Option<u64> {
     Some(total.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? << 10)
 }
 
-/// The memory there is, where `needed` bytes are known to be more.
-pub fn short_of(needed: u64) -> Option<u64> {
-    memory_bytes().filter(|there| needed > *there)
+/// What does not fit, in the words of every refusal.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Shortage {
+    /// "which need about … of memory", to go after what needs it.
+    pub needs: String,
+    /// What there is.
+    pub expected: String,
 }
 
-/// In MiB, as users are told.
-pub fn mib(bytes: u64) -> u64 {
-    bytes >> 20
+/// The shortage, where `needed` bytes are known to be more than there are.
+pub fn short_of(needed: u64) -> Option<Shortage> {
+    memory_bytes().filter(|there| needed > *there).map(|there| Shortage {
+        needs: format!("which need about {} MiB of memory", needed >> 20),
+        expected: format!("at most the {} MiB that this machine has", there >> 20),
+    })
 }
 
 #[cfg(test)]
@@ -24,6 +31,9 @@ mod tests {
     fn the_machine_has_memory() {
         assert!(super::memory_bytes().is_some_and(|bytes| bytes > 64 << 20));
         assert_eq!(super::short_of(1 << 20), None);
-        assert_eq!(super::short_of(u64::MAX), super::memory_bytes());
+        let shortage = super::short_of(u64::MAX).unwrap();
+        assert_eq!(shortage.needs, format!("which need about {} MiB of memory", u64::MAX >> 20));
+        let there = super::memory_bytes().unwrap() >> 20;
+        assert_eq!(shortage.expected, format!("at most the {there} MiB that this machine has"));
     }
 }

@@ -17,7 +17,7 @@ use crate::{
         write_npy,
     },
     blame::{Blame, Blamed, Remedy},
-    machine::{self, mib},
+    machine::{self, Shortage},
     optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile},
     output::{Existing, GENERATOR, OutputError, OutputFolder, Owner, Task, pretty},
     plot::PlotError,
@@ -215,19 +215,15 @@ pub fn factor_into(
 fn refuse_too_large(dataset: &Dataset, rings: &Rings) -> Result<(), BssrdfError> {
     let planes = (rings.distances_mm.len() + PLANES_PER_RING * rings.len()) as u64;
     let needed = planes * dataset.texels() as u64 * size_of::<f32>() as u64;
-    let Some(there) = machine::short_of(needed) else { return Ok(()) };
+    let Some(Shortage { needs, expected }) = machine::short_of(needed) else { return Ok(()) };
     Err(BssrdfError::Entry {
         file: dataset.responses.path().to_path_buf(),
         place: "responses".into(),
         found: format!(
-            "{} × {} texels with windows of {} × {}, which need about {} MiB of memory",
-            dataset.width,
-            dataset.height,
-            dataset.window[0],
-            dataset.window[1],
-            mib(needed)
+            "{} × {} texels with windows of {} × {}, {needs}",
+            dataset.width, dataset.height, dataset.window[0], dataset.window[1]
         ),
-        expected: format!("at most the {} MiB that this machine has", mib(there)),
+        expected,
     })
 }
 

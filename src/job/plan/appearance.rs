@@ -13,7 +13,7 @@ use crate::{
         RunError,
         file::{AlbedoSource, OutputFormat, Projection, TextureTarget},
     },
-    machine::{self, mib},
+    machine::{self, Shortage},
     mesh::{Projected, SurfaceMaterial},
 };
 
@@ -197,10 +197,8 @@ impl TargetContext<'_> {
             };
             let (width, height) = reduction.size();
             texels += u64::from(width) * u64::from(height);
-            if let Some(there) = machine::short_of(texels * TEXEL_BYTES) {
-                let (needed, there) = (mib(texels * TEXEL_BYTES), mib(there));
-                let found = format!("{texels} texels, which need about {needed} MiB of memory");
-                return Err(self.refuse("target", found, &format!("at most the {there} MiB that this machine has")));
+            if let Some(Shortage { needs, expected }) = machine::short_of(texels * TEXEL_BYTES) {
+                return Err(self.refuse("target", format!("{texels} texels, {needs}"), &expected));
             }
             let mut page = AppearancePage { width, height, albedo: Vec::new(), mean_free_path: Vec::new() };
             let mut of_page = Vec::new();

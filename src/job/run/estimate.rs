@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::{
     job::{Prepared, PreparedObject, RunError, manifest::MaterialRecord, plan::TEXEL_BYTES, printable::Printable},
-    machine::{self, mib},
+    machine::{self, Shortage},
     voxel::{BlockShape, Lattice, Slab},
     watch::Watch,
 };
@@ -117,11 +117,9 @@ impl Prepared {
     pub(super) fn refuse_too_large(&self) -> Result<(), RunError> {
         let needed = self.memory_bytes();
         match machine::short_of(needed) {
-            Some(there) => {
+            Some(Shortage { needs, expected }) => {
                 let [x, y, z] = self.lattice.dims;
-                let found = format!("{x} × {y} × {z} voxels, which need about {} MiB of memory", mib(needed));
-                let expected = format!("at most the {} MiB that this machine has", mib(there));
-                Err(self.job.refuse("printer", found, expected).into())
+                Err(self.job.refuse("printer", format!("{x} × {y} × {z} voxels, {needs}"), expected).into())
             }
             None => Ok(()),
         }

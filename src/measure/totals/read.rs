@@ -137,7 +137,10 @@ fn text(path: &Path, most: u64) -> Result<String> {
     }
     let text = crate::regular_file::read_text(path).map_err(disk)?;
     // Spreadsheets write a mark of byte order before UTF-8.
-    Ok(text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned))
+    Ok(match text.strip_prefix('\u{feff}') {
+        Some(rest) => rest.to_owned(),
+        None => text,
+    })
 }
 
 fn number(
