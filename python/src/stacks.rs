@@ -5,7 +5,7 @@ use std::sync::Arc;
 use lumislice::{
     appearance::material_target,
     optics::{
-        DEFAULT_PHOTONS, DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, Mixture, Model, Stack, TransportOptions,
+        FrequencyGrid, Light, MaterialSet, Mixture, Model, Stack, TransportOptions,
         predict as predict_stack,
     },
     search::{
@@ -57,7 +57,7 @@ pub fn predict<'py>(
     if !(3e-5..=1e-3).contains(&accuracy) {
         return Err(InputError::new_err(format!("accuracy: found {accuracy}, expected 3e-5 to 1e-3")));
     }
-    let (count, seed) = (photons.unwrap_or(DEFAULT_PHOTONS), seed.unwrap_or(DEFAULT_SEED));
+    let (count, seed) = (photons.unwrap_or(Model::DEFAULT_PHOTONS), seed.unwrap_or(Model::DEFAULT_SEED));
     if count < 2 {
         return Err(InputError::new_err(format!("photons: found {count}, expected 2 or more")));
     }

@@ -6,9 +6,7 @@ use clap::Args;
 use lumislice::{
     appearance::{material_target, srgb_albedo},
     colour::{delta_e_2000, lab},
-    optics::{
-        DEFAULT_SEED, EdgeResponse, FrequencyGrid, Light, MaterialSet, Mixture, Model, Prediction, Stack, predict,
-    },
+    optics::{EdgeResponse, FrequencyGrid, Light, MaterialSet, Mixture, Model, Prediction, Stack, predict},
     plot::Figure,
     search::{
         Judge, Judged, Match, MatchOptions, Matcher, Norm, Objective, RefineOptions, SearchError, SearchOptions,
@@ -198,7 +196,7 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
     let objective = &options.search.objective;
     let answer = found.judged(&set, &target, objective);
     let traced = args.photons.map(|photons| {
-        let model = Model::MonteCarlo { light: Light::Diffuse, photons, seed: DEFAULT_SEED };
+        let model = Model::MonteCarlo { light: Light::Diffuse, photons, seed: Model::DEFAULT_SEED };
         predict(&set, &answer.stacking, &model, &StopOnly(&bars))
     });
     let traced = traced.transpose()?;

@@ -7,10 +7,7 @@ use std::{
 
 use clap::{Args, ValueEnum};
 use lumislice::{
-    optics::{
-        ChannelPrediction, DEFAULT_PHOTONS, DEFAULT_SEED, Light, Mixture, Model, Prediction, Stack, TransportOptions,
-        predict,
-    },
+    optics::{ChannelPrediction, Light, Mixture, Model, Prediction, Stack, TransportOptions, predict},
     plot::Figure,
 };
 use serde_json::json;
@@ -205,8 +202,8 @@ impl PredictArgs {
             }
             ModelArg::MonteCarlo => Model::MonteCarlo {
                 light,
-                photons: self.photons.unwrap_or(DEFAULT_PHOTONS),
-                seed: self.seed.unwrap_or(DEFAULT_SEED),
+                photons: self.photons.unwrap_or(Model::DEFAULT_PHOTONS),
+                seed: self.seed.unwrap_or(Model::DEFAULT_SEED),
             },
         }
     }

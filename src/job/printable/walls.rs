@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::{
     appearance::{PointOfSurface, SurfacePoints},
     job::{Prepared, RunError, look::normal_and_area},
-    optics::{Layer, mixture_parts},
+    optics::{Layer, Mixture},
     sdf::{Surface, ball_inside},
     watch::Watch,
 };
@@ -113,7 +113,7 @@ impl Prepared {
         let most = if asks_depth { deepest.max(limit_mm) } else { limit_mm };
         let points = SurfacePoints::spread(surface.triangles(), SPACING_MM, MOST_POINTS);
         let is_void = |name: &str| {
-            let only = mixture_parts(name).filter(|parts| parts.len() == 1);
+            let only = Mixture::parts_of_name(name).filter(|parts| parts.len() == 1);
             let found = only.and_then(|parts| self.materials.resin(parts[0].0));
             self.job.output.map_background.is_none()
                 && found.is_some_and(|(resin, _)| self.materials[resin].print_as_background)
