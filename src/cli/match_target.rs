@@ -272,12 +272,9 @@ impl MatchArgs {
         if self.model == JudgeArg::Km && self.photons.is_none() {
             return Ok(Judge::KubelkaMunk);
         }
-        // Loading says what was refused, and why.
-        materials.fit(None, bars)?;
-        let file = &materials.file;
-        match file.resin_names().find(|name| file.volume(name).is_none()) {
+        match materials.lacks_coefficients(bars)? {
             None => Ok(self.model.judge()),
-            Some(name) if self.photons.is_some() => Err(no_coefficients(name, &self.materials)),
+            Some(name) if self.photons.is_some() => Err(no_coefficients(&name, &self.materials)),
             Some(_) => {
                 say("warning: matching by Kubelka-Munk instead");
                 Ok(Judge::KubelkaMunk)

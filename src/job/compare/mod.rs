@@ -34,7 +34,7 @@ use serde::Serialize;
 use super::plan::FactoredMap;
 use crate::{
     optics::MaterialFile,
-    output::{Existing, GENERATOR, OutputFolder, Owner, pretty},
+    output::{Existing, OutputFolder, Owner, pretty},
     plot::Format,
     watch::{StopOnly, Watch},
 };
@@ -194,8 +194,6 @@ pub fn compare_into(
     output.write("noise.npy", &comparison.noise_npy())?;
     output.write("places.csv", comparison.places_csv().as_bytes())?;
     output.write("comparison.json", &pretty(&comparison))?;
-    let list =
-        serde_json::json!({ "generator": GENERATOR, "command": OWNER.command, "version": 1, "files": output.files() });
-    output.finish(&pretty(&list))?;
+    output.finish_with_list(&OWNER, 1)?;
     Ok(comparison)
 }

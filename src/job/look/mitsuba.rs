@@ -14,7 +14,7 @@ use crate::{
     job::Prepared,
     look::{Lit, Scene, Stage},
     optics::VolumeCoefficients,
-    output::{Existing, GENERATOR, OutputFolder, Owner, pretty},
+    output::{Existing, OutputFolder, Owner},
     watch::Watch,
 };
 
@@ -97,9 +97,7 @@ pub(super) fn write_scenes(
     for (file, text) in lamps(&stage) {
         output.write(&file, text.as_bytes())?;
     }
-    let list =
-        serde_json::json!({ "generator": GENERATOR, "command": OWNER.command, "version": 1, "files": output.files() });
-    Ok(output.finish(&pretty(&list))?)
+    Ok(output.finish_with_list(&OWNER, 1)?)
 }
 
 /// A grid of Mitsuba's format 3: single precision, one channel, x fastest.
