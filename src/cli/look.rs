@@ -36,8 +36,8 @@ pub struct LookArgs {
     /// A job file, or the folder of a finished job, whose slices are looked at.
     #[arg(value_name = "OUT|JOB.toml")]
     what: PathBuf,
-    /// The job that OUT was made from: its meshes, and what it asks for. Without it, what OUT knows: its slices, and what
-    /// was asked for at the spots of its look.json.
+    /// The job that OUT was made from: its meshes, and what it asks for. Without it, what OUT knows: its slices, and
+    /// what was asked for at the spots of its look.json.
     #[arg(long, value_name = "JOB.toml", help_heading = "Input")]
     job: Option<PathBuf>,
     /// Resins of OUT without a job, where they are of no built-in set: a TOML file or the name of a set.

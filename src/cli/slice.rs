@@ -160,8 +160,8 @@ fn quick(args: &SliceArgs, job: Job, made_up: Option<&str>) -> Result<Answer> {
     warnings.iter().chain(&look.warnings).for_each(|warning| say(&format!("warning: {warning}")));
     print(&super::look::summary(&look))?;
     print(&format!(
-        "\npictures of a coarse print: {}\nnothing was corrected yet: without --quick, rounds of correction bring the print \
-         nearer to what is asked\n",
+        "\npictures of a coarse print: {}\nnothing was corrected yet: without --quick, rounds of correction bring the \
+         print nearer to what is asked\n",
         folder.display()
     ))?;
     Ok(Answer::Yes)

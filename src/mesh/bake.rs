@@ -111,9 +111,9 @@ impl TriangleMesh {
         self.material_of.get(t).copied().unwrap_or(0).into()
     }
 
-    /// Lays all triangles out anew, fine enough for images that are projected onto them: every texel gets its colour and
-    /// says where the images lie there ([`SurfaceMaterial::projected`]). An image is `tile_mm` wide; `texels_per_mm` are
-    /// those of the finest.
+    /// Lays all triangles out anew, fine enough for images that are projected onto them: every texel gets its colour
+    /// and says where the images lie there ([`SurfaceMaterial::projected`]). An image is `tile_mm` wide;
+    /// `texels_per_mm` are those of the finest.
     pub fn bake_projection(&mut self, tile_mm: f64, texels_per_mm: f64) {
         let projector = Projector::new(self, tile_mm, texels_per_mm);
         if self.materials.is_empty() {

@@ -49,7 +49,8 @@ pub struct CoefficientFit {
 pub enum FitRefusal {
     /// Nothing fits.
     #[error(
-        "no coefficients fit the profiles: found a residual of {residual:.1e} rms, expected at most {MAX_FIT_RESIDUAL:.0e}"
+        "no coefficients fit the profiles: found a residual of {residual:.1e} rms, expected at most \
+         {MAX_FIT_RESIDUAL:.0e}"
     )]
     Residual {
         /// Residual of the best coefficients.
@@ -57,8 +58,8 @@ pub enum FitRefusal {
     },
     /// Everything fits: the profiles leave a coefficient open.
     #[error(
-        "the profiles do not tell the coefficients: found {what} {value:.3} ± {uncertainty:.3}, expected an uncertainty \
-         below the value's own size; a slab of another thickness tells more"
+        "the profiles do not tell the coefficients: found {what} {value:.3} ± {uncertainty:.3}, expected an \
+         uncertainty below the value's own size; a slab of another thickness tells more"
     )]
     KnowsNothing {
         /// Which one, with its unit.

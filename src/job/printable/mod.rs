@@ -1,4 +1,5 @@
-//! Will it print? What of a job breaks, falls off, washes away or cannot look as it should, counted before it is printed.
+//! Will it print? What of a job breaks, falls off, washes away or cannot look as it should, counted before it is
+//! printed.
 //!
 //! **In:** a [`Prepared`] job. **Out:** a [`Printable`]: numbers, sentences with what cures them, and a picture.
 //!
@@ -110,8 +111,8 @@ impl Printable {
                 && walls.thin_share > WORTH_SAYING
             {
                 words.push(format!(
-                    "{mesh}: {} of its surface is on walls and wires thinner than {} voxels ({limit_mm:.3} mm), {thinnest:.3} \
-                     mm at {}: they break or are lost; thicken them, or print {:.1} times as large",
+                    "{mesh}: {} of its surface is on walls and wires thinner than {} voxels ({limit_mm:.3} mm), \
+                     {thinnest:.3} mm at {}: they break or are lost; thicken them, or print {:.1} times as large",
                     percent(walls.thin_share),
                     walls::VOXELS,
                     at(place),

@@ -42,8 +42,8 @@ pub struct Walls {
     pub thinnest_mm: Option<f64>,
     /// Where, mm in the lattice's frame.
     pub thinnest_at_mm: Option<[f64; 3]>,
-    /// Share of the surface that is on parts thinner than their layers from both sides, where the job gives such parts no
-    /// stackings of their own.
+    /// Share of the surface that is on parts thinner than their layers from both sides, where the job gives such parts
+    /// no stackings of their own.
     pub shallow_share: f64,
     /// Share on which what prints as background lies bare.
     pub bare_share: f64,
@@ -77,8 +77,8 @@ struct Found {
     hollow: bool,
 }
 
-/// Length of the way from a point straight through the solid, where it is less than `limit` mm and what it meets faces the
-/// point: how thick a wall or a wire is there. The way is walked by distances, which never overleap a surface.
+/// Length of the way from a point straight through the solid, where it is less than `limit` mm and what it meets faces
+/// the point: how thick a wall or a wire is there. The way is walked by distances, which never overleap a surface.
 fn through(surface: &Surface, point: &PointOfSurface, limit: f64) -> Option<f64> {
     let [a, b, c] = surface.triangles()[point.triangle as usize];
     let inward = (a + b + c) / 3.0 - point.point;
