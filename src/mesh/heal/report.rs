@@ -20,6 +20,10 @@ impl HealthReport {
             ),
         );
         say(
+            self.split_edges,
+            format!("{} split at corners of other pieces that lie on them.", was_were(self.split_edges, "open edge")),
+        );
+        say(
             self.dropped_sheets,
             format!(
                 "Left out beside the solid: {} without thickness, of {}.",
@@ -73,9 +77,25 @@ impl HealthReport {
         say(
             self.open_shells,
             format!(
-                "{} of {} open sheets rather than solids; they enclose next to nothing.",
+                "{} of {} open by more than a tenth of their surface: what closes them is a guess.",
                 self.open_shells,
-                counted(self.shells, "shell")
+                counted(self.shells, "piece")
+            ),
+        );
+        say(
+            self.seated_shells,
+            format!(
+                "{} open where they sit on others, and closed within them.",
+                is_are(self.seated_shells, "piece")
+            ),
+        );
+        say(
+            self.joint_shells,
+            format!(
+                "The rims of {} run along each other, up to {:.4} mm apart: they are taken for one body, without the \
+                 gap between them.",
+                counted(self.joint_shells, "piece"),
+                self.rim_gap_mm
             ),
         );
         say(
