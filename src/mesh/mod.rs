@@ -8,9 +8,10 @@
 //! use lumislice::mesh::{LoadOptions, Placement, Size, close, load, place};
 //!
 //! let loaded = load("rabbit.glb".as_ref(), &LoadOptions::default())?;
-//! let (mesh, mesh_to_lattice) = place(loaded.mesh, &Placement { size: Size::HeightMm(30.0), ..Placement::default() })?;
-//! let file_to_lattice = mesh_to_lattice * loaded.file_to_mesh;
-//! let solid = close(mesh)?;
+//! let placement = Placement { size: Size::HeightMm(30.0), ..Placement::default() };
+//! let (mesh, mesh_to_lattice) = place(loaded.mesh, &placement)?;
+//! let mut solid = close(mesh)?;
+//! let file_to_lattice = solid.settle(&placement) * mesh_to_lattice * loaded.file_to_mesh;
 //! # Ok::<(), lumislice::mesh::MeshError>(())
 //! ```
 

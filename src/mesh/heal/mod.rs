@@ -101,7 +101,8 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     health.seated_shells = shells.all.iter().filter(|shell| shell.is_seated).count();
     health.joint_shells = bodies.joint();
     health.rim_gap_mm = bodies.miss.iter().copied().fold(0.0, f64::max);
-    let is_guess = |shell: usize| shells.all[shell].is_open() && !shells.all[shell].is_seated && !bodies.is_joint(shell);
+    let is_guess =
+        |shell: usize| shells.all[shell].is_open() && !shells.all[shell].is_seated && !bodies.is_joint(shell);
     health.open_shells = (0..shells.len()).filter(|&shell| is_guess(shell)).count();
     // What is buried is no guess.
     let seated: f64 = shells.all.iter().filter(|shell| shell.is_seated).map(|shell| shell.cap_area).sum();
@@ -158,7 +159,7 @@ impl TriangleMesh {
     }
 
     /// Corners of the box around the triangles.
-    fn corner_bounds(&self) -> (DVec3, DVec3) {
+    pub(super) fn corner_bounds(&self) -> (DVec3, DVec3) {
         let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         self.corners().flatten().fold(start, |(low, high), p| (low.min(p), high.max(p)))
     }

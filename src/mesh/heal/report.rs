@@ -84,10 +84,7 @@ impl HealthReport {
         );
         say(
             self.seated_shells,
-            format!(
-                "{} open where they sit on others, and closed within them.",
-                is_are(self.seated_shells, "piece")
-            ),
+            format!("{} open where they sit on others, and closed within them.", is_are(self.seated_shells, "piece")),
         );
         say(
             self.joint_shells,
