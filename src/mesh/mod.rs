@@ -200,6 +200,9 @@ pub struct HealthReport {
     /// Sheets without thickness that were dropped from beside a solid.
     #[serde(skip_serializing_if = "is_zero")]
     pub dropped_sheets: usize,
+    /// What those sheets would hold if they were closed, mm³.
+    #[serde(skip_serializing_if = "is_nothing")]
+    pub dropped_sheet_volume_mm3: f64,
     /// Triangles of those sheets.
     #[serde(skip_serializing_if = "is_zero")]
     pub dropped_sheet_triangles: usize,

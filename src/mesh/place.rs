@@ -116,6 +116,7 @@ impl Solid {
         }
         let health = &mut self.health;
         health.volume_mm3 *= scale.powi(3);
+        health.dropped_sheet_volume_mm3 *= scale.powi(3);
         for area in [&mut health.area_mm2, &mut health.cap_area_mm2, &mut health.buried_area_mm2] {
             *area *= scale * scale;
         }

@@ -104,9 +104,10 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     let is_guess =
         |shell: usize| shells.all[shell].is_open() && !shells.all[shell].is_seated && !bodies.is_joint(shell);
     health.open_shells = (0..shells.len()).filter(|&shell| is_guess(shell)).count();
-    // What is buried is no guess.
-    let seated: f64 = shells.all.iter().filter(|shell| shell.is_seated).map(|shell| shell.cap_area).sum();
-    if health.cap_area_mm2 - seated > MAX_CAP_FRACTION * health.area_mm2 {
+    // What is buried is no guess, nor is what closes one curve twice.
+    let is_sure = |&shell: &usize| shells.all[shell].is_seated || bodies.is_met[shell];
+    let sure: f64 = (0..shells.len()).filter(is_sure).map(|shell| shells.all[shell].cap_area).sum();
+    if health.cap_area_mm2 - sure > MAX_CAP_FRACTION * health.area_mm2 {
         return Err(MeshError::OpenSheet {
             holes: health.holes,
             open_edges: health.open_edges,

@@ -3,6 +3,9 @@
 use super::HealthReport;
 use crate::words::{counted, is_are, was_were};
 
+/// Share of the volume from which on it is said that what was left out is not flat.
+const BULGING: f64 = 1e-3;
+
 impl HealthReport {
     /// What a user should know, one sentence with counts for each finding; empty for a sound mesh.
     pub fn warnings(&self) -> Vec<String> {
@@ -29,6 +32,14 @@ impl HealthReport {
                 "Left out beside the solid: {} without thickness, of {}.",
                 counted(self.dropped_sheets, "sheet"),
                 counted(self.dropped_sheet_triangles, "triangle")
+            ),
+        );
+        say(
+            usize::from(self.dropped_sheet_volume_mm3 > BULGING * self.volume_mm3),
+            format!(
+                "What was left out would hold {:.2} mm³ if it were closed; it hangs open beside the solid. If that is a \
+                 part of it, let its rim reach into what it sits on.",
+                self.dropped_sheet_volume_mm3
             ),
         );
         say(

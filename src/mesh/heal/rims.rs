@@ -16,6 +16,8 @@ use crate::{disjoint_sets::DisjointSets, mesh::bounds};
 /// Rims this far apart, in diagonals of the box around the shorter one, may be one curve. A circle of eight chords
 /// leaves one of sixteen by 0.027.
 const HAIRLINE: f64 = 0.03;
+/// Rims as near as this, in the same measure, are on each other.
+const MEETING: f64 = 1e-5;
 /// Share of a rim that another has to run along.
 const COVERED: f64 = 0.9;
 /// Cosine of the angle between edges that run against each other.
@@ -29,6 +31,8 @@ pub(super) struct Bodies {
     pub(super) miss: Vec<f64>,
     /// How many shells each has.
     sizes: Vec<usize>,
+    /// For every shell: whether each of its rims meets others that run along it.
+    pub(super) is_met: Vec<bool>,
 }
 
 impl Bodies {
@@ -36,9 +40,12 @@ impl Bodies {
     pub(super) fn new(mesh: &TriangleMesh, shells: &Shells, holes: &[Hole]) -> Self {
         let mut sets = DisjointSets::new(shells.len());
         let mut misses = Vec::new();
-        for (shell, others, miss) in neighbours(&mesh.positions, holes) {
+        let mut unmet = vec![0usize; shells.len()];
+        holes.iter().for_each(|hole| unmet[hole.shell as usize] += 1);
+        for Neighbour { shell, others, miss, meets } in neighbours(&mesh.positions, holes) {
             others.iter().for_each(|&other| sets.join(shell, other));
             misses.push((shell, miss));
+            unmet[shell as usize] -= usize::from(meets);
         }
         let of_shell: Vec<u32> = (0..shells.len() as u32).map(|shell| sets.root(shell)).collect();
         let mut miss = vec![0.0; shells.len()];
@@ -48,7 +55,8 @@ impl Bodies {
         }
         let mut sizes = vec![0; shells.len()];
         of_shell.iter().for_each(|&body| sizes[body as usize] += 1);
-        Self { of_shell, miss, sizes }
+        let is_met = (0..shells.len()).map(|s| sizes[of_shell[s] as usize] > 1 && unmet[s] == 0).collect();
+        Self { of_shell, miss, sizes, is_met }
     }
 
     /// How many shells have rims in common with others.
@@ -83,8 +91,19 @@ struct Segment {
     ends: [DVec3; 2],
 }
 
-/// For every hole whose rim others run along: its shell, theirs, and how far they are apart.
-fn neighbours(positions: &[DVec3], holes: &[Hole]) -> Vec<(u32, Vec<u32>, f64)> {
+/// What runs along a hole's rim.
+struct Neighbour {
+    shell: u32,
+    /// Shells of the rims along it.
+    others: Vec<u32>,
+    /// How far they are apart at most.
+    miss: f64,
+    /// Whether they are on each other somewhere, as lines are that stand for one curve.
+    meets: bool,
+}
+
+/// All holes whose rims others run along.
+fn neighbours(positions: &[DVec3], holes: &[Hole]) -> Vec<Neighbour> {
     if holes.iter().all(|hole| hole.shell == holes[0].shell) {
         return Vec::new();
     }
@@ -102,7 +121,7 @@ fn neighbours(positions: &[DVec3], holes: &[Hole]) -> Vec<(u32, Vec<u32>, f64)> 
         let own = of_hole.next().unwrap_or_default();
         let (low, high) = bounds(&rim(hole));
         let far = HAIRLINE * (high - low).length();
-        let (mut others, mut covered, mut miss) = (Vec::new(), 0, 0.0f64);
+        let (mut others, mut covered, mut miss, mut least) = (Vec::new(), 0, 0.0f64, f64::INFINITY);
         let samples = own.iter().flat_map(|Segment { ends: [a, b], .. }| [(*a, *b - *a), (0.5 * (*a + *b), *b - *a)]);
         for (p, along) in samples {
             let mut nearest = (far, None);
@@ -127,13 +146,14 @@ fn neighbours(positions: &[DVec3], holes: &[Hole]) -> Vec<(u32, Vec<u32>, f64)> 
             if let (distance, Some(shell)) = nearest {
                 covered += 1;
                 others.push(shell);
-                miss = miss.max(distance);
+                (miss, least) = (miss.max(distance), least.min(distance));
             }
         }
         if covered as f64 >= COVERED * (2 * own.len()) as f64 {
             others.sort_unstable();
             others.dedup();
-            found.push((hole.shell, others, miss));
+            let meets = least <= MEETING * (high - low).length();
+            found.push(Neighbour { shell: hole.shell, others, miss, meets });
         }
     }
     found

@@ -67,6 +67,7 @@ pub(super) fn drop(mesh: &mut TriangleMesh, edges: &Edges, shells: &Shells, heal
         let is_solid = cap_area <= MAX_CAP_FRACTION * area && volume > MIN_COMPACTNESS * libm::pow(area, 1.5);
         if is_solid && (closed || refused) {
             health.dropped_sheets = count_patches(mesh, edges, &is_sheet);
+            health.dropped_sheet_volume_mm3 = patches.volume(&is_sheet);
             health.dropped_sheet_triangles = is_sheet.iter().filter(|&&sheet| sheet).count();
             mesh.keep(|t| !is_sheet[t]);
             dropped.changed = true;
@@ -190,6 +191,14 @@ impl OpenPatches {
             is_sheet[t] = !has_area[s as usize] || shell.is_open() && !is_hollow && !has_partner[s as usize];
         }
         is_sheet
+    }
+
+    /// What the patches among these triangles would hold if they were closed.
+    fn volume(&self, among: &[bool]) -> f64 {
+        let Survey { shells, .. } = &self.survey;
+        let mut counts = vec![false; shells.len()];
+        self.members.iter().zip(&shells.of_triangle).for_each(|(&t, &shell)| counts[shell as usize] |= among[t]);
+        shells.all.iter().zip(counts).filter(|(_, counts)| *counts).map(|(shell, _)| shell.volume.abs()).sum()
     }
 
     /// Seats of the mesh's triangles on what is neither sheet nor open.
