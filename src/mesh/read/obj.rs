@@ -364,10 +364,6 @@ impl<'a> Reader<'a> {
     fn resolve_corners(&mut self) -> Parsed<()> {
         let positions = self.raw.positions.len();
         let uvs = self.texture_coordinates.len();
-        if uvs == 0 {
-            // Writers that fill in indices all the same.
-            self.corner_uvs.fill([NO_UV; 3]);
-        }
         for ((triangle, uv), line) in self.raw.triangles.iter().zip(&self.corner_uvs).zip(&self.lines) {
             if let Some(i) = triangle.iter().find(|&&i| i as usize >= positions) {
                 let found = format!("position {}", u64::from(*i) + 1);

@@ -60,7 +60,7 @@ pub(super) const ROWS: &[Row] = &[
         "OBJ",
         Fate::Ignored,
         &["vn", "vp", "g", "o", "s", "l", "p"],
-        "homogeneous weights; vertex colours under a texture, with a warning; indices of `vt` where there are none",
+        "homogeneous weights; vertex colours under a texture, with a warning",
     ),
     row(
         "OBJ",
