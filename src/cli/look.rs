@@ -18,7 +18,7 @@ use lumislice::{
 use super::{
     Answer, Result,
     cache::CacheArgs,
-    failure::{refusal, refuse},
+    failure::{Failure, refusal, refuse},
     materials::{Corrected, Materials, prepared},
     print, print_json,
     progress::Bars,
@@ -188,7 +188,10 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
     };
     let result = job.map_or_else(alone, with_job);
     bars.finish();
-    let (look, inputs) = result?;
+    let (look, inputs) = match args.mitsuba {
+        None => result.map_err(Failure::before_writing)?,
+        Some(_) => result?,
+    };
     look.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     if look.spots.is_empty() {
         return Err(refusal!("surface: found no spot that shows, expected one at least"));

@@ -33,7 +33,7 @@ pub(in crate::job) use slices::slice_path;
 use crate::look::Volume;
 use crate::{
     job::{
-        Prepared, ROUNDS, RunError, StackingReport,
+        Job, Prepared, ROUNDS, RunError, StackingReport,
         file::{OutputFormat, Overlap},
         finished::read_manifest,
         look::{LOOK_VOXELS, Look, LookError, LookOptions, look_at},
@@ -48,6 +48,24 @@ use crate::{
     voxel::MaterialId,
     watch::Watch,
 };
+
+/// Refuses to go on in `folder` where another job is finished: one of other keys, which is known before anything slow.
+///
+/// # Errors
+/// [`OutputError::AnotherJob`].
+pub fn refuse_another(job: &Job, folder: &Path) -> Result<(), RunError> {
+    // What cannot be read is told by who reads all of it.
+    let Ok(Ok(manifest)) = read_manifest(folder) else { return Ok(()) };
+    if manifest.generator == GENERATOR && manifest.job != json(&job.resolved()) {
+        return Err(other_keys(folder));
+    }
+    Ok(())
+}
+
+fn other_keys(folder: &Path) -> RunError {
+    let (path, found) = (folder.join(MANIFEST), "a finished job with other keys or inputs".to_owned());
+    OutputError::AnotherJob { path, found, expected: "this one's".to_owned() }.into()
+}
 
 /// How to run a job.
 #[derive(Debug, Clone, Default)]
@@ -249,7 +267,7 @@ impl Prepared {
         }
         let inputs: Vec<_> = self.inputs.iter().map(json).collect();
         if (&manifest.job, &manifest.inputs) != (&json(&self.job.resolved()), &inputs) {
-            return Err(another("a finished job with other keys or inputs", "this one's".to_owned()).into());
+            return Err(other_keys(folder));
         }
         let damaged = |file: &&FileEntry| !(is_plain(&file.path) && file.is_whole(folder));
         if let Some(file) = manifest.files.par_iter().find_first(damaged) {
