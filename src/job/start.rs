@@ -296,12 +296,16 @@ impl Looks {
                 line(text, "mean-free-path-mm = 0.5", "how far light travels between two events");
             }
         }
-        // Many greys keep their ratios; what has one albedo, or is dark enough, keeps that.
-        match options.materials.is_none() && !self.is_colourful && self.is_bright {
-            true => {
-                line(text, &format!("max-albedo = {GREYS}"), "the brightest that 5 mm of white on black can do is 0.63")
-            }
-            false => line(text, "gamut-map = true", "what the resins cannot do is brought smoothly to what they can"),
+        // The built-in greys are the default's, named or not. Many albedos keep their ratios; one, or those that are
+        // dark enough, stay as they are.
+        let greys = match &options.materials {
+            None => !self.is_colourful,
+            Some(given) => given.as_os_str() == "synthetic",
+        };
+        if greys && self.is_bright {
+            line(text, &format!("max-albedo = {GREYS}"), "the brightest that 5 mm of white on black can do is 0.63");
+        } else if !greys {
+            line(text, "gamut-map = true", "what the resins cannot do is brought smoothly to what they can");
         }
     }
 }
