@@ -100,6 +100,9 @@ fn units_colours_and_heights_are_guessed() {
         assert_eq!(text.contains("gamut-map = true"), set == "inks-rgb-7", "{text}");
         assert!(!text.contains("max-albedo"), "{text}");
     }
+    let gcvf = job("small.stl", &["--formats", "gcvf,stl"]);
+    assert!(gcvf.contains("formats = [\"gcvf\", \"stl\", \"preview\"]"), "{gcvf}");
+    bench.run(["init", "small.stl", "--formats", "gvcf"]).refuses(2, &["--formats", "gvcf", "png, masks"]);
     let typo = bench.run(["init", "small.stl", "--materials", "synthetik"]);
     typo.refuses(2, &["--materials", "did you mean `synthetic`?"]);
     // A house does not fit.
