@@ -70,8 +70,8 @@ const MOODS: [Mood; 4] = [
     Mood { file: "spot", name: "Projected spot", lamps: [0.12, 0.0, 0.0, 1.2] },
 ];
 
-/// Albedo of the ground.
-const GROUND: f64 = 0.4;
+/// Albedo of the ground: a photographer's grey card, darker than what is mostly asked for, so that a print stands out.
+const GROUND: f64 = 0.18;
 /// Difference of encoded values at which the colour of a difference is full.
 const FULL: f64 = 0.25;
 /// Colours of a print that is as asked, too dark, too bright.
