@@ -345,7 +345,7 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
         writeln!(page, "<details>\n<summary>All {} stackings</summary>", data.stackings.len())?;
     }
     let swatches = data.stackings.iter().any(|stacking| stacking.albedo != [None; 2]);
-    writeln!(page, "<div class=\"wide\"><table>\n<thead><tr><th>Stacking</th>")?;
+    writeln!(page, "<div class=\"wide\"><table class=\"stackings\">\n<thead><tr><th>Stacking</th>")?;
     if swatches {
         writeln!(page, "<th>Asked, predicted</th>")?;
     }
@@ -379,9 +379,9 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
         writeln!(page, "</td>")?;
         let share = stacking.share.map_or_else(|| "–".to_owned(), |share| format!("{} %", number(100.0 * share, 1)));
         let error = stacking.error.map_or_else(|| "–".to_owned(), significant);
-        let values = [(shares, share), (true, decimals(thickness(stacking), 3)), (errors, error)];
-        for (_, value) in values.iter().filter(|(shown, _)| *shown) {
-            writeln!(page, "<td class=\"number\">{value}</td>")?;
+        let values = [share, decimals(thickness(stacking), 3), error];
+        for ((_, heading), value) in headings.iter().zip(values).filter(|((shown, _), _)| *shown) {
+            writeln!(page, "<td class=\"number\" data-name=\"{}\">{value}</td>", escape(heading))?;
         }
         writeln!(page, "</tr>")?;
     }

@@ -15,7 +15,7 @@
   }
   const middle = low.map((v, k) => (v + high[k]) / 2), dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   const size = canvas.width, scale = (0.96 * size) / Math.hypot(...low.map((v, k) => high[k] - v));
-  const radius = Math.max(2, 0.8 * scale * Math.sqrt(data.area_mm2 / points.length));
+  const radius = Math.max(2, 1.1 * scale * Math.sqrt(data.area_mm2 / points.length));
   let turn = (data.view_deg[0] * Math.PI) / 180, rise = (data.view_deg[1] * Math.PI) / 180, seen = [];
   const draw = () => {
     const toward = [Math.cos(rise) * Math.cos(turn), Math.cos(rise) * Math.sin(turn), Math.sin(rise)];
