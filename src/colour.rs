@@ -119,9 +119,9 @@ pub fn delta_e_2000([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
     (dl * dl + dc * dc + dh * dh + rotation * dc * dh).max(0.0).sqrt()
 }
 
-/// Three numbers whose squares sum to that of CIEDE2000, but that lightness, chroma and hue are told apart along the hue
-/// of the mean of both colours instead of along the mean of their hues: no jump at grey or at opposite hues, and the
-/// same to first order for colours of like hue.
+/// Three numbers whose squares sum to that of CIEDE2000, but that lightness, chroma and hue are told apart along the
+/// hue of the mean of both colours instead of along the mean of their hues: no jump at grey or at opposite hues, and
+/// the same to first order for colours of like hue.
 pub(crate) fn difference_parts([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> [f64; 3] {
     let seventh = |c: f64| (c.powi(7) / (c.powi(7) + 25.0_f64.powi(7))).sqrt();
     let g = 0.5 * (1.0 - seventh(0.5 * (libm::hypot(a1, b1) + libm::hypot(a2, b2))));

@@ -143,3 +143,7 @@ mod toml_reader;
 pub mod voxel;
 pub mod watch;
 pub mod words;
+
+#[cfg(test)]
+#[path = "../tests/common/shapes.rs"]
+mod test_shapes;

@@ -36,7 +36,8 @@ fn existing(overwrite: bool, resume: bool) -> PyResult<Existing> {
     }
 }
 
-/// Slices a job into `output`, ./<job name>-out by default; the manifest as a dict. `slices` = (a, b) writes slices a to b−1 only.
+/// Slices a job into `output`, ./<job name>-out by default; the manifest as a dict. `slices` = (a, b) writes slices a
+/// to b−1 only.
 #[pyfunction]
 #[pyo3(signature = (job, output = None, *, overwrite = false, resume = false, slices = None, progress = None))]
 pub fn slice<'py>(

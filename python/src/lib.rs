@@ -1,4 +1,5 @@
-//! lumislice for Python: the library's calls with NumPy arrays in and out, progress, Ctrl-C, and its words as exceptions.
+//! lumislice for Python: the library's calls with NumPy arrays in and out, progress, Ctrl-C, and its words as
+//! exceptions.
 
 mod jobs;
 mod resins;

@@ -131,8 +131,8 @@ impl Materials {
         self.set.grid.as_slice().to_vec().into_pyarray(py)
     }
 
-    /// Coefficients of a resin, arrays of one value for each channel: scattering_per_mm, absorption_per_mm, g; None where it
-    /// has none. refractive_index is a number.
+    /// Coefficients of a resin, arrays of one value for each channel: scattering_per_mm, absorption_per_mm, g; None
+    /// where it has none. refractive_index is a number.
     fn coefficients<'py>(&self, py: Python<'py>, resin: &str) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(id) = core_of(&self.set, Some(resin))? else { return Ok(None) };
         let resin = &self.set[id];

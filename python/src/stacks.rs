@@ -5,7 +5,7 @@ use std::sync::Arc;
 use lumislice::{
     appearance::material_target,
     optics::{
-        DEFAULT_PHOTONS, DEFAULT_SEED, FrequencyGrid, Light, MaterialSet, Mixture, Model, Stack, TransportOptions,
+        FrequencyGrid, Light, MaterialSet, Mixture, Model, Stack, TransportOptions,
         predict as predict_stack,
     },
     search::{
@@ -57,7 +57,7 @@ pub fn predict<'py>(
     if !(3e-5..=1e-3).contains(&accuracy) {
         return Err(InputError::new_err(format!("accuracy: found {accuracy}, expected 3e-5 to 1e-3")));
     }
-    let (count, seed) = (photons.unwrap_or(DEFAULT_PHOTONS), seed.unwrap_or(DEFAULT_SEED));
+    let (count, seed) = (photons.unwrap_or(Model::DEFAULT_PHOTONS), seed.unwrap_or(Model::DEFAULT_SEED));
     if count < 2 {
         return Err(InputError::new_err(format!("photons: found {count}, expected 2 or more")));
     }
@@ -123,10 +123,10 @@ fn table(what: &str, given: &Bound<'_, PyAny>, channels: usize) -> PyResult<Vec<
     }
 }
 
-/// The stacks that reflect most like targets, a list of dicts: stack (pairs of resin and mm), objective (by model), and by
-/// channel albedo_asked, albedo (c), reflection_hankel (c × n). `albedo` and `mean_free_path_mm` are numbers, arrays of one value
-/// for each target, or (targets × channels); or `reflection_hankel` is (targets × n) or (targets × channels × n) on
-/// `Materials.k_rad_per_mm`.
+/// The stacks that reflect most like targets, a list of dicts: stack (pairs of resin and mm), objective (by model), and
+/// by channel albedo_asked, albedo (c), reflection_hankel (c × n). `albedo` and `mean_free_path_mm` are numbers, arrays
+/// of one value for each target, or (targets × channels); or `reflection_hankel` is (targets × n) or (targets ×
+/// channels × n) on `Materials.k_rad_per_mm`.
 #[pyfunction]
 #[pyo3(name = "match")]
 #[pyo3(signature = (materials, *, albedo = None, mean_free_path_mm = None, reflection_hankel = None, core = None,
@@ -224,7 +224,8 @@ fn by_spectra(set: &MaterialSet, given: &Bound<'_, PyAny>) -> PyResult<Vec<Searc
         [_, c, m] if *m == n && *c == channels => channels * n,
         shape => {
             return Err(InputError::new_err(format!(
-                "reflection_hankel: found an array of shape {shape:?}, expected (targets, {n}) or (targets, {channels}, {n})"
+                "reflection_hankel: found an array of shape {shape:?}, expected (targets, {n}) or (targets, \
+                 {channels}, {n})"
             )));
         }
     };

@@ -2,7 +2,8 @@
 //!
 //! A triangle's area is spread over the texels by the part of its picture in the texture that falls on each (the
 //! texel's square clipped to the triangle, exactly). Triangles over the same texel add up; a texel that no triangle
-//! covers weighs nothing. What falls on a texel whose centre no triangle covers counts for the one that stands in for it.
+//! covers weighs nothing. What falls on a texel whose centre no triangle covers counts for the one that stands in for
+//! it.
 
 use glam::{DVec2, Vec2};
 

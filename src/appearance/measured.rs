@@ -2,8 +2,8 @@
 //! Subsurface Light Transport*, SIGGRAPH 2001, figure 5; and Narasimhan et al., *Acquiring Scattering Properties of
 //! Participating Media by Dilution*, SIGGRAPH 2006.
 //!
-//! Both give a reduced scattering σs′ and an absorption σa per channel. With α′ = σs′/(σs′ + σa) the mean free path of a
-//! target is 1/(σs′ + σa), and its albedo what the dipole returns of all light that falls on a half-space (Jensen et
+//! Both give a reduced scattering σs′ and an absorption σa per channel. With α′ = σs′/(σs′ + σa) the mean free path of
+//! a target is 1/(σs′ + σa), and its albedo what the dipole returns of all light that falls on a half-space (Jensen et
 //! al., section 2.3, the total diffuse reflectance in closed form):
 //!
 //! ```text

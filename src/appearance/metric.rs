@@ -7,8 +7,8 @@
 //! direction and the logarithm of the length. Clusters are formed there, and each is then represented by the one
 //! profile that minimises its relative errors.
 //!
-//! Errors in lightness go by each point's own albedo A as well: with the slope s of L*/100 there, the points √w (L*/100,
-//! s R̂_1, s R̂_2 …) lie as far apart as they should to first order where shapes are alike.
+//! Errors in lightness go by each point's own albedo A as well: with the slope s of L*/100 there, the points √w
+//! (L*/100, s R̂_1, s R̂_2 …) lie as far apart as they should to first order where shapes are alike.
 
 use crate::colour::{lightness, lightness_slope};
 use crate::search::{BLACK_RMS, Norm, Objective};

@@ -1,10 +1,10 @@
 //! Nodes: texels on a surface that has no texture coordinates of its own, or none fine enough for what varies over it.
 //!
 //! After mesh colours (Yuksel, Keyser and House 2010): every triangle has a lattice of nodes between its corners, fine
-//! enough for its size. They are kept as blocks of texels on pages of an [`Atlas`], so that whoever reads textures reads
-//! nodes. Corners lie on the centres of texels, so that interpolating between texels interpolates over the triangle, and
-//! neighbours agree along their edge as far as what is laid on the nodes agrees there. A triangle smaller than the
-//! spacing has one node.
+//! enough for its size. They are kept as blocks of texels on pages of an [`Atlas`], so that whoever reads textures
+//! reads nodes. Corners lie on the centres of texels, so that interpolating between texels interpolates over the
+//! triangle, and neighbours agree along their edge as far as what is laid on the nodes agrees there. A triangle smaller
+//! than the spacing has one node.
 //!
 //! ```text
 //!    0 · · · 1     nodes of a triangle with corners 0, 1, 2, where its longest side runs from 1 to 2

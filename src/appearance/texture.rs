@@ -1,7 +1,7 @@
 //! From textures to profiles: what albedo and mean free path every texel asks for.
 //!
-//! Both are kept as codes of a few bits, so that a texture of millions of texels is a few thousand distinct appearances,
-//! each with the surface that has it, which is what clustering works on.
+//! Both are kept as codes of a few bits, so that a texture of millions of texels is a few thousand distinct
+//! appearances, each with the surface that has it, which is what clustering works on.
 
 use std::collections::BTreeMap;
 
@@ -16,8 +16,8 @@ pub struct AppearancePage {
     pub height: u32,
     /// Diffuse albedo per texel and channel, linear, 0 to 1: `channels` values per texel.
     pub albedo: Vec<f32>,
-    /// Mean free path per texel in units of the target's, 0 to 1: one value for all channels, or one for each; as many in
-    /// all pages.
+    /// Mean free path per texel in units of the target's, 0 to 1: one value for all channels, or one for each; as many
+    /// in all pages.
     pub mean_free_path: Vec<f32>,
 }
 
@@ -50,7 +50,8 @@ const MAX_DISTINCT: usize = 20_000;
 const MAX_BITS: u32 = 12;
 const MIN_BITS: u32 = 4;
 
-/// Groups the covered texels of `pages` by appearance; `areas` are those of [`Atlas::areas`]. The albedo is multiplied by `albedo_scale` first.
+/// Groups the covered texels of `pages` by appearance; `areas` are those of [`Atlas::areas`]. The albedo is multiplied
+/// by `albedo_scale` first.
 pub fn distinct_appearances(
     atlas: &Atlas,
     pages: &[AppearancePage],

@@ -201,11 +201,8 @@ impl GamutArgs {
         if model == Some(Judge::Km) {
             return Ok(false);
         }
-        // Loading says what was refused, and why.
-        materials.fit(None, bars)?;
-        let lacking = materials.file.resin_names().find(|name| materials.file.volume(name).is_none());
-        match lacking {
-            Some(name) if model == Some(Judge::Transport) => Err(no_coefficients(name, named)),
+        match materials.lacks_coefficients(bars)? {
+            Some(name) if model == Some(Judge::Transport) => Err(no_coefficients(&name, named)),
             lacking => Ok(lacking.is_none()),
         }
     }

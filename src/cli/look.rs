@@ -18,7 +18,7 @@ use lumislice::{
 use super::{
     Answer, Result,
     cache::CacheArgs,
-    failure::{refusal, refuse},
+    failure::{Failure, refusal, refuse},
     materials::{Corrected, Materials, prepared},
     print, print_json,
     progress::Bars,
@@ -36,8 +36,8 @@ pub struct LookArgs {
     /// A job file, or the folder of a finished job, whose slices are looked at.
     #[arg(value_name = "OUT|JOB.toml")]
     what: PathBuf,
-    /// The job that OUT was made from: its meshes, and what it asks for. Without it, what OUT knows: its slices, and what
-    /// was asked for at the spots of its look.json.
+    /// The job that OUT was made from: its meshes, and what it asks for. Without it, what OUT knows: its slices, and
+    /// what was asked for at the spots of its look.json.
     #[arg(long, value_name = "JOB.toml", help_heading = "Input")]
     job: Option<PathBuf>,
     /// Resins of OUT without a job, where they are of no built-in set: a TOML file or the name of a set.
@@ -188,7 +188,10 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
     };
     let result = job.map_or_else(alone, with_job);
     bars.finish();
-    let (look, inputs) = result?;
+    let (look, inputs) = match args.mitsuba {
+        None => result.map_err(Failure::before_writing)?,
+        Some(_) => result?,
+    };
     look.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     if look.spots.is_empty() {
         return Err(refusal!("surface: found no spot that shows, expected one at least"));

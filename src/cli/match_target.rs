@@ -6,9 +6,7 @@ use clap::Args;
 use lumislice::{
     appearance::{material_target, srgb_albedo},
     colour::{delta_e_2000, lab},
-    optics::{
-        DEFAULT_SEED, EdgeResponse, FrequencyGrid, Light, MaterialSet, Mixture, Model, Prediction, Stack, predict,
-    },
+    optics::{EdgeResponse, FrequencyGrid, Light, MaterialSet, Mixture, Model, Prediction, Stack, predict},
     plot::Figure,
     search::{
         Judge, Judged, Match, MatchOptions, Matcher, Norm, Objective, RefineOptions, SearchError, SearchOptions,
@@ -198,7 +196,7 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
     let objective = &options.search.objective;
     let answer = found.judged(&set, &target, objective);
     let traced = args.photons.map(|photons| {
-        let model = Model::MonteCarlo { light: Light::Diffuse, photons, seed: DEFAULT_SEED };
+        let model = Model::MonteCarlo { light: Light::Diffuse, photons, seed: Model::DEFAULT_SEED };
         predict(&set, &answer.stacking, &model, &StopOnly(&bars))
     });
     let traced = traced.transpose()?;
@@ -233,6 +231,11 @@ impl MatchArgs {
                 refuse!("--target: found {given} values, expected 1 or {channels}, one for each channel");
             }
             return Ok(SearchTarget::from_profiles(&self.target, channels, &grid)?);
+        }
+        if let Some([r, g, b]) = self.srgb.filter(|_| channels == 1)
+            && r.max(g).max(b) - r.min(g).min(b) > GREY
+        {
+            say("warning: the resins have one channel: of the colour only its lightness is matched");
         }
         let albedo: Vec<f64> = match self.srgb {
             None => self.albedo.clone(),
@@ -274,12 +277,9 @@ impl MatchArgs {
         if self.model == JudgeArg::Km && self.photons.is_none() {
             return Ok(Judge::KubelkaMunk);
         }
-        // Loading says what was refused, and why.
-        materials.fit(None, bars)?;
-        let file = &materials.file;
-        match file.resin_names().find(|name| file.volume(name).is_none()) {
+        match materials.lacks_coefficients(bars)? {
             None => Ok(self.model.judge()),
-            Some(name) if self.photons.is_some() => Err(no_coefficients(name, &self.materials)),
+            Some(name) if self.photons.is_some() => Err(no_coefficients(&name, &self.materials)),
             Some(_) => {
                 say("warning: matching by Kubelka-Munk instead");
                 Ok(Judge::KubelkaMunk)
@@ -309,6 +309,8 @@ struct Look {
     delta_e_2000: f64,
 }
 
+/// Bytes of a colour that differ by no more pass for grey.
+const GREY: u8 = 8;
 /// Albedos that differ by less look much alike.
 const ALIKE: f64 = 0.05;
 
@@ -364,6 +366,13 @@ impl Shown<'_> {
         there.map(|(mixture, mm)| (self.set.mixture_name(mixture), mm)).collect()
     }
 
+    /// The layers as `predict` and a job's `stack` read them.
+    fn spelled(&self) -> String {
+        let layers: Vec<_> =
+            self.named(&self.answer.stacking).into_iter().map(|(name, mm)| format!("{name}:{mm:.4}")).collect();
+        layers.join(",")
+    }
+
     fn document(&self) -> serde_json::Value {
         let Self { answer, search, .. } = self;
         let stack = |judged: &Judged| -> Vec<_> {
@@ -392,6 +401,7 @@ impl Shown<'_> {
             self.named(&answer.stacking).into_iter().map(|(name, mm)| vec![name, format!("{mm:.4}")]).collect();
         let below = self.args.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
         let mut text = format!("from the observer down, over {below}:\n{}", table(&["layer", "mm"], &rows));
+        text += &format!("as --stack \"{}\"\n", self.spelled());
         let rms = |channel: usize| {
             let (r, t) = (&answer.reflection[channel], &self.target.channels[channel]);
             let squares: f64 = r.iter().zip(t).map(|(r, t)| (r - t) * (r - t)).sum();

@@ -45,6 +45,13 @@ impl Materials {
         refused
     }
 
+    /// Fits coefficients to the resins given by profiles, for the transport model, saying what was refused and why: the
+    /// first resin that is left without, if one is.
+    pub fn lacks_coefficients(&mut self, bars: &Bars) -> Result<Option<String>, OpticsError> {
+        self.fit(None, bars)?;
+        Ok(self.file.resin_names().find(|name| self.file.volume(name).is_none()).map(str::to_owned))
+    }
+
     /// All parameters; simulates the resins that come without profiles. Says what was done to the data of a file.
     pub fn load(self, bars: &Bars) -> Result<MaterialSet, OpticsError> {
         let set = self.file.into_set(bars);

@@ -7,7 +7,7 @@ use std::{
 
 use clap::Args;
 use lumislice::{
-    optics::{DEFAULT_PHOTONS, MaterialFile, SlabPlan},
+    optics::{MaterialFile, Model, SlabPlan},
     watch::Thousandths,
 };
 
@@ -35,8 +35,8 @@ pub struct SimulateArgs {
     #[arg(long, value_name = "MM", value_parser = parse_thickness, help_heading = "Simulation")]
     thickness_mm: Option<f64>,
     /// Photons per slab, at least 2; the built-in profiles have 20000000.
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_PHOTONS, value_parser = clap::value_parser!(u64).range(2..),
-          help_heading = "Simulation")]
+    #[arg(long, value_name = "N", default_value_t = Model::DEFAULT_PHOTONS,
+          value_parser = clap::value_parser!(u64).range(2..), help_heading = "Simulation")]
     photons: u64,
     /// Seed of the first slab's random numbers, the others follow; default: that of the built-in profiles.
     #[arg(long, value_name = "N", help_heading = "Simulation")]

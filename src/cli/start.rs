@@ -10,6 +10,7 @@ use lumislice::{
         start::{Start, StartOptions, start},
     },
     mesh::extensions,
+    optics::MaterialFile,
     voxel::Printer,
 };
 
@@ -22,17 +23,18 @@ use super::{
 /// What is said of a mesh on the command line.
 #[derive(Debug, Clone, Default, Args)]
 pub struct MeshArgs {
-    /// The printer's preset, for a mesh; default j750-27um.
+    /// The printer's preset (`lumislice printers` lists them), for a mesh; default j750-27um.
     #[arg(long, value_name = "PRESET", value_parser = printer, help_heading = "Mesh")]
     pub printer: Option<String>,
     /// Height of the print in mm, for a mesh; default the file's, where it makes sense.
     #[arg(long, value_name = "MM", value_parser = height, help_heading = "Mesh")]
     pub height_mm: Option<f64>,
-    /// A measured material that the mesh should look like, as marble or skin1; default its own colours.
+    /// A measured material that the mesh should look like, as marble or skin1 (another word lists them); default its
+    /// own colours.
     #[arg(long, value_name = "NAME", value_parser = look, help_heading = "Mesh")]
     pub look: Option<String>,
-    /// A built-in set of resins or a material file, for a mesh.
-    #[arg(long, value_name = "SET|FILE", help_heading = "Mesh")]
+    /// A built-in set of resins (`lumislice material list`) or a material file, for a mesh.
+    #[arg(long, value_name = "SET|FILE", value_parser = materials, help_heading = "Mesh")]
     pub materials: Option<PathBuf>,
 }
 
@@ -50,6 +52,15 @@ fn look(text: &str) -> Result<String, String> {
     match MeasuredMedium::named(text) {
         Some(_) => Ok(text.to_owned()),
         None => Err(format!("found `{text}`, expected a material that was measured: {}", names())),
+    }
+}
+
+fn materials(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_file = path.is_file() || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+    match is_file {
+        true => Ok(path),
+        false => MaterialFile::builtin(text).map(|_| path).map_err(|error| error.to_string()),
     }
 }
 

@@ -2,8 +2,8 @@
 //! names them.
 //!
 //! The bitmap method as it is publicly described: bitmaps of one size, their width divisible by 32, that do not
-//! overlap, for up to three materials, called `Mat1_0000.bmp` and so on, and a text file of three sections. Bitmaps have their
-//! origin at the top left, so shown by any program they look like our PNG slices.
+//! overlap, for up to three materials, called `Mat1_0000.bmp` and so on, and a text file of three sections. Bitmaps
+//! have their origin at the top left, so shown by any program they look like our PNG slices.
 
 use std::io::{self, Write};
 

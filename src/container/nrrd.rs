@@ -1,8 +1,8 @@
 //! Ids of voxels for napari, 3D Slicer and NumPy: a `.nrrd`, a text header and one gzip stream.
 //!
 //! The format's definition (teem, "Definition of NRRD File Format", version 5). Slices are compressed side by side,
-//! each ended on a whole byte, and joined to one stream as `pigz` does: readers that stop after the first of several gzip
-//! members read all of it. Samples lie at the centres of voxels.
+//! each ended on a whole byte, and joined to one stream as `pigz` does: readers that stop after the first of several
+//! gzip members read all of it. Samples lie at the centres of voxels.
 
 use std::{
     fs::File,
@@ -26,7 +26,8 @@ pub fn header(content: &Content) -> String {
     let [ox, oy, oz] = (lattice.origin + 0.5 * lattice.pitch).to_array();
     let mut text = format!(
         "NRRD0005\n# ids of resins, by lumislice\ntype: uint8\ndimension: 3\nspace dimension: 3\n\
-         sizes: {nx} {ny} {nz}\nspace directions: ({px},0,0) (0,{py},0) (0,0,{pz})\nkinds: domain domain domain\nencoding: gzip\n\
+         sizes: {nx} {ny} {nz}\nspace directions: ({px},0,0) (0,{py},0) (0,0,{pz})\nkinds: domain domain \
+         domain\nencoding: gzip\n\
          space units: \"mm\" \"mm\" \"mm\"\nspace origin: ({ox},{oy},{oz})\n"
     );
     for resin in &content.resins {

@@ -64,7 +64,7 @@ pub struct Manifest {
     /// Material meshes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshRecord>,
-    /// How the job looks; `None` where nobody looked.
+    /// How the job looks; `None` where it was not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub look: Option<LookSummary>,
     /// Every other file of the folder but the timings.

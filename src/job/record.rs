@@ -36,7 +36,8 @@ pub struct Fit {
     pub relative_rms: f64,
 }
 
-/// How far printed colours are from what they should be, ΔE2000 (CIE 142:2001; an albedo of 1 is white): noise is in them.
+/// How far printed colours are from what they should be, ΔE2000 (CIE 142:2001; an albedo of 1 is white): noise is in
+/// them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Differences {
     /// Half of the spots are nearer.
@@ -52,8 +53,8 @@ pub struct Differences {
 pub struct EdgeRecord {
     /// Unit vector along the surface into the light, in the lattice's frame.
     pub into_the_light: [f64; 3],
-    /// Radiosity per irradiance that is asked for, as a flat sheet of the target's profile has it; `None` where a stacking
-    /// was given.
+    /// Radiosity per irradiance that is asked for, as a flat sheet of the target's profile has it; `None` where a
+    /// stacking was given.
     pub asked: Option<Vec<Vec<f64>>>,
     /// That of the print.
     pub printed: Vec<Vec<f64>>,
@@ -74,8 +75,8 @@ pub struct SpotRecord {
     pub asked: Option<Vec<f64>>,
     /// What was predicted for an endless flat slab; empty where that is not known.
     pub predicted: Vec<f64>,
-    /// Share of the sky that it sees, 0 to 1: in a hollow print is held against what a surface of that albedo would show
-    /// among its like, see [`against_asked`](super::look::Look::against_asked).
+    /// Share of the sky that it sees, 0 to 1: in a hollow print is held against what a surface of that albedo would
+    /// show among its like, see [`against_asked`](super::look::Look::against_asked).
     #[serde(default = "whole_sky")]
     pub sky: f64,
     /// Radiosity per irradiance of the print, under even light.
@@ -136,8 +137,8 @@ pub struct RoundRecord {
 pub struct ObjectCorrection {
     /// Index of the object.
     pub object: usize,
-    /// Thousandths of the logarithm of the factor at every point of its surface, by channel; one list where all channels
-    /// have the same.
+    /// Thousandths of the logarithm of the factor at every point of its surface, by channel; one list where all
+    /// channels have the same.
     pub ln_factor_thousandths: Vec<Vec<i32>>,
 }
 

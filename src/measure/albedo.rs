@@ -78,7 +78,8 @@ pub(super) fn albedo(
                 "a share of the light, above 0 and at most 1; are `with` and `without`, or their times, exchanged?"
             }
             Albedo::GreyCard { .. } if measured.value > 1.0 => {
-                "a share of the light, above 0 and at most 1; are `card` and `sample` exchanged, and is `card-albedo` right?"
+                "a share of the light, above 0 and at most 1; are `card` and `sample` exchanged, and is \
+                 `card-albedo` right?"
             }
             _ => "a share of the light, above 0 and at most 1",
         };

@@ -243,8 +243,8 @@ impl fmt::Display for Finding {
             ),
             Self::BlackOff { used_dn, seen_dn } => write!(
                 f,
-                "the exposures together say that no light is {seen_dn:.0} DN, where {used_dn:.0} is used: is black-level \
-                 right, and are the values linear?"
+                "the exposures together say that no light is {seen_dn:.0} DN, where {used_dn:.0} is used: is \
+                 black-level right, and are the values linear?"
             ),
             Self::SaturationBelow { stated, seen } => write!(
                 f,
@@ -254,20 +254,20 @@ impl fmt::Display for Finding {
             Self::NoFlatField => write!(f, "no flat field: the lens' shading is not corrected"),
             Self::NearBorder { reach_mm, farthest_mm, share } => write!(
                 f,
-                "the spot is {reach_mm:.1} mm from the border, {farthest_mm:.1} mm from the farthest one: whole rings end \
-                 at {} of the brightest, and stray light and the fall beyond are known poorly",
+                "the spot is {reach_mm:.1} mm from the border, {farthest_mm:.1} mm from the farthest one: whole rings \
+                 end at {} of the brightest, and stray light and the fall beyond are known poorly",
                 percent(*share)
             ),
             Self::FieldEnds { series, reach_mm, share } => write!(
                 f,
-                "{series}: whole rings end at {reach_mm:.1} mm, and {} of the light lies beyond by the fall of the last \
-                 ones: a larger field, or a spot nearer to its middle, tells more",
+                "{series}: whole rings end at {reach_mm:.1} mm, and {} of the light lies beyond by the fall of the \
+                 last ones: a larger field, or a spot nearer to its middle, tells more",
                 percent(*share)
             ),
             Self::BelowDark { share, error } => write!(
                 f,
-                "outer rings fall to a level below the dark, {}% of the light: the field ends in the light, or the dark \
-                 series has light of its own; not subtracted",
+                "outer rings fall to a level below the dark, {}% of the light: the field ends in the light, or the \
+                 dark series has light of its own; not subtracted",
                 plus_minus(100.0 * share, 100.0 * error)
             ),
             Self::Uneven { from_mm, to_mm, share } => write!(
@@ -284,8 +284,8 @@ impl fmt::Display for Finding {
             ),
             Self::UnevenCard { share } => write!(
                 f,
-                "light on the grey card's picture is uneven: by the slopes over card and sample the albedo may be off by \
-                 {}, which its error has in it; exchange the two and photograph again",
+                "light on the grey card's picture is uneven: by the slopes over card and sample the albedo may be off \
+                 by {}, which its error has in it; exchange the two and photograph again",
                 percent(*share)
             ),
             Self::AlbedoContradicted { series, measured, fitted, error } => write!(
@@ -296,9 +296,9 @@ impl fmt::Display for Finding {
             ),
             Self::AlbedosAtOdds { with, without } => write!(
                 f,
-                "coefficients leave {with:.1e} rms of both profiles, and {without:.1e} where their albedos are free: one \
-                 of the two albedos, or the thickness, is off by some percent; is the card's albedo right, its light even, \
-                 are the times of card and screen right?"
+                "coefficients leave {with:.1e} rms of both profiles, and {without:.1e} where their albedos are free: \
+                 one of the two albedos, or the thickness, is off by some percent; is the card's albedo right, its \
+                 light even, are the times of card and screen right?"
             ),
             Self::PoorFit { residual } => write!(
                 f,
@@ -316,8 +316,8 @@ impl fmt::Display for Finding {
             Self::Tilt { degrees, error } => {
                 write!(
                     f,
-                    "rings are lopsided as a tilt of {} degrees makes them (shading of the lens or flare can look alike); \
-                     averaged over",
+                    "rings are lopsided as a tilt of {} degrees makes them (shading of the lens or flare can look \
+                     alike); averaged over",
                     plus_minus(*degrees, *error)
                 )
             }
@@ -334,8 +334,8 @@ impl fmt::Display for Finding {
             Self::Ellipticity { share, error } => {
                 write!(
                     f,
-                    "rings are ellipses: axes differ by {}% (a stretched picture, a strong tilt, or something across the \
-                     spot); averaged over",
+                    "rings are ellipses: axes differ by {}% (a stretched picture, a strong tilt, or something across \
+                     the spot); averaged over",
                     plus_minus(100.0 * share, 100.0 * error)
                 )
             }

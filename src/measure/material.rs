@@ -206,8 +206,8 @@ impl ChannelMeasurement {
         MeasureError::scene(
             format!("channel {}: the albedo of reflection", self.name),
             format!("{measured:.4}, where the profiles' shapes have {fitted:.3} ± {error:.3}"),
-            "less than three times as much of one as of the other: are card and sample exchanged, are the card's albedo \
-             and the thickness right?",
+            "less than three times as much of one as of the other: are card and sample exchanged, are the card's \
+             albedo and the thickness right?",
         )
     }
 

@@ -21,7 +21,8 @@ const LEVEL_SIGMAS: f64 = 4.0;
 const NAMED_BELOW: f64 = 1e-3;
 /// Asymmetries are named from this many standard errors on…
 const NAMED_SIGMAS: f64 = 4.0;
-/// …tilts from a few more: of 118 sound series at random three were seen at 4.0 to 4.5, where chance alone would be 0.01…
+/// …tilts from a few more: of 118 sound series at random three were seen at 4.0 to 4.5, where chance alone would be
+/// 0.01…
 const TILT_SIGMAS: f64 = 5.5;
 /// …a tilt from this angle on, degrees…
 const NAMED_TILT: f64 = 0.2;
@@ -213,8 +214,8 @@ pub(super) fn scan(
 }
 
 impl ScannedProfile {
-    /// As a profile, still in DN/s; its errors cover the rings' own, exposure times, stray light, and that of the albedo
-    /// it will be scaled to, a share of each value.
+    /// As a profile, still in DN/s; its errors cover the rings' own, exposure times, stray light, and that of the
+    /// albedo it will be scaled to, a share of each value.
     pub(super) fn profile(&self, albedo_share: f64) -> Result<RadialProfile, ProfileError> {
         let common = libm::hypot(self.time_share, albedo_share);
         let all = self.value.iter().zip(&self.error);

@@ -17,12 +17,14 @@
 //! A block has two texels for each texel of the texture under it (one where that is too many), and as many as colours
 //! differ in steps of [`STEP`]. Triangles that need none of this keep materials and coordinates bit for bit.
 
+mod page;
+
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
-use super::{Projected, SurfaceMaterial, Texture, TriangleMesh, Wrap, project::Projector};
+use self::page::{Block, Page, pack};
+use super::{SurfaceMaterial, TriangleMesh, Wrap, project::Projector};
 use crate::colour::{byte_to_linear, linear_to_byte, linear_to_srgb};
 
 /// Difference of encoded colours between neighbouring texels: 8 of 255 levels, a quarter of what the texels of a
@@ -34,12 +36,8 @@ const SAME: f32 = 0.5 / 255.0;
 const MAX_PLAIN: usize = 256;
 /// Longest side of a block; shorter where blocks have fewer texels than the texture, so that all fit in the end.
 const MAX_SIDE: f32 = 1024.0;
-/// Longest side of a texture: texel centres of a power of two are exact in single precision.
-const MAX_PAGE: usize = 4096;
 /// Texels that all blocks together may have: some 40 bytes each while targets are made, a third of a GiB.
 const MAX_TEXELS: usize = 1 << 23;
-/// Texels around a block, on each side.
-const GUTTER: usize = 1;
 /// How far beyond [0, 1], in texels, coordinates may lie by rounding.
 const EDGE: f32 = 0.01;
 
@@ -113,9 +111,9 @@ impl TriangleMesh {
         self.material_of.get(t).copied().unwrap_or(0).into()
     }
 
-    /// Lays all triangles out anew, fine enough for images that are projected onto them: every texel gets its colour and
-    /// says where the images lie there ([`SurfaceMaterial::projected`]). An image is `tile_mm` wide; `texels_per_mm` are
-    /// those of the finest.
+    /// Lays all triangles out anew, fine enough for images that are projected onto them: every texel gets its colour
+    /// and says where the images lie there ([`SurfaceMaterial::projected`]). An image is `tile_mm` wide;
+    /// `texels_per_mm` are those of the finest.
     pub fn bake_projection(&mut self, tile_mm: f64, texels_per_mm: f64) {
         let projector = Projector::new(self, tile_mm, texels_per_mm);
         if self.materials.is_empty() {
@@ -283,92 +281,6 @@ enum Look {
     Varied,
 }
 
-/// The texels of one triangle.
-#[derive(Clone, Copy)]
-struct Block {
-    triangle: usize,
-    /// Corners of the triangle: on the block's corner, along x, along y.
-    order: [usize; 3],
-    size: [usize; 2],
-    page: usize,
-    /// First texel on the page.
-    corner: [usize; 2],
-}
-
-impl Block {
-    /// Texels it takes, those around it included.
-    fn room(&self) -> usize {
-        self.size.map(|side| side + 2 * GUTTER).iter().product()
-    }
-
-    /// Texture coordinates of the triangle's corners, on texel centres.
-    fn uvs(&self, page: &Page) -> [Vec2; 3] {
-        let at = |x: usize, y: usize| {
-            let texel = Vec2::new((self.corner[0] + x) as f32 + 0.5, (self.corner[1] + y) as f32 + 0.5);
-            texel / Vec2::new(page.size[0] as f32, page.size[1] as f32)
-        };
-        let mut uvs = [at(0, 0); 3];
-        uvs[self.order[1]] = at(self.size[0] - 1, 0);
-        uvs[self.order[2]] = at(0, self.size[1] - 1);
-        uvs
-    }
-}
-
-/// Gives every block its place, on shelves of blocks alike in height; the sizes of the pages come back.
-fn pack(blocks: &mut [Block]) -> Vec<[usize; 2]> {
-    blocks.sort_by_key(|block| (block.size[1], block.size[0], block.triangle));
-    let room: usize = blocks.iter().map(Block::room).sum();
-    let widest = blocks.iter().map(|block| block.size[0] + 2 * GUTTER).max().unwrap_or(1);
-    let width = ((room as f64).sqrt().ceil() as usize).max(widest).next_power_of_two().min(MAX_PAGE);
-    let mut pages = Vec::new();
-    let ([mut x, mut y], mut shelf) = ([0, 0], 0);
-    for block in blocks {
-        let size = block.size.map(|side| side + 2 * GUTTER);
-        if x + size[0] > width {
-            (x, y, shelf) = (0, y + shelf, 0);
-        }
-        if y + size[1] > MAX_PAGE {
-            pages.push([width, y.next_power_of_two()]);
-            (x, y, shelf) = (0, 0, 0);
-        }
-        block.page = pages.len();
-        block.corner = [x + GUTTER, y + GUTTER];
-        x += size[0];
-        shelf = shelf.max(size[1]);
-    }
-    pages.push([width, (y + shelf).next_power_of_two()]);
-    pages
-}
-
-/// A texture being baked.
-struct Page {
-    size: [usize; 2],
-    texels: Vec<[u8; 4]>,
-    /// Coordinates before, where they are asked for.
-    from: Vec<Vec2>,
-    /// Where projected images lie, likewise.
-    projected: Vec<Projected>,
-}
-
-impl Page {
-    fn new(size: [usize; 2], detail: Detail) -> Self {
-        let texels = size[0] * size[1];
-        let from = if let Detail::Coordinates(_) = detail { vec![Vec2::ZERO; texels] } else { Vec::new() };
-        let projected = if let Detail::Projected(_) = detail { vec![Projected::default(); texels] } else { Vec::new() };
-        Self { size, texels: vec![[0, 0, 0, 255]; texels], from, projected }
-    }
-
-    fn finished(self) -> SurfaceMaterial {
-        let [width, height] = self.size.map(|side| side as u32);
-        SurfaceMaterial {
-            base_color_texture: Some(Arc::new(Texture { width, height, texels: self.texels })),
-            baked_from: if self.from.is_empty() { None } else { Some(self.from.into()) },
-            projected: if self.projected.is_empty() { None } else { Some(self.projected.into()) },
-            ..SurfaceMaterial::plain("baked colours", [1.0; 4])
-        }
-    }
-}
-
 /// A material in another colour.
 fn tinted(material: &SurfaceMaterial, color: [f32; 3]) -> SurfaceMaterial {
     let [r, g, b, alpha] = material.base_color;
@@ -408,152 +320,4 @@ fn finite(linear: f32) -> f32 {
 }
 
 #[cfg(test)]
-mod tests {
-    use glam::DVec3;
-
-    use super::*;
-    use crate::colour::srgb_to_linear as linear;
-
-    /// One flat triangle.
-    fn triangle(uvs: [[f32; 2]; 3], material: SurfaceMaterial) -> TriangleMesh {
-        TriangleMesh {
-            positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
-            triangles: vec![[0, 1, 2]],
-            uvs: vec![uvs.map(Vec2::from)],
-            materials: vec![material],
-            ..TriangleMesh::default()
-        }
-    }
-
-    fn material(texture: Option<Texture>, wrap: Wrap) -> SurfaceMaterial {
-        SurfaceMaterial {
-            base_color_texture: texture.map(Arc::new),
-            wrap: [wrap; 2],
-            ..SurfaceMaterial::plain("", [1.0; 4])
-        }
-    }
-
-    /// Red on the left, blue on the right.
-    fn halves() -> Texture {
-        let row = [[255, 0, 0, 255], [255, 0, 0, 255], [0, 0, 255, 255], [0, 0, 255, 255]];
-        Texture { width: 4, height: 4, texels: row.repeat(4) }
-    }
-
-    /// Linear colour of the mesh's triangle `t` at a point, as who lays colours sees it.
-    fn seen(mesh: &TriangleMesh, t: usize, weights: [f32; 3]) -> [f32; 3] {
-        let material = &mesh.materials[mesh.material_index(t)];
-        assert_eq!(material.wrap.map(|_| Wrap::Repeat), [Wrap::Repeat; 2]);
-        let uv = mesh.uvs[t].iter().zip(weights).map(|(uv, weight)| *uv * weight).sum();
-        let [r, g, b, _] = material.base_color;
-        (sample(material, uv) * Vec3::new(r, g, b)).to_array()
-    }
-
-    const POINTS: [[f32; 3]; 7] = [
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [0.0, 0.0, 1.0],
-        [0.3, 0.3, 0.4],
-        [0.1, 0.2, 0.7],
-        [0.5, 0.5, 0.0],
-        [0.6, 0.1, 0.3],
-    ];
-
-    #[test]
-    fn what_repeats_and_is_white_stays_bit_for_bit() {
-        let mut mesh = triangle([[1.05, 0.0], [3.45, 0.0], [1.45, 1.0]], material(Some(halves()), Wrap::Repeat));
-        let before = mesh.clone();
-        assert!(!mesh.bake_base_color(Some((64, 64))));
-        assert_eq!((mesh.uvs, mesh.materials.len()), (before.uvs, 1));
-        let mut inside = triangle([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], material(Some(halves()), Wrap::Clamp));
-        assert!(!inside.bake_base_color(None));
-    }
-
-    #[test]
-    fn corners_in_three_colours_are_interpolated() {
-        for colors in [
-            [[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]],
-            [[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.1, 0.1, 0.8]],
-            [[0.5, 0.2, 0.5], [0.1, 0.1, 0.8], [0.5, 0.2, 0.5]],
-        ] {
-            let mut mesh = triangle([[0.0; 2]; 3], material(None, Wrap::Repeat));
-            mesh.corner_colors = vec![colors];
-            assert!(mesh.bake_base_color(None));
-            assert!(mesh.corner_colors.is_empty() && mesh.materials.len() == 1);
-            for weights in POINTS {
-                for (c, found) in seen(&mesh, 0, weights).into_iter().enumerate() {
-                    let expected: f32 = colors.iter().zip(weights).map(|(color, weight)| color[c] * weight).sum();
-                    assert!((encoded(found) - encoded(expected)).abs() < 1.5 * STEP, "{weights:?}: {found} {expected}");
-                }
-            }
-            for (corner, color) in colors.into_iter().enumerate() {
-                let mut weights = [0.0; 3];
-                weights[corner] = 1.0;
-                assert_eq!(seen(&mesh, 0, weights).map(byte), color.map(byte));
-            }
-        }
-    }
-
-    #[test]
-    fn one_colour_all_over_is_a_material() {
-        let mut mesh = triangle([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], material(Some(halves()), Wrap::Repeat));
-        mesh.corner_colors = vec![[[0.3, 0.2, 0.1]; 3]];
-        let uvs = mesh.uvs.clone();
-        assert!(mesh.bake_base_color(None));
-        assert_eq!((mesh.uvs, mesh.materials[0].base_color), (uvs, [0.3, 0.2, 0.1, 1.0]));
-    }
-
-    #[test]
-    fn mirrors_and_edges_are_painted() {
-        // Left of the middle all over, in the mirror image.
-        for (wrap, uvs) in [
-            (Wrap::Mirror, [[1.05, 0.0], [1.45, 0.0], [1.45, 1.0]]),
-            (Wrap::Clamp, [[1.05, 0.0], [1.45, 0.0], [1.45, 1.0]]),
-            (Wrap::Clamp, [[0.55, -7.0], [9.0, 0.0], [40.0, 1.0]]),
-        ] {
-            let mut mesh = triangle(uvs, material(Some(halves()), wrap));
-            assert!(mesh.bake_base_color(None));
-            for weights in POINTS {
-                assert_eq!(seen(&mesh, 0, weights).map(byte), [0, 0, 255], "{wrap:?} {weights:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn more_colours_than_materials_share_a_texture() {
-        let mut mesh = triangle([[0.0; 2]; 3], material(None, Wrap::Repeat));
-        let color = |t: usize| [linear((t % 23) as f32 / 22.0), linear((t / 23) as f32 / 22.0), 0.0];
-        mesh.triangles = vec![[0, 1, 2]; 500];
-        mesh.uvs = vec![mesh.uvs[0]; 500];
-        mesh.corner_colors = (0..500).map(|t| [color(t); 3]).collect();
-        assert!(mesh.bake_base_color(None));
-        assert_eq!(mesh.materials.len(), 1);
-        for t in 0..500 {
-            for weights in POINTS {
-                assert_eq!(seen(&mesh, t, weights).map(byte), color(t).map(byte));
-            }
-        }
-    }
-
-    #[test]
-    fn texels_remember_where_they_were() {
-        let uvs = [[0.1, 0.2], [0.7, 0.2], [0.1, 0.9]];
-        let mut mesh = triangle(uvs, material(None, Wrap::Repeat));
-        mesh.corner_colors = vec![[[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]]];
-        assert!(mesh.bake_base_color(Some((64, 64))));
-        let from = mesh.materials[0].baked_from.clone().unwrap();
-        let texture = mesh.materials[0].base_color_texture.clone().unwrap();
-        for weights in POINTS {
-            let mean = |uvs: [Vec2; 3]| uvs.iter().zip(weights).map(|(uv, weight)| *uv * weight).sum::<Vec2>();
-            let at = mean(mesh.uvs[0]) * Vec2::new(texture.width as f32, texture.height as f32);
-            let found = from[at.x as usize + texture.width as usize * at.y as usize];
-            assert!(found.distance(mean(uvs.map(Vec2::from))) < 1.0 / 64.0, "{found}");
-        }
-    }
-
-    #[test]
-    fn huge_and_broken_coordinates_end() {
-        let mut mesh = triangle([[-1e30, 0.0], [1e30, f32::NAN], [0.0, 1e9]], material(Some(halves()), Wrap::Mirror));
-        mesh.corner_colors = vec![[[0.1; 3], [0.9; 3], [f32::NAN; 3]]];
-        assert!(mesh.bake_base_color(None));
-    }
-}
+mod tests;

@@ -1,9 +1,9 @@
 //! Images without texture coordinates: projected along the axes, blended by where the surface faces.
 //!
-//! Three images hang in the axes' planes, upright as one sees them from the side that a surface faces. A point sees each
-//! by the fourth power of its normal's component along that axis, so that flat sides show one image and rounded edges
-//! change from one to the next over some 20°. Normals are those of the facets around a corner that are within 45° of the
-//! one at hand: creases stay creases.
+//! Three images hang in the axes' planes, upright as one sees them from the side that a surface faces. A point sees
+//! each by the fourth power of its normal's component along that axis, so that flat sides show one image and rounded
+//! edges change from one to the next over some 20°. Normals are those of the facets around a corner that are within 45°
+//! of the one at hand: creases stay creases.
 
 use glam::{DVec3, Vec2, Vec3};
 

@@ -1,9 +1,9 @@
 //! What a search found, without the digits that depend on the processor.
 //!
-//! Linear algebra adds up in another order where vectors are wider, or rounds once where a processor multiplies and adds
-//! in one step. So the last digits of a fit differ from machine to machine, by some 1e-12 of a thickness. What goes into
-//! files and voxels is rounded far above that; a value within 1e-12 of the middle of two steps, one in some million, may
-//! still go either way.
+//! Linear algebra adds up in another order where vectors are wider, or rounds once where a processor multiplies and
+//! adds in one step. So the last digits of a fit differ from machine to machine, by some 1e-12 of a thickness. What
+//! goes into files and voxels is rounded far above that; a value within 1e-12 of the middle of two steps, one in some
+//! million, may still go either way.
 
 /// Of lengths in mm, shares, albedos and factors of them: 1 nm, far below a voxel, and 1e-6.
 const DECIMALS: f64 = 1e6;

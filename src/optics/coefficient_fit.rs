@@ -11,7 +11,10 @@ use super::{
     FrequencyGrid, Light, MAX_COEFFICIENT_PER_MM, RadialProfile, Stack, Transport, TransportOptions,
     VolumeCoefficients, repair_transmission,
 };
-use crate::numeric::least_squares::{Budget, Descent, curvature, dot, gradient};
+use crate::numeric::{
+    least_squares::{Budget, Descent, curvature, dot, gradient},
+    positive_definite::inverse,
+};
 
 /// A slab whose profiles were measured.
 #[derive(Debug, Clone, Copy)]
@@ -46,7 +49,8 @@ pub struct CoefficientFit {
 pub enum FitRefusal {
     /// Nothing fits.
     #[error(
-        "no coefficients fit the profiles: found a residual of {residual:.1e} rms, expected at most {MAX_FIT_RESIDUAL:.0e}"
+        "no coefficients fit the profiles: found a residual of {residual:.1e} rms, expected at most \
+         {MAX_FIT_RESIDUAL:.0e}"
     )]
     Residual {
         /// Residual of the best coefficients.
@@ -54,8 +58,8 @@ pub enum FitRefusal {
     },
     /// Everything fits: the profiles leave a coefficient open.
     #[error(
-        "the profiles do not tell the coefficients: found {what} {value:.3} ± {uncertainty:.3}, expected an uncertainty \
-         below the value's own size; a slab of another thickness tells more"
+        "the profiles do not tell the coefficients: found {what} {value:.3} ± {uncertainty:.3}, expected an \
+         uncertainty below the value's own size; a slab of another thickness tells more"
     )]
     KnowsNothing {
         /// Which one, with its unit.
@@ -120,9 +124,9 @@ pub fn fit_coefficients(slabs: &[MeasuredSlab<'_>], refractive_index: f64) -> Re
     if !(residual <= MAX_FIT_RESIDUAL) {
         return Err(FitRefusal::Residual { residual });
     }
-    let inverse = inverse(&curvature(&data.slopes(&found, FINE)));
+    let inverse = inverse(curvature(&data.slopes(&found, FINE)));
     let size = count.sqrt() * libm::hypot(residual, MODEL_ERROR);
-    let uncertainty = |i: usize| inverse.map_or(f64::INFINITY, |inverse| size * inverse[i][i].max(0.0).sqrt());
+    let uncertainty = |i: usize| inverse.as_ref().map_or(f64::INFINITY, |inverse| size * inverse[i][i].max(0.0).sqrt());
     let coefficients = data.volume(found.at);
     let [reduced_scattering_share, absorption_share, g_uncertainty] = [uncertainty(0), uncertainty(1), uncertainty(2)];
     let reduced = coefficients.sigma_s * (1.0 - coefficients.g);
@@ -165,7 +169,7 @@ pub fn fit_shapes(slab: &MeasuredSlab<'_>, refractive_index: f64) -> Option<Shap
     let found = data.best(&[near.as_slice(), &far].concat())?;
     let count = found.residuals.len() as f64;
     let residual = (found.objective() / count).sqrt();
-    let inverse = inverse(&curvature(&data.slopes(&found, FINE)))?;
+    let inverse = inverse(curvature(&data.slopes(&found, FINE)))?;
     let size = count.sqrt() * libm::hypot(residual, MODEL_ERROR);
     let totals = |at: Parameters| {
         let spectra = data.spectra(data.slabs.first()?, data.volume(at), FINE);
@@ -334,7 +338,7 @@ impl Data {
             |here, (curvature, gradient), damping| {
                 let mut damped = curvature.clone();
                 (0..3).for_each(|i| damped[i][i] *= 1.0 + damping);
-                let inverse = inverse(&damped)?;
+                let inverse = inverse(damped)?;
                 let mut at = here.at;
                 for (at, row) in at.iter_mut().zip(&inverse) {
                     // No step leaves the region the slopes speak for.
@@ -345,17 +349,6 @@ impl Data {
             },
         )
     }
-}
-
-/// Of a matrix of 3 × 3, by cofactors; `None` if there is none.
-fn inverse(m: &[Vec<f64>]) -> Option<[[f64; 3]; 3]> {
-    let cofactor = |i: usize, j: usize| {
-        let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
-        m[a][c] * m[b][d] - m[a][d] * m[b][c]
-    };
-    let determinant: f64 = (0..3).map(|j| m[0][j] * cofactor(0, j)).sum();
-    (determinant.is_finite() && determinant != 0.0)
-        .then(|| [0, 1, 2].map(|i| [0, 1, 2].map(|j| cofactor(j, i) / determinant)))
 }
 
 #[cfg(test)]

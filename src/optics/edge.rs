@@ -45,7 +45,8 @@ impl EdgeResponse {
         0.5 * self.total + terms.sum::<f64>() / PI
     }
 
-    /// How far apart, in mm, a tenth and nine tenths of R̂(0) leave; `None` where that is beyond 40 mm or nothing leaves.
+    /// How far apart, in mm, a tenth and nine tenths of R̂(0) leave; `None` where that is beyond 40 mm or nothing
+    /// leaves.
     pub fn width_mm(&self) -> Option<f64> {
         let below = |x_mm: f64| self.at(x_mm) < 0.9 * self.total;
         let (mut low, mut high) = (0.0, WIDEST_MM);

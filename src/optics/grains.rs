@@ -3,8 +3,8 @@
 //! A grain that absorbs stands in its own shadow, so that a mixture takes away less light than its resins would by
 //! volume. For media that fluctuate over a short length ℓ, a perturbation of the transport equation to second order
 //! (Bourret's approximation, as for random mixtures in Levermore et al. 1986, *Linear transport theory in a random
-//! medium*) takes from each moment σ_l = σ_t − σ_s g^l of the collisions its variance: σ_l − ℓ Var(σ_l). Here in the form
-//! that stays positive,
+//! medium*) takes from each moment σ_l = σ_t − σ_s g^l of the collisions its variance: σ_l − ℓ Var(σ_l). Here in the
+//! form that stays positive,
 //!
 //! ```text
 //!   σ_l = Σ f σ_l,i w_i / Σ f w_i,   w_i = 1 / (1 + ℓ σ_l,i)

@@ -2,10 +2,10 @@
 //!
 //! Diffuse light that meets the surface of a resin from inside is reflected by 60% at n = 1.5, by 9% from outside; the
 //! shares are those of Fresnel's equations over all directions. As a layer without thickness, with these reflectances
-//! and with √(T↓T↑) for its transmission, it composes like any other (Hašan et al. 2010, equations 3 and 4), and a stack
-//! under it is corrected as Saunderson 1942 corrects a paint, at every spatial frequency alike: the boundary spreads
-//! nothing. What the topmost surface mirrors before any light has entered, the glint, is kept apart as in the other
-//! models.
+//! and with √(T↓T↑) for its transmission, it composes like any other (Hašan et al. 2010, equations 3 and 4), and a
+//! stack under it is corrected as Saunderson 1942 corrects a paint, at every spatial frequency alike: the boundary
+//! spreads nothing. What the topmost surface mirrors before any light has entered, the glint, is kept apart as in the
+//! other models.
 
 use super::{Composite, SlabSpectrum, fresnel::refraction};
 use crate::numeric::quadrature::gauss_legendre;
@@ -78,8 +78,9 @@ impl Interface {
         self.surface_over(&below).into_iter().map(|r| self.above + r).collect()
     }
 
-    /// R̂ and T̂ of the slab inside, of one that has this boundary on either face and was measured with both: R̂ without
-    /// the glint. Lit alike from both sides, or oppositely, it reflects R̂ ± T̂, and each is corrected by itself.
+    /// R̂ and T̂ of the slab inside, of one that has this boundary on either face and was measured with both: R̂
+    /// without the glint. Lit alike from both sides, or oppositely, it reflects R̂ ± T̂, and each is corrected by
+    /// itself.
     pub(crate) fn taken_off(self, slab: &SlabSpectrum) -> SlabSpectrum {
         if self == Self::NONE {
             return slab.clone();

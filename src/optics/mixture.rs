@@ -72,6 +72,30 @@ impl Mixture {
         Some(Self { parts: by_resin })
     }
 
+    /// The resins that a mixture's name names, with their shares; of a resin's name it alone. `None` for what is no
+    /// list of shares; whether they sum to 100% is not checked.
+    ///
+    /// ```
+    /// use lumislice::optics::Mixture;
+    ///
+    /// assert_eq!(Mixture::parts_of_name("75% white + 25% black"), Some(vec![("white", 0.75), ("black", 0.25)]));
+    /// assert_eq!(Mixture::parts_of_name("white"), Some(vec![("white", 1.0)]));
+    /// assert_eq!(Mixture::parts_of_name("75% white + black"), None);
+    /// ```
+    pub fn parts_of_name(name: &str) -> Option<Vec<(&str, f64)>> {
+        // No resin's name holds a percent sign.
+        if !name.contains('%') {
+            return Some(vec![(name, 1.0)]);
+        }
+        let part = |text| {
+            let (share, resin) = str::split_once(text, '%')?;
+            let share: f64 = share.trim().parse().ok()?;
+            Some((resin.trim(), share / 100.0))
+        };
+        // A name may hold a plus sign, so that one between blanks parts them.
+        name.split(" + ").map(part).collect()
+    }
+
     /// The resins by their index, with their shares: above 0, and 1 in sum.
     pub fn parts(&self) -> &[(ResinId, f64)] {
         &self.parts
@@ -232,30 +256,6 @@ fn mixed_volumes(
     Ok((0..channels).map(in_channel).collect())
 }
 
-/// The resins that a mixture's name names, with their shares; of a resin's name it alone. `None` for what is no
-/// list of shares; whether they sum to 100% is not checked.
-///
-/// ```
-/// use lumislice::optics::mixture_parts;
-///
-/// assert_eq!(mixture_parts("75% white + 25% black"), Some(vec![("white", 0.75), ("black", 0.25)]));
-/// assert_eq!(mixture_parts("white"), Some(vec![("white", 1.0)]));
-/// assert_eq!(mixture_parts("75% white + black"), None);
-/// ```
-pub fn mixture_parts(name: &str) -> Option<Vec<(&str, f64)>> {
-    // No resin's name holds a percent sign.
-    if !name.contains('%') {
-        return Some(vec![(name, 1.0)]);
-    }
-    let part = |text| {
-        let (share, resin) = str::split_once(text, '%')?;
-        let share: f64 = share.trim().parse().ok()?;
-        Some((resin.trim(), share / 100.0))
-    };
-    // A name may hold a plus sign, so that one between blanks parts them.
-    name.split(" + ").map(part).collect()
-}
-
 /// What a mixture's shares should be.
 pub(crate) const SHARES: &str = "shares that sum to 100%, such as 90% white + 10% black";
 
@@ -265,7 +265,7 @@ fn read(name: &str, known: impl Fn(&str) -> Result<ResinId, OpticsError>) -> Res
         return known(name).map(Mixture::from);
     }
     let fault = || OpticsError::parameter("a mixture", format!("\"{}\"", excerpt(name)), SHARES.to_owned());
-    let parts = mixture_parts(name).ok_or_else(fault)?;
+    let parts = Mixture::parts_of_name(name).ok_or_else(fault)?;
     let parts = parts.into_iter().map(|(resin, share)| Ok((known(resin)?, share)));
     Mixture::new(parts.collect::<Result<Vec<_>, OpticsError>>()?).ok_or_else(fault)
 }

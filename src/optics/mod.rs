@@ -48,11 +48,11 @@ pub use ids::{ChannelId, ResinId};
 pub use interface::Interface;
 pub use kubelka_munk::{KubelkaMunk, KubelkaMunkError, SlabSpectrum};
 pub use materials::{
-    BUILTIN_PHOTONS, DEFAULT_PHOTONS, DEFAULT_SEED, MaterialFile, MaterialSet, Resin, ResinChannel, SimulatedProfile,
-    SlabPlan, SpectrumError, regenerate_builtin,
+    BUILTIN_PHOTONS, MaterialFile, MaterialSet, Resin, ResinChannel, SimulatedProfile, SlabPlan, SpectrumError,
+    regenerate_builtin,
 };
+pub use mixture::Mixture;
 pub(crate) use mixture::SHARES;
-pub use mixture::{Mixture, mixture_parts};
 pub use monte_carlo::{Estimate, Light};
 pub use predict::{Model, predict};
 pub use prediction::{ChannelPrediction, PredictedRing, Prediction};

@@ -46,9 +46,14 @@ const AIR: f64 = 1.0;
 impl Model {
     /// What judges stackings in searches: R̂ under diffuse light within 2.5e-4 rms of Monte Carlo.
     pub const REFLECTION: Self = Self::Transport { light: Light::Diffuse, options: TransportOptions::REFLECTION };
+    /// Photons where no number is given: R̂(0) within 4e-4 (one σ), a few seconds a channel.
+    pub const DEFAULT_PHOTONS: u64 = 2_000_000;
+    /// Seed of photons where none is given.
+    pub const DEFAULT_SEED: u64 = 2010;
 }
 
-/// What leaves `stack`, of resins of `set` or mixtures of them, by `model`. `watch` hears the stage "photons" where they are traced.
+/// What leaves `stack`, of resins of `set` or mixtures of them, by `model`. `watch` hears the stage "photons" where
+/// they are traced.
 ///
 /// # Errors
 /// [`OpticsError::NoCoefficients`] where the model needs those of a resin that has none;

@@ -1,8 +1,8 @@
 //! The journal of an unfinished run: what is whole in its folder, so that an interrupted job goes on where it stopped.
 //!
 //! One JSON document a line: first the [`Task`], then every file just before it appears under its final name, and every
-//! slice once all of its files have. A last line that was cut off does not count. The folder of a finished job has a manifest
-//! and no journal.
+//! slice once all of its files have. A last line that was cut off does not count. The folder of a finished job has a
+//! manifest and no journal.
 
 use std::{
     collections::BTreeMap,

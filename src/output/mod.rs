@@ -353,6 +353,15 @@ impl OutputFolder {
         }
     }
 
+    /// Ends a run whose manifest need only say what was written: the list of its files, under the command of `owner`;
+    /// `version` is that of the files' form.
+    pub fn finish_with_list(self, owner: &Owner, version: u32) -> Result<(), OutputError> {
+        let list = serde_json::json!({
+            "generator": GENERATOR, "command": owner.command, "version": version, "files": self.files(),
+        });
+        self.finish(&pretty(&list))
+    }
+
     /// Everything written so far, sorted by path.
     pub fn files(&self) -> Vec<FileEntry> {
         lock(&self.written).values().cloned().collect()

@@ -18,8 +18,8 @@ use glam::DVec3;
 
 use super::Surface;
 
-/// Sine of half the angle, seen from a ball's centre, between where it touches and what limits it, below which that is a
-/// neighbouring facet: 40°, edges of more than 140° within. Facets of a ball in 24 meridians meet at 165°.
+/// Sine of half the angle, seen from a ball's centre, between where it touches and what limits it, below which that is
+/// a neighbouring facet: 40°, edges of more than 140° within. Facets of a ball in 24 meridians meet at 165°.
 const FACET: f64 = 0.342;
 /// A ball that would shrink by less than this share of its radius touches. Facets of a ball in 24 meridians lie 1% of
 /// its radius below it.
@@ -43,8 +43,8 @@ pub fn half_thickness(surface: &Surface, point: DVec3, normal: DVec3, most: f64)
     ball_inside(surface, point, normal, most).radius
 }
 
-/// The largest ball inside of `surface`, at most of radius `most` mm, that touches it at `point`, whose outward unit normal
-/// is `normal`.
+/// The largest ball inside of `surface`, at most of radius `most` mm, that touches it at `point`, whose outward unit
+/// normal is `normal`.
 pub fn ball_inside(surface: &Surface, point: DVec3, normal: DVec3, most: f64) -> BallInside {
     let (mut radius, mut cosine) = (most, 0.0);
     for _ in 0..TRIES {

@@ -14,8 +14,9 @@
 use rayon::prelude::*;
 
 use super::endings::{Content, EndingBox};
-use super::kernels::{self, Goal, Stack};
+use super::kernels::{self, Goal, PartialStack};
 use super::{BlockTable, Match, SearchError, SearchTarget};
+use crate::watch::Watch;
 
 /// A block under a partial stacking.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +41,7 @@ struct Search<'a> {
     table: &'a BlockTable,
     goal: Goal,
     /// Spectra of the current stacking's first 0, 1, 2 … blocks.
-    stacks: Vec<Stack>,
+    stacks: Vec<PartialStack>,
     /// Surviving children per level.
     children: Vec<Vec<Child>>,
     /// Blocks of the current stacking: (resin, size index).
@@ -54,14 +55,21 @@ struct Search<'a> {
     max_nodes: u64,
     /// Least bound among the nodes the budget left unexplored.
     unexplored: f64,
+    watch: &'a dyn Watch,
+    /// At how many nodes the watch is looked at again.
+    next_look: u64,
 }
+
+/// Some milliseconds of search.
+const NODES_BETWEEN_LOOKS: u64 = 10_000;
 
 /// The best stacking for `target` in the table's space.
 ///
 /// # Errors
-/// A target unlike the table's resins; limits that leave no stacking; a node budget too small to find one.
-pub(super) fn match_target(table: &BlockTable, target: &SearchTarget) -> Result<Match, SearchError> {
-    let mut best = match_candidates(table, target, 1)?;
+/// A target unlike the table's resins; limits that leave no stacking; a node budget too small to find one;
+/// [`SearchError::Stopped`].
+pub(super) fn match_target(table: &BlockTable, target: &SearchTarget, watch: &dyn Watch) -> Result<Match, SearchError> {
+    let mut best = match_candidates(table, target, 1, watch)?;
     Ok(best.swap_remove(0))
 }
 
@@ -74,8 +82,9 @@ pub(super) fn match_candidates(
     table: &BlockTable,
     target: &SearchTarget,
     count: usize,
+    watch: &dyn Watch,
 ) -> Result<Vec<Match>, SearchError> {
-    candidates(table, target, Search::new(table, table.goal(target)?, count.max(1)))
+    candidates(table, target, Search::new(table, table.goal(target)?, count.max(1), watch))
 }
 
 /// The best stacking of each of the `count` best sequences of resins, best first: starts for refining. The sequence is
@@ -88,14 +97,16 @@ pub(super) fn match_sequences(
     table: &BlockTable,
     target: &SearchTarget,
     count: usize,
+    watch: &dyn Watch,
 ) -> Result<Vec<Match>, SearchError> {
-    let search = Search::new(table, table.goal(target)?, count.max(1));
+    let search = Search::new(table, table.goal(target)?, count.max(1), watch);
     candidates(table, target, Search { one_per_sequence: true, ..search })
 }
 
 fn candidates(table: &BlockTable, target: &SearchTarget, mut search: Search<'_>) -> Result<Vec<Match>, SearchError> {
     let options = table.options();
     search.run();
+    search.watch.go_on()?;
     if search.best.is_empty() {
         return Err(match search.unexplored.is_finite() {
             true => SearchError::Budget { nodes: search.max_nodes },
@@ -120,18 +131,23 @@ fn candidates(table: &BlockTable, target: &SearchTarget, mut search: Search<'_>)
 ///
 /// # Errors
 /// The first error in the order of the targets.
-pub(super) fn match_targets(table: &BlockTable, targets: &[SearchTarget]) -> Result<Vec<Match>, SearchError> {
-    let answers: Vec<_> = targets.par_iter().with_max_len(1).map(|target| match_target(table, target)).collect();
+pub(super) fn match_targets(
+    table: &BlockTable,
+    targets: &[SearchTarget],
+    watch: &dyn Watch,
+) -> Result<Vec<Match>, SearchError> {
+    let one = |target| match_target(table, target, watch);
+    let answers: Vec<_> = targets.par_iter().with_max_len(1).map(one).collect();
     answers.into_iter().collect()
 }
 
 impl<'a> Search<'a> {
-    fn new(table: &'a BlockTable, goal: Goal, keep: usize) -> Self {
+    fn new(table: &'a BlockTable, goal: Goal, keep: usize, watch: &'a dyn Watch) -> Self {
         let depth = table.options().depth;
         Self {
             table,
             goal,
-            stacks: vec![Stack::empty(table.options().surface, table.lanes()); depth],
+            stacks: vec![PartialStack::empty(table.options().surface, table.lanes()); depth],
             children: vec![Vec::with_capacity(table.resins.len() * table.sizes.len()); depth],
             path: Vec::with_capacity(depth),
             best: Vec::with_capacity(keep + 1),
@@ -140,6 +156,8 @@ impl<'a> Search<'a> {
             nodes: 0,
             max_nodes: table.options().max_nodes.unwrap_or(u64::MAX),
             unexplored: f64::INFINITY,
+            watch,
+            next_look: NODES_BETWEEN_LOOKS,
         }
     }
 
@@ -152,7 +170,14 @@ impl<'a> Search<'a> {
         self.expand(root, 0.0);
     }
 
-    fn exhausted(&self) -> bool {
+    /// Whether the budget is spent, or a stop was asked for, which spends it.
+    fn exhausted(&mut self) -> bool {
+        if self.nodes >= self.next_look {
+            self.next_look = self.nodes + NODES_BETWEEN_LOOKS;
+            if self.watch.stop_requested() {
+                self.max_nodes = 0;
+            }
+        }
         self.nodes >= self.max_nodes
     }
 

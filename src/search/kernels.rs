@@ -13,13 +13,13 @@ pub(super) const CHUNK: usize = 16;
 
 /// Spectra of a partial stacking (R̂∪, R̂∩, T̂), of whole chunks of lanes.
 #[derive(Debug, Clone)]
-pub(super) struct Stack {
+pub(super) struct PartialStack {
     pub r_top: Vec<f64>,
     pub r_bottom: Vec<f64>,
     pub t: Vec<f64>,
 }
 
-impl Stack {
+impl PartialStack {
     /// Nothing but a surface.
     pub fn empty(surface: Interface, lanes: usize) -> Self {
         let Composite { reflection_top, reflection_bottom, transmission } = surface.surface(lanes);
@@ -45,7 +45,7 @@ pub(super) struct Goal {
 
 /// Σ w (R̂ − R̂_t)² of the stack over something that reflects `below` (equation 6).
 #[multiversion(targets("x86_64+avx2", "x86_64+avx", "aarch64+neon"))]
-pub(super) fn objective(stack: &Stack, below: &[f64], goal: &Goal, limit: f64) -> f64 {
+pub(super) fn objective(stack: &PartialStack, below: &[f64], goal: &Goal, limit: f64) -> f64 {
     let lanes = goal.target.len();
     let (r_top, r_bottom, t) = (&stack.r_top[..lanes], &stack.r_bottom[..lanes], &stack.t[..lanes]);
     let (below, target, weight) = (&below[..lanes], &goal.target[..lanes], &goal.weight[..lanes]);
@@ -71,7 +71,14 @@ pub(super) fn objective(stack: &Stack, below: &[f64], goal: &Goal, limit: f64) -
 /// Lower bound on the objective of `stack` over `block` over anything that reflects between `darkest` and `brightest`:
 /// the paper's too-bright and too-dark bounds, which never touch the same coefficient, summed.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx", "aarch64+neon"))]
-pub(super) fn bound(stack: &Stack, block: &Block, darkest: &[f64], brightest: &[f64], goal: &Goal, limit: f64) -> f64 {
+pub(super) fn bound(
+    stack: &PartialStack,
+    block: &Block,
+    darkest: &[f64],
+    brightest: &[f64],
+    goal: &Goal,
+    limit: f64,
+) -> f64 {
     let lanes = goal.target.len();
     let (r_top, r_bottom, t) = (&stack.r_top[..lanes], &stack.r_bottom[..lanes], &stack.t[..lanes]);
     let (r_block, det) = (&block.r[..lanes], &block.det[..lanes]);
@@ -107,7 +114,7 @@ pub(super) fn bound(stack: &Stack, block: &Block, darkest: &[f64], brightest: &[
 
 /// Lower bound on the objective of `stack` over anything that reflects between `darkest` and `brightest`.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx", "aarch64+neon"))]
-pub(super) fn range_bound(stack: &Stack, darkest: &[f64], brightest: &[f64], goal: &Goal, limit: f64) -> f64 {
+pub(super) fn range_bound(stack: &PartialStack, darkest: &[f64], brightest: &[f64], goal: &Goal, limit: f64) -> f64 {
     let lanes = goal.target.len();
     let (r_top, r_bottom, t) = (&stack.r_top[..lanes], &stack.r_bottom[..lanes], &stack.t[..lanes]);
     let (darkest, brightest) = (&darkest[..lanes], &brightest[..lanes]);
@@ -134,7 +141,7 @@ pub(super) fn range_bound(stack: &Stack, darkest: &[f64], brightest: &[f64], goa
 
 /// `stack` over `block`, into `whole` (equations 3 and 4).
 #[multiversion(targets("x86_64+avx2", "x86_64+avx", "aarch64+neon"))]
-pub(super) fn extend(stack: &Stack, block: &Block, whole: &mut Stack) {
+pub(super) fn extend(stack: &PartialStack, block: &Block, whole: &mut PartialStack) {
     let lanes = whole.t.len();
     let (r_top, r_bottom, t) = (&stack.r_top[..lanes], &stack.r_bottom[..lanes], &stack.t[..lanes]);
     let (r_block, t_block) = (&block.r[..lanes], &block.t[..lanes]);

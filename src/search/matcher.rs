@@ -240,11 +240,11 @@ impl Pure {
             watch.go_on()?;
             match &self.refiner {
                 None => {
-                    let matches = match_targets(&self.table, batch)?.into_iter();
+                    let matches = match_targets(&self.table, batch, watch)?.into_iter();
                     found.extend(matches.map(|search| Found { search: Some(search), refined: None, family: None }));
                 }
                 Some(refiner) => {
-                    let matches = refiner.match_targets(&self.table, batch)?.into_iter();
+                    let matches = refiner.match_targets(&self.table, batch, watch)?.into_iter();
                     found.extend(matches.map(|(search, refined)| Found {
                         search: Some(search),
                         refined: Some(refined),

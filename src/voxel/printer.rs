@@ -96,7 +96,7 @@ const fn connex(name: &'static str, y_dpi: f64, layer_mm: f64, tray_mm: [f64; 3]
     Preset { name, dpi: [600.0, y_dpi], layer_mm, max_colors: 3, min_slices: None, tray_mm, source }
 }
 
-/// Printers whose names people know and whose lattice nobody publishes: they build on a tray that turns.
+/// Printers whose names are known and whose lattice is not published: they build on a tray that turns.
 const UNPUBLISHED: [&str; 4] = ["j55", "j35", "j5", "j3"];
 
 impl From<&Preset> for Printer {

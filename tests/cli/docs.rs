@@ -1,5 +1,5 @@
-//! The documentation: its commands are commands of this program, its cheap ones do what the page says, and its links lead
-//! somewhere. `scripts/check-docs` runs all of them.
+//! The documentation: its commands are commands of this program, its cheap ones do what the page says, and its links
+//! lead somewhere. `scripts/check-docs` runs all of them.
 
 use std::{
     fs,

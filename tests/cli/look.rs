@@ -37,7 +37,8 @@ fn the_job_and_its_slices_look_the_same() {
     assert_eq!(field["against_predicted"].as_array().unwrap().len(), 1);
 }
 
-/// Without its job a folder shows the same light; what nobody can know then is said, and what its look.json knows is used.
+/// Without its job a folder shows the same light; what cannot be known then is said, and what its look.json knows is
+/// used.
 #[test]
 fn a_folder_is_looked_at_without_its_job() {
     let bench = Bench::new();

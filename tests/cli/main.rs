@@ -23,6 +23,8 @@ mod material;
 mod measure;
 mod predict;
 mod printable;
+#[path = "../common/shapes.rs"]
+mod shapes;
 mod slice_bad;
 mod slice_bssrdf;
 mod slice_bytes;

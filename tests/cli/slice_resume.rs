@@ -9,7 +9,8 @@ fn interrupt(bench: &Bench, slices: u32) {
     let manifest = bench.manifest("out");
     let stackings: serde_json::Value = serde_json::from_slice(&bench.files("out")["stackings.json"]).unwrap();
     let task = serde_json::json!({ "task": {
-        "command": "slice", "generator": manifest["generator"], "sha256": stackings["sha256"], "slices": manifest["slices"], "replaces": [],
+        "command": "slice", "generator": manifest["generator"], "sha256": stackings["sha256"],
+        "slices": manifest["slices"], "replaces": [],
     }});
     let mut journal = format!("{task}\n");
     let later = |path: &str| {

@@ -8,8 +8,11 @@ use std::{
     process::{Command, Output},
 };
 
+use glam::DVec3;
 use serde_json::Value;
 use tempfile::TempDir;
+
+use crate::shapes::{self, box_triangles};
 
 /// A job on a cube of 4 mm: 20 × 20 × 20 voxels.
 pub const JOB: &str = r#"
@@ -158,33 +161,16 @@ pub type Triangle = [[f32; 3]; 3];
 
 /// An axis-aligned cube with a corner at the origin.
 pub fn cube(edge: f32) -> Vec<Triangle> {
-    let corner = |n: usize| [n & 1, n >> 1 & 1, n >> 2].map(|bit| bit as f32 * edge);
-    let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).map(|corners| corners.map(corner)).collect()
+    single(&box_triangles(DVec3::ZERO, DVec3::splat(edge.into())))
 }
 
-/// A sphere of `2·steps` meridians and `steps` parallels.
+/// A sphere of `2·steps` meridians and `steps` parallels that touches the three planes of the axes.
 pub fn sphere(radius: f32, steps: usize) -> Vec<Triangle> {
-    use std::f32::consts::PI;
-    let point = |i: usize, j: usize| {
-        let (polar, azimuth) = (PI * i as f32 / steps as f32, PI * (j % (2 * steps)) as f32 / steps as f32);
-        // The poles are one point each.
-        let ring = if i == 0 || i == steps { 0.0 } else { polar.sin() };
-        [ring * azimuth.cos(), ring * azimuth.sin(), polar.cos()].map(|c| radius * (1.0 + c))
-    };
-    let mut triangles = Vec::new();
-    for i in 0..steps {
-        for j in 0..2 * steps {
-            let [a, b, c, d] = [point(i, j), point(i + 1, j), point(i + 1, j + 1), point(i, j + 1)];
-            if i + 1 < steps {
-                triangles.push([a, b, c]);
-            }
-            if i > 0 {
-                triangles.push([a, c, d]);
-            }
-        }
-    }
-    triangles
+    single(&shapes::sphere(DVec3::splat(radius.into()), radius.into(), steps))
+}
+
+fn single(triangles: &[[DVec3; 3]]) -> Vec<Triangle> {
+    triangles.iter().map(|t| t.map(|p| p.as_vec3().to_array())).collect()
 }
 
 /// A binary STL file.

@@ -151,7 +151,8 @@ proptest! {
     ) {
         let mut random = Random::new(seed);
         let shift = if far { DVec3::new(9e5, -9e5, 1e5) } else { DVec3::ZERO };
-        let triangles: Triangles = soup(&mut random, count, snapped).into_iter().map(|t| t.map(|p| p + shift)).collect();
+        let soup = soup(&mut random, count, snapped);
+        let triangles: Triangles = soup.into_iter().map(|t| t.map(|p| p + shift)).collect();
         let surface = Surface::new(&mesh_of(&triangles)).unwrap();
         for _ in 0..20 {
             let p = shift + random.vector() * 5.0;
@@ -169,7 +170,8 @@ proptest! {
             let mut within = Vec::new();
             let radius = found.distance + random.unit();
             surface.within(p, radius, &mut within);
-            let expected: Vec<u32> = (0..).zip(&triangles).filter(|(_, t)| squared(t) <= radius * radius).map(|(i, _)| i).collect();
+            let near = (0..).zip(&triangles).filter(|(_, t)| squared(t) <= radius * radius);
+            let expected: Vec<u32> = near.map(|(i, _)| i).collect();
             prop_assert_eq!(within, expected);
         }
     }

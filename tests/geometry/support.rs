@@ -1,6 +1,5 @@
 //! Shapes, brute force and slicing for the proofs of the geometry.
 
-use std::collections::HashMap;
 use std::path::PathBuf;
 
 use glam::{DMat3, DVec3};
@@ -14,6 +13,7 @@ use lumislice::{
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
+use crate::common::indexed;
 pub use crate::common::{Triangles, box_triangles, corners, reversed, sphere, winding};
 
 /// The pitch of a J750 in its 27 µm modes, mm.
@@ -72,18 +72,8 @@ pub fn octahedron(center: DVec3, reach: f64) -> Triangles {
 
 /// Triangles to a mesh with shared vertices, in order of first use.
 pub fn mesh_of(triangles: &[[DVec3; 3]]) -> TriangleMesh {
-    let mut mesh = TriangleMesh::default();
-    let mut known: HashMap<[u64; 3], u32> = HashMap::new();
-    for triangle in triangles {
-        mesh.triangles.push(triangle.map(|p| {
-            // −0 and 0 are one place.
-            *known.entry((p + DVec3::ZERO).to_array().map(f64::to_bits)).or_insert_with(|| {
-                mesh.positions.push(p);
-                (mesh.positions.len() - 1) as u32
-            })
-        }));
-    }
-    mesh
+    let (positions, triangles) = indexed(triangles);
+    TriangleMesh { positions, triangles, ..TriangleMesh::default() }
 }
 
 pub fn solid_of(triangles: &[[DVec3; 3]]) -> Solid {

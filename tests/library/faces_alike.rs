@@ -28,7 +28,8 @@ fn faces(printer: &str, stack: &str, dither: bool, walks: u64) -> Vec<[f64; 2]> 
     fs::write(folder.path().join("cube.obj"), cube()).unwrap();
     let text = format!(
         "[[object]]\nmesh = \"cube.obj\"\n[printer]\npreset = \"{printer}\"\n[materials]\nset = \"synthetic\"\n\
-         [target]\nkind = \"stacking\"\nstack = \"{stack}\"\n[field]\ndither = {dither}\n[output]\nformats = [\"png\"]\n"
+         [target]\nkind = \"stacking\"\nstack = \"{stack}\"\n[field]\ndither = {dither}\n[output]\nformats = \
+         [\"png\"]\n"
     );
     let job = Job::from_toml(&text, folder.path().join("job.toml"), folder.path()).unwrap();
     let prepared = Prepared::new(job, &Unwatched).unwrap();

@@ -1,5 +1,5 @@
-//! Can these be measurements? What [`super::reciprocity`] does not tell: values in other units, a lit texel that was cut
-//! off, light everywhere that is not the sample's, a material that is not round.
+//! Can these be measurements? What [`super::reciprocity`] does not tell: values in other units, a lit texel that was
+//! cut off, light everywhere that is not the sample's, a material that is not round.
 
 use std::collections::BTreeMap;
 
@@ -46,8 +46,8 @@ const FALLS_OFF: f64 = 1.2;
 /// A material is not round from this difference of its axes on.
 const NOT_ROUND: f64 = 0.05;
 
-/// Whether values are light per pixel, where per mm² is expected: the factor they are off by, and whether the albedo says
-/// so.
+/// Whether values are light per pixel, where per mm² is expected: the factor they are off by, and whether the albedo
+/// says so.
 pub(super) fn per_pixel(dataset: &Dataset, survey: &Survey, channel: usize) -> Option<(f64, bool)> {
     let area = dataset.pitch_mm * dataset.pitch_mm;
     let present: Vec<usize> = (0..dataset.texels()).filter(|texel| dataset.is_present(*texel)).collect();

@@ -76,8 +76,8 @@ pub fn nodes(rings: &Rings) -> Vec<Node> {
     rings.distances_mm.iter().map(|r| node(*r)).collect()
 }
 
-/// Mean response per distance; if `smooth`, on a smooth curve beyond the lit texel. Where it sinks into its own noise it
-/// goes on falling as before.
+/// Mean response per distance; if `smooth`, on a smooth curve beyond the lit texel. Where it sinks into its own noise
+/// it goes on falling as before.
 pub fn global_profile(rings: &Rings, survey: &Survey, smooth: bool) -> Vec<f32> {
     let distances = rings.distances_mm.len();
     let mut global = vec![0.0; distances];

@@ -109,7 +109,10 @@ proptest! {
         let (low, high) = (fold(f32::min), fold(f32::max));
         let sum: f32 = weights.iter().sum::<f32>() + 1e-6;
         let mut mean: Vec<f32> = (0..slots)
-            .map(|s| rows.iter().zip(&weights).map(|(row, w)| (w + 2.5e-7) / sum * row[s]).sum::<f32>().clamp(low[s], high[s]))
+            .map(|s| {
+                let mean = rows.iter().zip(&weights).map(|(row, w)| (w + 2.5e-7) / sum * row[s]);
+                mean.sum::<f32>().clamp(low[s], high[s])
+            })
             .collect();
         let (min, max) = (at.0, at.0 + at.1);
         if let Some(slot) = kept.certain(&low, &high, min, max) {

@@ -38,7 +38,7 @@ use serde::Serialize;
 use super::plan::FactoredMap;
 use crate::{
     optics::MaterialFile,
-    output::{Existing, GENERATOR, OutputFolder, Owner, pretty},
+    output::{Existing, OutputFolder, Owner, pretty},
     plot::Format,
     watch::{StopOnly, Watch},
 };
@@ -238,10 +238,7 @@ impl Comparison {
         output.write("noise.npy", &self.noise_npy())?;
         output.write("places.csv", self.places_csv().as_bytes())?;
         output.write("comparison.json", &pretty(self))?;
-        let list = serde_json::json!({
-            "generator": GENERATOR, "command": OWNER.command, "version": 1, "files": output.files()
-        });
-        output.finish(&pretty(&list))?;
+        output.finish_with_list(&OWNER, 1)?;
         Ok(())
     }
 }

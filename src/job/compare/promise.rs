@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{CompareError, CompareRequest, Comparison, Patch, Printed, Stage, printed::volume};
 use crate::{
     look::{Pattern, Photons, Sides, TexelGrid, VoxelScene},
-    optics::{ChannelId, Grains, Light, MaterialFile, MaterialSet, Model, Stack, mixture_parts, predict},
+    optics::{ChannelId, Grains, Light, MaterialFile, MaterialSet, Mixture, Model, Stack, predict},
     watch::{StopOnly, Unwatched, Watch},
 };
 
@@ -89,7 +89,7 @@ impl Promise<'_> {
         let stacks = self.job.stacks()?;
         for stack in &stacks {
             for (name, _) in stack.pairs() {
-                let parts = mixture_parts(name).unwrap_or_default();
+                let parts = Mixture::parts_of_name(name).unwrap_or_default();
                 parts.iter().try_for_each(|(resin, _)| volume(self.file, resin).map(drop))?;
             }
             stack.core.iter().try_for_each(|core| volume(self.file, core).map(drop))?;

@@ -8,7 +8,6 @@ mod texels;
 
 use std::path::{Path, PathBuf};
 
-use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use crate::{
@@ -205,8 +204,7 @@ pub fn factor_into(
     let inputs = [request.dataset.clone()];
     let (output, _) = OutputFolder::begin(folder, &OWNER, existing, &task, &inputs)?;
     files.iter().try_for_each(|(path, content)| output.write(path, content))?;
-    let list = json!({ "generator": GENERATOR, "command": OWNER.command, "version": FACTORED_VERSION, "files": output.files() });
-    output.finish(&pretty(&list))?;
+    output.finish_with_list(&OWNER, FACTORED_VERSION)?;
     Ok(factored)
 }
 

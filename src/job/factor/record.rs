@@ -161,11 +161,12 @@ pub struct ChannelFit {
     pub relative_error_beyond_centre: f64,
     /// The part of that which is noise, by the floor and gain of the dataset or the estimated floor.
     pub noise_beyond_centre: f64,
-    /// √(Σ(D − D′)² / ½Σ(D² + D′²)) of pairs of texels a few pixels apart, D′ the other way; noise makes √2 times itself.
+    /// √(Σ(D − D′)² / ½Σ(D² + D′²)) of pairs of texels a few pixels apart, D′ the other way; noise makes √2 times
+    /// itself.
     #[serde(default)]
     pub reciprocity: Option<f64>,
-    /// What all texels' profiles have in common: g at every distance that occurs in a window. P/g of a texel lies between
-    /// its rings on straight lines of ln(P/g) over r.
+    /// What all texels' profiles have in common: g at every distance that occurs in a window. P/g of a texel lies
+    /// between its rings on straight lines of ln(P/g) over r.
     #[serde(default)]
     pub common: Vec<CommonProfile>,
     /// What makes the data hard to believe.

@@ -41,7 +41,7 @@ pub use texture::{AlbedoSource, Projection, TextureTarget};
 
 pub use crate::{mesh::Unit, toml_reader::Place};
 
-use crate::optics::{SHARES, mixture_parts};
+use crate::optics::{Mixture, SHARES};
 use crate::search::{Norm, SearchCache};
 use crate::toml_reader::{Found, Places, Source};
 use crate::voxel::Printer;
@@ -86,7 +86,7 @@ pub struct Job {
 
 /// Whether a layer's name is that of a mixture.
 fn is_mixture(name: &str) -> bool {
-    mixture_parts(name).is_none_or(|parts| parts.len() > 1)
+    Mixture::parts_of_name(name).is_none_or(|parts| parts.len() > 1)
 }
 
 fn quoted(name: &str) -> String {
@@ -258,7 +258,7 @@ impl Job {
                 let own = format!("object[{index}].target.stack");
                 let key = if self.places.contains_key(&own) { own } else { "target.stack".to_owned() };
                 for (name, _) in stack.pairs() {
-                    let parts = mixture_parts(name).ok_or_else(|| self.refuse(&key, quoted(name), SHARES))?;
+                    let parts = Mixture::parts_of_name(name).ok_or_else(|| self.refuse(&key, quoted(name), SHARES))?;
                     parts.iter().try_for_each(|(resin, _)| self.check_name("resin", &key, resin, names))?;
                     let even = (parts.iter().map(|part| part.1).sum::<f64>() - 1.0).abs() <= 1e-6;
                     if !even || parts.iter().any(|part| part.1 < 0.0) {

@@ -52,8 +52,8 @@ pub(super) const DEPTH_FROM: &[(&str, DepthFrom)] = &[("surface", DepthFrom::Sur
 pub(super) const KEYS: &[&str] =
     &["mesh", "unit", "scale", "height-mm", "rotate-deg", "position-mm", "count", "depth-from", "target"];
 
-/// Reads every object; `common` is the job's `[target]`, `arranged` whether the job finds them their places. Copies come
-/// after all that are written, which so keep the numbers of their tables.
+/// Reads every object; `common` is the job's `[target]`, `arranged` whether the job finds them their places. Copies
+/// come after all that are written, which so keep the numbers of their tables.
 pub(super) fn read_all(
     root: &Table<'_>,
     common: Option<&(TargetSpec, bool)>,

@@ -17,7 +17,7 @@ use crate::{
     job::Prepared,
     look::{LAMPS, Lit, Scene, Stage},
     optics::VolumeCoefficients,
-    output::{Existing, GENERATOR, OutputFolder, Owner, pretty},
+    output::{Existing, OutputFolder, Owner},
     watch::Watch,
 };
 
@@ -103,9 +103,7 @@ pub(super) fn write_scenes(
         output.write(&file, text.as_bytes())?;
     }
     write_films(&output, &stage, channels, options, watch)?;
-    let list =
-        serde_json::json!({ "generator": GENERATOR, "command": OWNER.command, "version": 1, "files": output.files() });
-    Ok(output.finish(&pretty(&list))?)
+    Ok(output.finish_with_list(&OWNER, 1)?)
 }
 
 /// What this program sees: π times the radiance of every pixel and its standard error, as (2, lamps, rows, columns), the

@@ -308,8 +308,7 @@ impl Look {
         for picture in &self.pictures {
             output.write(picture.path.trim_start_matches("look/"), &picture.png)?;
         }
-        let list = serde_json::json!({ "generator": GENERATOR, "command": OWNER.command, "version": 1, "files": output.files() });
-        output.finish(&pretty(&list))
+        output.finish_with_list(&OWNER, 1)
     }
 }
 

@@ -116,7 +116,16 @@ pub(super) fn wanted(
             Ok(labelled(context, "clusters", (width, height), labels_of, targets, None))
         }
         TargetSpec::Texture(texture) => {
-            texture_wanted(context, context.appearance(texture)?, texture.max_albedo, warnings)
+            let appearance = context.appearance(texture)?;
+            if appearance.loses_colour {
+                warnings.push(format!(
+                    "object {}: colours are asked for, and the resins ({}) have one channel: only lightness is matched. \
+                     Resins with three channels, such as set = \"inks-rgb-7\", print colours",
+                    context.object + 1,
+                    context.materials.name
+                ));
+            }
+            texture_wanted(context, appearance, texture.max_albedo, warnings)
         }
         TargetSpec::Bssrdf { map, max_albedo } => {
             context.require_uvs("target.map")?;

@@ -107,8 +107,7 @@ fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
     let (asked, found) = far.into_iter().map(|(_, pair)| pair).max_by(wider)?;
     Some(format!(
         "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: \
-            the resins reach no \
-         nearer, see `lumislice gamut --job`, gamut-map and dc-weight",
+         the resins reach no nearer, see the job's gamut, gamut-map and dc-weight",
         100.0 * share
     ))
 }

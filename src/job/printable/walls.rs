@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::{
     appearance::{PointOfSurface, SurfacePoints},
     job::{Prepared, RunError, look::normal_and_area},
-    optics::{Layer, mixture_parts},
+    optics::{Layer, Mixture},
     sdf::{Surface, ball_inside},
     watch::Watch,
 };
@@ -42,8 +42,8 @@ pub struct Walls {
     pub thinnest_mm: Option<f64>,
     /// Where, mm in the lattice's frame.
     pub thinnest_at_mm: Option<[f64; 3]>,
-    /// Share of the surface that is on parts thinner than their layers from both sides, where the job gives such parts no
-    /// stackings of their own.
+    /// Share of the surface that is on parts thinner than their layers from both sides, where the job gives such parts
+    /// no stackings of their own.
     pub shallow_share: f64,
     /// Share on which what prints as background lies bare.
     pub bare_share: f64,
@@ -77,8 +77,8 @@ struct Found {
     hollow: bool,
 }
 
-/// Length of the way from a point straight through the solid, where it is less than `limit` mm and what it meets faces the
-/// point: how thick a wall or a wire is there. The way is walked by distances, which never overleap a surface.
+/// Length of the way from a point straight through the solid, where it is less than `limit` mm and what it meets faces
+/// the point: how thick a wall or a wire is there. The way is walked by distances, which never overleap a surface.
 fn through(surface: &Surface, point: &PointOfSurface, limit: f64) -> Option<f64> {
     let [a, b, c] = surface.triangles()[point.triangle as usize];
     let inward = (a + b + c) / 3.0 - point.point;
@@ -113,7 +113,7 @@ impl Prepared {
         let most = if asks_depth { deepest.max(limit_mm) } else { limit_mm };
         let points = SurfacePoints::spread(surface.triangles(), SPACING_MM, MOST_POINTS);
         let is_void = |name: &str| {
-            let only = mixture_parts(name).filter(|parts| parts.len() == 1);
+            let only = Mixture::parts_of_name(name).filter(|parts| parts.len() == 1);
             let found = only.and_then(|parts| self.materials.resin(parts[0].0));
             self.job.output.map_background.is_none()
                 && found.is_some_and(|(resin, _)| self.materials[resin].print_as_background)

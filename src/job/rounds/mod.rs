@@ -1,7 +1,8 @@
 //! What was asked for is what prints: a job is printed in memory and looked at, and its targets are corrected where the
 //! print misses; then it is printed again.
 //!
-//! **In:** a [`Prepared`] job as a draft. **Out:** the same job with other layers, and what every round found ([`Rounds`]).
+//! **In:** a [`Prepared`] job as a draft. **Out:** the same job with other layers, and what every round found
+//! ([`Rounds`]).
 //!
 //! ```text
 //!   fields ──► voxels ──► printed albedo at points of the surface
@@ -12,11 +13,12 @@
 //! ```
 //!
 //! A flat slab's promise misses where a surface bends, where light comes through from another side, beside an edge, and
-//! where the lattice cannot hold a layer. What makes up for it is a factor of the albedo that the stackings are asked for,
-//! one for each channel, smooth over the surface. Where no stacking reaches it, the factor stays at what is reached.
+//! where the lattice cannot hold a layer. What makes up for it is a factor of the albedo that the stackings are asked
+//! for, one for each channel, smooth over the surface. Where no stacking reaches it, the factor stays at what is
+//! reached.
 //!
-//! Points, walks and means are drawn and summed in a fixed order, and factors are rounded to a thousandth before they are
-//! used: what is found is the same for any number of threads, and reads back from a file as what it was.
+//! Points, walks and means are drawn and summed in a fixed order, and factors are rounded to a thousandth before they
+//! are used: what is found is the same for any number of threads, and reads back from a file as what it was.
 
 mod residual;
 
@@ -44,8 +46,8 @@ const WALKS_EACH: [u64; 2] = [128, 512];
 const SEED: u64 = 0x5EED_0F20_0D50;
 /// Factors end here, as logarithms: what needs more is out of reach.
 const GREATEST: f64 = 2.5;
-/// Part of a miss that a round makes up for: where a part is so thin that its core all but ends, the print answers up to
-/// 1.4 times as strongly as the model.
+/// Part of a miss that a round makes up for: where a part is so thin that its core all but ends, the print answers up
+/// to 1.4 times as strongly as the model.
 const DAMPING: f64 = 0.8;
 /// A factor that falls short by more than this is out of reach.
 const SHORT: f64 = 0.03;
@@ -57,8 +59,8 @@ const SPREAD: f64 = 0.754_877_666_246_692_7;
 type Factors = Vec<[f64; CHANNELS]>;
 
 impl Prepared {
-    /// Reads the inputs of `job`, searches the stackings, builds the fields; then looks at the print and corrects it, as
-    /// often as the job says.
+    /// Reads the inputs of `job`, searches the stackings, builds the fields; then looks at the print and corrects it,
+    /// as often as the job says.
     ///
     /// # Errors
     /// Any input that cannot be used; see [`RunError`].

@@ -7,8 +7,10 @@ mod convert;
 mod estimate;
 mod heights;
 mod labels;
+mod meshes;
 mod redraw;
 mod report;
+mod slices;
 
 use std::{
     collections::BTreeMap,
@@ -26,16 +28,17 @@ pub use convert::{ConvertError, Converted, convert};
 pub use estimate::{Estimate, ObjectPlace};
 pub use redraw::{RedrawError, redraw};
 use report::write_pictures;
+use slices::Sinks;
+pub(in crate::job) use slices::slice_path;
 
 use crate::look::Volume;
 use crate::{
-    container::{SliceImage, bmp},
     job::{
-        Prepared, ROUNDS, RunError, StackingReport,
+        Job, Prepared, ROUNDS, RunError, StackingReport,
         file::{OutputFormat, Overlap},
         finished::read_manifest,
         look::{LOOK_VOXELS, Look, LookError, LookOptions, look_at},
-        manifest::{LOOK, Manifest, MeshRecord, OWNER, Outcome, STACKINGS, json},
+        manifest::{LOOK, Manifest, OWNER, Outcome, STACKINGS, json},
         printable::Printable,
     },
     output::{
@@ -43,13 +46,27 @@ use crate::{
         pretty,
     },
     preview::{PreviewBuilder, PreviewMaterial},
-    slice::{
-        RowBuffers, count_voxels, encode_mask, encode_rgba,
-        meshes::{MaterialMesher, MaterialPart, MeshingError, write_3mf, write_stl},
-    },
-    voxel::{MaterialId, Slab},
+    voxel::MaterialId,
     watch::Watch,
 };
+
+/// Refuses to go on in `folder` where another job is finished: one of other keys, which is known before anything slow.
+///
+/// # Errors
+/// [`OutputError::AnotherJob`].
+pub fn refuse_another(job: &Job, folder: &Path) -> Result<(), RunError> {
+    // What cannot be read is told by who reads all of it.
+    let Ok(Ok(manifest)) = read_manifest(folder) else { return Ok(()) };
+    if manifest.generator == GENERATOR && manifest.job != json(&job.resolved()) {
+        return Err(other_keys(folder));
+    }
+    Ok(())
+}
+
+fn other_keys(folder: &Path) -> RunError {
+    let (path, found) = (folder.join(MANIFEST), "a finished job with other keys or inputs".to_owned());
+    OutputError::AnotherJob { path, found, expected: "this one's".to_owned() }.into()
+}
 
 /// How to run a job.
 #[derive(Debug, Clone, Default)]
@@ -202,82 +219,6 @@ impl Prepared {
     }
 }
 
-/// Path of the image of slice `k`.
-pub(in crate::job) fn slice_path(k: u32) -> String {
-    format!("slices/slice_{k}.png")
-}
-
-fn mask_path(resin: &str, k: u32) -> String {
-    format!("masks/{resin}/slice_{k}.png")
-}
-
-/// Where slabs go.
-struct Sinks<'a> {
-    prepared: &'a Prepared,
-    output: &'a OutputFolder,
-    /// Slices that need no writing.
-    kept: &'a BTreeMap<u32, SliceCounts>,
-    watch: &'a dyn Watch,
-}
-
-/// Buffers of one worker.
-#[derive(Default)]
-struct Buffers {
-    rows: RowBuffers,
-    file: Vec<u8>,
-    /// [`Prepared::bitmap_materials`], once they are asked for.
-    bitmaps: Option<Vec<MaterialId>>,
-}
-
-impl Sinks<'_> {
-    /// Writes the slices of `slab` that are in `slices`, adding their voxels to `counts`. Returns their images, kept
-    /// ones' too, where those are wanted.
-    fn take(
-        &self,
-        slab: &Slab,
-        slices: &Range<u32>,
-        counts: &mut [u64; 256],
-        images: bool,
-    ) -> Result<Vec<SliceImage>, RunError> {
-        let held = slab.slices();
-        let wanted = held.start.max(slices.start)..held.end.min(slices.end);
-        let written: Vec<([u64; 256], Option<SliceImage>)> = wanted
-            .into_par_iter()
-            .filter(|k| images || !self.kept.contains_key(k))
-            .map_init(Buffers::default, |buffers, slice| {
-                let mut png = Vec::new();
-                let counts = self.take_slice(slab, slice, buffers, images.then_some(&mut png))?;
-                Ok((counts, images.then_some(SliceImage { slice, png })))
-            })
-            .collect::<Result<_, RunError>>()?;
-        for (slice, _) in &written {
-            counts.iter_mut().zip(slice).for_each(|(count, voxels)| *count += voxels);
-        }
-        Ok(written.into_iter().filter_map(|(_, image)| image).collect())
-    }
-
-    fn take_slice(
-        &self,
-        slab: &Slab,
-        k: u32,
-        buffers: &mut Buffers,
-        image: Option<&mut Vec<u8>>,
-    ) -> Result<[u64; 256], RunError> {
-        self.watch.go_on()?;
-        if self.kept.contains_key(&k) {
-            // Its files are there and its voxels counted; only its image is wanted.
-            self.prepared.encode_slice(slab, k, buffers, image, |_, _| Ok(()))?;
-            return Ok([0; 256]);
-        }
-        let write = |path: &str, content: &[u8]| Ok(self.output.write(path, content)?);
-        let counts = self.prepared.encode_slice(slab, k, buffers, image, write)?;
-        let occurring = (0..=u8::MAX).map(|id| (id, counts[usize::from(id)])).filter(|&(_, voxels)| voxels > 0);
-        self.output.finish_slice(k, occurring.collect())?;
-        self.watch.advance(1);
-        Ok(counts)
-    }
-}
-
 /// Printed and meshed volumes that differ by less are the same.
 const VOLUME_ALIKE: f64 = 0.02;
 
@@ -285,74 +226,6 @@ impl Prepared {
     /// Every file that was read.
     pub fn files(&self) -> Vec<PathBuf> {
         self.inputs.iter().map(|input| input.file.clone()).chain([self.job.path.clone()]).collect()
-    }
-
-    /// Hands the files of slice `k` to `take`, copies its image into `image`, and counts its voxels.
-    fn encode_slice(
-        &self,
-        slab: &Slab,
-        k: u32,
-        buffers: &mut Buffers,
-        image: Option<&mut Vec<u8>>,
-        mut take: impl FnMut(&str, &[u8]) -> Result<(), RunError>,
-    ) -> Result<[u64; 256], RunError> {
-        let encoding = |source: std::io::Error| OutputError::Io {
-            action: "encoding",
-            path: PathBuf::from(format!("slice {k}")),
-            source,
-        };
-        let mut counts = [0; 256];
-        let Buffers { rows, file, bitmaps } = buffers;
-        file.clear();
-        if self.job.wants(OutputFormat::Png) || image.is_some() {
-            encode_rgba(slab, k, &self.palette, rows, &mut counts, file).map_err(encoding)?;
-        } else {
-            count_voxels(slab, k, rows, &mut counts);
-        }
-        if let Some(image) = image {
-            image.extend_from_slice(file);
-        }
-        if self.job.wants(OutputFormat::Png) {
-            take(&slice_path(k), file)?;
-        }
-        if self.job.wants(OutputFormat::Masks) {
-            for (MaterialId(id), resin) in self.printed() {
-                file.clear();
-                encode_mask(slab, k, id, rows, file).map_err(encoding)?;
-                take(&mask_path(&self.materials[resin].name, k), file)?;
-            }
-        }
-        if self.job.wants(OutputFormat::Bmp) {
-            let bitmaps = bitmaps.get_or_insert_with(|| self.bitmap_materials());
-            for (number, MaterialId(id)) in (1..).zip(bitmaps) {
-                file.clear();
-                bmp::encode_bmp(slab, k, *id, &mut *file).map_err(encoding)?;
-                take(&bmp::bitmap_path(number, k, self.lattice.dims[2]), file)?;
-            }
-        }
-        Ok(counts)
-    }
-
-    /// Hands the files of `slices` to `take`, of those slabs that are `wanted`.
-    pub(super) fn for_each_sliced_file(
-        &self,
-        slices: Range<u32>,
-        wanted: impl Fn(Range<u32>) -> bool,
-        watch: &dyn Watch,
-        mut take: impl FnMut(&str, &[u8]),
-    ) -> Result<(), RunError> {
-        let mut buffers = Buffers::default();
-        self.slicer().for_each_wanted_slab(slices.clone(), wanted, |slab| {
-            for k in slab.slices().filter(|k| slices.contains(k)) {
-                watch.go_on()?;
-                self.encode_slice(slab, k, &mut buffers, None, |path, content| {
-                    take(path, content);
-                    Ok(())
-                })?;
-                watch.advance(1);
-            }
-            Ok(())
-        })
     }
 
     /// What to say where `voxels` are not the volume of the objects: walls thinner than voxels are lost or thickened.
@@ -373,16 +246,6 @@ impl Prepared {
                 100.0 * off
             )
         })
-    }
-
-    /// Lists the files of slice `k` as written if an interrupted run left all of them whole.
-    fn keep_slice(&self, output: &OutputFolder, k: u32) -> bool {
-        let slice = self.job.wants(OutputFormat::Png).then(|| slice_path(k));
-        let masks = self.printed().filter(|_| self.job.wants(OutputFormat::Masks));
-        let masks = masks.map(|(_, resin)| mask_path(&self.materials[resin].name, k));
-        let bitmaps = if self.job.wants(OutputFormat::Bmp) { self.bitmap_materials().len() } else { 0 };
-        let bitmaps = (1..=bitmaps).map(|number| bmp::bitmap_path(number, k, self.lattice.dims[2]));
-        slice.into_iter().chain(masks).chain(bitmaps).all(|path| output.keep(&path))
     }
 
     /// The manifest in `folder` if this very job is finished there.
@@ -409,7 +272,7 @@ impl Prepared {
         }
         let inputs: Vec<_> = self.inputs.iter().map(json).collect();
         if (&manifest.job, &manifest.inputs) != (&json(&self.job.resolved()), &inputs) {
-            return Err(another("a finished job with other keys or inputs", "this one's".to_owned()).into());
+            return Err(other_keys(folder));
         }
         let damaged = |file: &&FileEntry| !(is_plain(&file.path) && file.is_whole(folder));
         if let Some(file) = manifest.files.par_iter().find_first(damaged) {
@@ -425,64 +288,6 @@ impl Prepared {
         };
         let materials: Vec<_> = self.materials.resins.iter().enumerate().map(material).collect();
         PreviewBuilder::new(&self.lattice, &materials)
-    }
-
-    /// Writes the material meshes the job asks for. They are of the whole job, whatever slices are written.
-    fn write_meshes(&self, output: &OutputFolder, watch: &dyn Watch) -> Result<Vec<MeshRecord>, RunError> {
-        let (stl, assembly) = (self.job.wants(OutputFormat::Stl), self.job.wants(OutputFormat::ThreeMf));
-        if !stl && !assembly {
-            return Ok(Vec::new());
-        }
-        let mesher = self.mesher();
-        let resins: Vec<_> = self.printed().map(|(id, resin)| (id, self.materials[resin].name.clone())).collect();
-        watch.stage("meshes", 0);
-        let meshes = mesher.mesh(self.slicer().objects(), &resins, watch)?;
-        let encoding = |error: std::io::Error| OutputError::Io {
-            action: "encoding",
-            path: output.root().join("meshes"),
-            source: error,
-        };
-        let parts = || meshes.parts.iter().filter(|part| !part.triangles.is_empty());
-        if stl {
-            for part in parts() {
-                let mut file = Vec::new();
-                write_stl(&meshes, part, &mut file).map_err(encoding)?;
-                output.write(&format!("meshes/{}.stl", part.name), &file)?;
-            }
-        }
-        if assembly {
-            let mut file = std::io::Cursor::new(Vec::new());
-            write_3mf(&meshes, &self.palette, &mut file).map_err(encoding)?;
-            output.write(&format!("meshes/{}.3mf", self.job.name), file.get_ref())?;
-        }
-        let record = |part: &MaterialPart| MeshRecord {
-            material: part.name.clone(),
-            triangles: part.triangles.len() as u64,
-            volume_mm3: part.volume_mm3,
-            pitch_mm: mesher.pitch_mm,
-        };
-        Ok(parts().map(record).collect())
-    }
-
-    fn mesher(&self) -> MaterialMesher {
-        let layers = self.objects.iter().flat_map(|object| &object.stackings.stackings).flat_map(|entry| &entry.layers);
-        let thinnest = layers.map(|layer| layer.thickness_mm).reduce(f64::min);
-        let default = MaterialMesher::default_pitch_mm(thinnest, self.lattice.pitch);
-        MaterialMesher { pitch_mm: self.job.output.mesh_pitch_mm.unwrap_or(default) }
-    }
-
-    /// Refuses what would make the material meshes fail once all slices are written.
-    pub(super) fn check_meshes(&self) -> Result<(), RunError> {
-        if self.job.wants(OutputFormat::Stl) || self.job.wants(OutputFormat::ThreeMf) {
-            self.mesher().check(self.slicer().objects()).map_err(|error| match error {
-                MeshingError::TooFine { pitch_mm, axis, nodes, max } => {
-                    let found = format!("{pitch_mm} mm, which makes {nodes:.0} nodes along {axis}");
-                    self.job.refuse("output.mesh-pitch-mm", found, format!("at most {max} nodes")).into()
-                }
-                other => RunError::from(other),
-            })?;
-        }
-        Ok(())
     }
 
     fn refuse_misfits(&self) -> Result<(), RunError> {

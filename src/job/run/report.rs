@@ -7,7 +7,7 @@ use crate::{
         manifest::{LatticeRecord, MaterialRecord, ObjectRecord, REPORT},
         record::{Fit, LookSummary, RoundRecord},
     },
-    optics::{Mixture, ResinId, Stack, mixture_parts},
+    optics::{Mixture, ResinId, Stack},
     output::{MANIFEST, OutputFolder},
     preview::{
         self, FilmStrip, PreviewFile, PreviewMaterial, ReportData, ReportFilm, ReportHealth, ReportLabel,
@@ -74,7 +74,7 @@ fn report_data(manifest: &Manifest, pictures: &[PreviewFile], labels: &[SurfaceL
     for (number, object) in (1..).zip(&manifest.stackings) {
         for (cluster, entry) in (0..).zip(&object.stackings) {
             let mixture = |name: &str| {
-                let parts = mixture_parts(name)?.into_iter().map(|(resin, share)| Some((id(resin)?, share)));
+                let parts = Mixture::parts_of_name(name)?.into_iter().map(|(resin, share)| Some((id(resin)?, share)));
                 Mixture::new(parts.collect::<Option<Vec<_>>>()?)
             };
             let layers = entry.layers.iter().filter_map(|layer| Some((mixture(&layer.resin)?, layer.thickness_mm)));

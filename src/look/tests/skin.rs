@@ -15,34 +15,14 @@ use crate::optics::{
     predict,
 };
 use crate::sdf::Surface;
+use crate::test_shapes::{box_triangles, indexed, sphere};
 use crate::watch::Unwatched;
 
 const INDEX: f64 = 1.52;
 
-/// A box from the origin.
-fn cuboid(size: DVec3) -> TriangleMesh {
-    let corner = |n: usize| DVec3::new((n & 1) as f64, (n >> 1 & 1) as f64, (n >> 2) as f64) * size;
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-    TriangleMesh { positions: (0..8).map(corner).collect(), triangles, ..TriangleMesh::default() }
-}
-
-/// A ball of `steps` × 2 `steps` faces.
-fn ball(centre: DVec3, radius: f64, steps: u32) -> TriangleMesh {
-    let at = |i: u32, j: u32| {
-        let (polar, turn) = (f64::from(i) / f64::from(steps), f64::from(j % (2 * steps)) / f64::from(steps));
-        let ((s, c), (v, u)) = ((polar * std::f64::consts::PI).sin_cos(), (turn * std::f64::consts::PI).sin_cos());
-        centre + radius * DVec3::new(s * u, s * v, c)
-    };
-    let mut mesh = TriangleMesh::default();
-    for (i, j) in (0..steps).flat_map(|i| (0..2 * steps).map(move |j| (i, j))) {
-        for corners in [[(i, j), (i + 1, j), (i + 1, j + 1)], [(i, j), (i + 1, j + 1), (i, j + 1)]] {
-            let first = mesh.positions.len() as u32;
-            mesh.positions.extend(corners.map(|(i, j)| at(i, j)));
-            mesh.triangles.push([first, first + 1, first + 2]);
-        }
-    }
-    mesh
+fn mesh(triangles: &[[DVec3; 3]]) -> TriangleMesh {
+    let (positions, triangles) = indexed(triangles);
+    TriangleMesh { positions, triangles, ..TriangleMesh::default() }
 }
 
 fn under(scene: Scene, mesh: &TriangleMesh) -> Scene {
@@ -74,7 +54,8 @@ fn slabs_under_a_surface_print_as_the_transport_model_has_it() {
         let dims = [width.x / pitch.x, width.y / pitch.y, (mm + core_mm) / pitch.z].map(|n| n.round() as u32);
         let size = DVec3::from(dims.map(f64::from)) * pitch;
         let voxels = volume(dims, pitch, |p| if size.z - p.z < mm { id(top_resin) } else { id("black") });
-        let scene = under(Scene::new(voxels, std::slice::from_ref(&media)).unwrap(), &cuboid(size));
+        let scene =
+            under(Scene::new(voxels, std::slice::from_ref(&media)).unwrap(), &mesh(&box_triangles(DVec3::ZERO, size)));
         let found = printed(&scene, top(size), 200_000);
         println!("{top_resin}: printed {:.5} ± {:.5}, promised {promised:.5}", found.mean, found.standard_error);
         assert!((found.mean - promised).abs() < 3.0 * found.standard_error + 0.005 * promised, "{found:?}");
@@ -88,7 +69,7 @@ fn what_enters_leaves_where_nothing_absorbs() {
     let (radius, pitch) = (1.0, DVec3::new(0.04, 0.05, 0.03));
     let centre = DVec3::splat(1.2);
     let voxels = volume([60, 48, 80], pitch, |p| u8::from(p.distance(centre) < radius));
-    let scene = under(Scene::new(voxels, &[media]).unwrap(), &ball(centre, radius, 60));
+    let scene = under(Scene::new(voxels, &[media]).unwrap(), &mesh(&sphere(centre, radius, 60)));
     let found = printed(&scene, Spot { sites: sites(centre, radius, 64) }, 20_000);
     // All but the glint.
     let glint = Interface::between(1.0, INDEX).above;
@@ -149,7 +130,8 @@ fn balls_under_a_surface_print_as_a_walk_in_an_exact_ball_has_it() {
         let (pitch, dims) = (DVec3::splat(radius / 100.0), [212; 3]);
         let centre = pitch * 106.0;
         let voxels = volume(dims, pitch, |p| if p.distance(centre) < radius { id } else { 0 });
-        let scene = under(Scene::new(voxels, std::slice::from_ref(&media)).unwrap(), &ball(centre, radius, 200));
+        let scene =
+            under(Scene::new(voxels, std::slice::from_ref(&media)).unwrap(), &mesh(&sphere(centre, radius, 200)));
         let found = printed(&scene, Spot { sites: sites(centre, radius, 512) }, 200_000);
         let expected = in_an_exact_ball(radius, &media[usize::from(id)], 200_000);
         let sigma = found.standard_error.hypot(expected.standard_error);

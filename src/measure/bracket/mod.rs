@@ -154,8 +154,8 @@ pub(super) fn check(
     }
     if 2 * used.len() < count || used.is_empty() {
         let found = format!("{} of {count} exposures that do not fit the others", count - used.len());
-        let expected = "a bracket of which most fit together; are times, black level and saturation level right, and are \
-                        the pictures linear and of one scene?";
+        let expected = "a bracket of which most fit together; are times, black level and saturation level right, and \
+             are the pictures linear and of one scene?";
         return Err(MeasureError::scene(format!("{what}: bracket"), found, expected));
     }
     let time_share = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();

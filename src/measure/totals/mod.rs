@@ -1,18 +1,18 @@
 //! Coefficients from total reflectance and transmittance: what an integrating sphere or a spectrophotometer measures.
 //!
-//! **In:** sheets of several thicknesses, bare or over backings, each with the share of the light that comes back and, where
-//! measured, that comes through; by channel, or as spectra. **Out:** σs′ = σs (1 − g) and σa per channel with their
-//! uncertainties, and a material file.
+//! **In:** sheets of several thicknesses, bare or over backings, each with the share of the light that comes back and,
+//! where measured, that comes through; by channel, or as spectra. **Out:** σs′ = σs (1 − g) and σa per channel with
+//! their uncertainties, and a material file.
 //!
-//! The model is the stack's own: transport through the sheet, with the boundaries of a resin of index n to air. A backing
-//! lies under a film of air, as a sheet on a tile does, and spreads what it reflects evenly:
+//! The model is the stack's own: transport through the sheet, with the boundaries of a resin of index n to air. A
+//! backing lies under a film of air, as a sheet on a tile does, and spreads what it reflects evenly:
 //!
 //! ```text
 //!   R = R_sheet + T_sheet ρ T_diffuse / (1 − ρ R_diffuse)
 //! ```
 //!
-//! *Assumed:* n and g. Totals hardly know g: it is taken as stated, and what another one would make of the others is part
-//! of their uncertainty.
+//! *Assumed:* n and g. Totals hardly know g: it is taken as stated, and what another one would make of the others is
+//! part of their uncertainty.
 
 mod observer;
 mod read;
@@ -141,8 +141,8 @@ impl Data<'_> {
             MeasureError::scene(format!("channel {channel}: coefficients"), found, expected)
         };
         if residual > MOST_MISFIT {
-            let expected = "at most 0.02: are thicknesses, refractive index, light and specular right, and is every sheet of \
-                            one resin?";
+            let expected = "at most 0.02: are thicknesses, refractive index, light and specular right, and is every \
+                 sheet of one resin?";
             return Err(wrong(format!("values missed by {residual:.3} of the light, rms"), expected));
         }
         let slopes = self.slopes(&found, g);
@@ -328,8 +328,8 @@ impl Totals {
                 ));
             } else if fit.is_missed() {
                 notes.push(format!(
-                    "channel {channel}: values are missed by {of_light}: errors are larger than stated, or a thickness, \
-                     the refractive index or the light is not as stated"
+                    "channel {channel}: values are missed by {of_light}: errors are larger than stated, or a \
+                     thickness, the refractive index or the light is not as stated"
                 ));
             }
         }
@@ -360,7 +360,8 @@ impl Totals {
             let [(reduced, its), (absorption, error)] = fit.coefficients_with_errors();
             let _ = writeln!(
                 text,
-                "# channel {}: scattering (1 - g) {}, absorption {} per mm, from {} values missed by {:.4} of the light",
+                "# channel {}: scattering (1 - g) {}, absorption {} per mm, from {} values missed by {:.4} of the \
+                 light",
                 fit.channel,
                 plus_minus(reduced, its),
                 plus_minus(absorption, error),

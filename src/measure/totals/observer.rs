@@ -1,8 +1,8 @@
 //! Spectra as red, green and blue: the CIE's observer of 1931 (2 degrees) under its daylight D65.
 //!
-//! A sheet's share of light in a channel is the mean of its spectrum, weighted by what the channel is made of: x̄, ȳ, z̄
-//! times D65, through the matrix of sRGB (IEC 61966-2-1). A white sheet has 1 in each. Weights are negative here and there,
-//! so that a narrow band of colour may lie outside of what the three can hold.
+//! A sheet's share of light in a channel is the mean of its spectrum, weighted by what the channel is made of: x̄, ȳ,
+//! z̄ times D65, through the matrix of sRGB (IEC 61966-2-1). A white sheet has 1 in each. Weights are negative here and
+//! there, so that a narrow band of colour may lie outside of what the three can hold.
 
 /// Name as files say it.
 pub(super) const NAME: &str = "CIE 1931 2 degrees under D65, linear sRGB";

@@ -1,5 +1,5 @@
-//! Reading sheets: a TOML file with the resin and the instrument, and a CSV table of the values. `docs/measure.md` lists
-//! every key and column.
+//! Reading sheets: a TOML file with the resin and the instrument, and a CSV table of the values. `docs/measure.md`
+//! lists every key and column.
 
 use std::path::Path;
 

@@ -48,7 +48,8 @@ fn photons(volume: VolumeCoefficients, mm: f64, seed: u64) -> [f64; 2] {
 fn folder_with(table: &str, resin: &str, g: f64) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let file = format!(
-        "[resin]\nname = \"{resin}\"\nrgba = [255, 255, 255, 255]\ndensity-g-per-cm3 = 1.18\nrefractive-index = {INDEX}\ng = {g}\n\
+        "[resin]\nname = \"{resin}\"\nrgba = [255, 255, 255, 255]\ndensity-g-per-cm3 = 1.18\nrefractive-index = \
+         {INDEX}\ng = {g}\n\
          [instrument]\nmodel = \"simulated\"\nlight = \"normal\"\nspecular = \"included\"\nrelative-error = {NOISE}\n\
          [samples]\nfile = \"t.csv\"\n"
     );

@@ -46,9 +46,9 @@ const NEEDLE_ASPECT: f64 = 1e-12;
 /// Makes a mesh fit for slicing and reports its health.
 ///
 /// The triangles of the result keep their order and attributes; a flipped one has its second and third corner
-/// exchanged. Where bodies overlap, touch or lie in each other, what has inside on both sides is left out, and triangles
-/// that are surface in part are replaced by those parts, whose attributes are interpolated. Needles (distinct corners, no area) take part in everything but end among the caps: depth is never
-/// measured from them.
+/// exchanged. Where bodies overlap, touch or lie in each other, what has inside on both sides is left out, and
+/// triangles that are surface in part are replaced by those parts, whose attributes are interpolated. Needles (distinct
+/// corners, no area) take part in everything but end among the caps: depth is never measured from them.
 ///
 /// # Errors
 /// No surface is left ([`MeshError::NoSurface`]), closing it takes more than [`MAX_CAP_FRACTION`] of its area

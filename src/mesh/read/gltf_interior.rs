@@ -1,6 +1,6 @@
-//! What glTF's materials say of light below the surface: KHR_materials_transmission, _volume and
-//! _diffuse_transmission; and two drafts that are not ratified, KHR_materials_volume_scatter (glTF pull request 2453, as
-//! of 2026-06) and KHR_materials_scatter (pull request 2579, commit 0addbb0a, 2026-07).
+//! What glTF's materials say of light below the surface: KHR_materials_transmission, _volume and _diffuse_transmission;
+//! and two drafts that are not ratified, KHR_materials_volume_scatter (glTF pull request 2453, as of 2026-06) and
+//! KHR_materials_scatter (pull request 2579, commit 0addbb0a, 2026-07).
 //!
 //! They become what a target is made of, an albedo and a mean free path. Per channel, with b the base colour, s the
 //! transmission, d the diffuse transmission and D its colour, light that meets the surface
@@ -19,8 +19,8 @@
 //! where c is the attenuation colour and a the attenuation distance. The last is no physics: what a medium that only
 //! absorbs sends back is what lies behind it; the colour that its maker saw is c at the distance a. Particles that
 //! scatter with a mean cosine g make the path of the isotropic medium that looks alike longer, by 1/(1 − g ρ₁), with ρ₁
-//! the albedo of a single scattering as either draft derives it from ρ. KHR_materials_scatter's strength multiplies ρ of
-//! a volume, and of a thin wall it mixes the transmitted b with its colour.
+//! the albedo of a single scattering as either draft derives it from ρ. KHR_materials_scatter's strength multiplies ρ
+//! of a volume, and of a thin wall it mixes the transmitted b with its colour.
 //!
 //! Base colours are dielectrics' here: metalness is not looked at.
 
@@ -232,8 +232,8 @@ impl Interior {
         })
     }
 
-    /// 1/σt of the isotropic medium that looks alike, per channel, in the file's unit; `None` where the material does not
-    /// say.
+    /// 1/σt of the isotropic medium that looks alike, per channel, in the file's unit; `None` where the material does
+    /// not say.
     pub(super) fn mean_free_path(&self) -> Option<[f64; 3]> {
         let volume = self.volume?;
         if self.is_clear() {

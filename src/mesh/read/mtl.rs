@@ -85,8 +85,8 @@ pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, r
                     if alpha <= 0.0 {
                         let material = &material.name;
                         raw.warnings.push(format!(
-                            "{name}, line {number}: material `{material}` is wholly transparent; its surface is printed \
-                             all the same"
+                            "{name}, line {number}: material `{material}` is wholly transparent; its surface is \
+                             printed all the same"
                         ));
                     }
                 }

@@ -8,8 +8,8 @@ use std::path::Path;
 
 use super::file::MaterialFile;
 use super::toml_source::Folder;
-use super::{DEFAULT_SEED, MaterialSet, SimulatedProfile};
-use crate::optics::OpticsError;
+use super::{MaterialSet, SimulatedProfile};
+use crate::optics::{Model, OpticsError};
 use crate::watch::{StopOnly, Unwatched, Watch};
 use crate::words::suggest;
 
@@ -133,7 +133,7 @@ pub fn regenerate_builtin(
         let bare: String =
             text.lines().filter(|line| !line.starts_with("reflection")).fold(String::new(), |t, l| t + l + "\n");
         let file = MaterialFile::parse(&bare, Path::new(set), &Folder::Embedded(&[]))?;
-        let plans = file.slab_plans(Some(DEFAULT_SEED + done as u64)).into_iter();
+        let plans = file.slab_plans(Some(Model::DEFAULT_SEED + done as u64)).into_iter();
         for plan in plans.filter(|plan| MaterialSet::stores(&plan.file)) {
             let profile = plan.simulate(photons, &StopOnly(watch))?;
             done += 1;

@@ -35,11 +35,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::resin_table::{Draft, is_name};
-use super::simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, simulate_profile};
+use super::simulate::simulate_profile;
 use super::spectra::ResinSpectrum;
 use super::toml_source::{Folder, Keys};
 use super::{MaterialSet, Resin, ResinChannel};
-use crate::optics::{FrequencyGrid, Grains, Interface, OpticsError, ResinId, Stack, VolumeCoefficients};
+use crate::optics::{FrequencyGrid, Grains, Interface, Model, OpticsError, ResinId, Stack, VolumeCoefficients};
 use crate::toml_reader::{Found, Source, Strings};
 use crate::watch::{Thousandths, Unwatched, Watch};
 
@@ -143,7 +143,7 @@ impl MaterialFile {
             provenance: top.string("provenance")?.map_or("not stated".into(), |text| text.value),
             resins: Vec::new(),
             profile_files: Vec::new(),
-            first_seed: DEFAULT_SEED,
+            first_seed: Model::DEFAULT_SEED,
             remarks: Vec::new(),
         };
         let tables = top.require("resin", "at least one [[resin]] table")?;
@@ -192,7 +192,7 @@ impl MaterialFile {
         let grid = FrequencyGrid::default();
         let mut warnings: Vec<String> = self.resins.iter().filter_map(Draft::warning).chain(self.remarks).collect();
         let simulated = self.resins.iter().filter(|draft| draft.profiles.is_none()).count() * self.channels.len();
-        let stage = Thousandths::begin(watch, "materials", simulated as u64 * DEFAULT_PHOTONS);
+        let stage = Thousandths::begin(watch, "materials", simulated as u64 * Model::DEFAULT_PHOTONS);
         let mut order: Vec<(usize, Draft)> = self.resins.into_iter().enumerate().collect();
         // What was measured can be refused before slow work starts.
         order.sort_by_key(|(_, draft)| draft.profiles.is_none());
@@ -206,7 +206,7 @@ impl MaterialFile {
                     (None, Some(volume)) => {
                         // Resins and channels get random numbers of their own.
                         let seed = self.first_seed + (index * self.channels.len() + channel) as u64;
-                        let slab = simulate_profile(volume[channel], thickness, DEFAULT_PHOTONS, seed, &stage)?;
+                        let slab = simulate_profile(volume[channel], thickness, Model::DEFAULT_PHOTONS, seed, &stage)?;
                         (slab.result.reflection_profile, slab.result.transmission_profile)
                     }
                     (None, None) => continue, // refused when the file was read

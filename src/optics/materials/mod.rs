@@ -20,7 +20,7 @@ use super::{
 };
 pub use builtin::{BUILTIN_PHOTONS, regenerate_builtin};
 pub use file::MaterialFile;
-pub use simulate::{DEFAULT_PHOTONS, DEFAULT_SEED, SimulatedProfile};
+pub use simulate::SimulatedProfile;
 pub use slabs::SlabPlan;
 #[cfg(any(test, feature = "measure"))]
 pub(crate) use spectra::ResinSpectrum;

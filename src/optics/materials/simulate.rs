@@ -8,11 +8,6 @@ use crate::optics::{
 };
 use crate::watch::Watch;
 
-/// Photons for a resin given by coefficients only: R̂(0) within 4e-4 (one σ), a few seconds a channel.
-pub const DEFAULT_PHOTONS: u64 = 2_000_000;
-/// Seed of simulations that were given none.
-pub const DEFAULT_SEED: u64 = 2010;
-
 /// Profiles of a simulated slab under a Lambertian point source.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulatedProfile {

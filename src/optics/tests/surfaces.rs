@@ -55,8 +55,8 @@ fn errors(set: &MaterialSet, count: usize) -> Vec<f64> {
 }
 
 /// With the surface as a layer, the scalar model's albedos of real inks are nearer to transport's by an order of
-/// magnitude: without it they are up to three times as bright. What is left is light that has just been bent into a thin
-/// dark layer, where it is no more diffuse than in the models' other thin layers.
+/// magnitude: without it they are up to three times as bright. What is left is light that has just been bent into a
+/// thin dark layer, where it is no more diffuse than in the models' other thin layers.
 #[test]
 fn a_surface_is_a_layer() {
     let set = inks();

@@ -3,15 +3,15 @@
 //!
 //! [`super::modal`] knows every resin; here the modes of a mixture are computed anew whenever it changes, once per
 //! frequency, and nothing else is. Perturbation theory gives the slopes in its coefficients for a few products more:
-//! with S′ = −(A + B) D and D′ = −(A − B) S (see [`super::slab`]) and changes δP of A + B and δM of A − B within a layer
-//! h thick, in the layer's own modes ([`super::modes`])
+//! with S′ = −(A + B) D and D′ = −(A − B) S (see [`super::slab`]) and changes δP of A + B and δM of A − B within a
+//! layer h thick, in the layer's own modes ([`super::modes`])
 //!
 //! ```text
 //! δR̂ = −½ ∫₀ʰ (r + s) Y (a + b) − (r − s) X (a − b) dz,   X = U⁻¹ δP W,   Y = W⁻¹ δM U,
 //! ```
 //!
-//! where a falls and b = ρa rises as e^{∓Λz}, r is the row with which changes of ρ at depth z make R̂'s, and s = rρ. All
-//! four are exponentials, so the integral is a sum over pairs of modes.
+//! where a falls and b = ρa rises as e^{∓Λz}, r is the row with which changes of ρ at depth z make R̂'s, and s = rρ.
+//! All four are exponentials, so the integral is a sum over pairs of modes.
 //!
 //! Below the layers lies nothing, a half-space, or a mirror: a slab that is symmetric about a plane and lit alike from
 //! both sides has no net flux through it, as if one lay there, and R̂ over the mirror is R̂ + T̂ of the slab.

@@ -8,8 +8,8 @@
 //!
 //! Only A − B and A + B are needed, which hold the Legendre functions of even and of odd l + m. The forward peak that
 //! the terms cannot resolve counts as unscattered: delta-M, Wiscombe 1977, with f = g^terms. The backward peak of g < 0
-//! turns light round to where it came from, from (μ, φ) to (−μ, φ + π), as a share f = |g|^terms of its own: left to the
-//! terms it falls between the nodes, and a direction may give more light than it gets. Where nodes are not a
+//! turns light round to where it came from, from (μ, φ) to (−μ, φ + π), as a share f = |g|^terms of its own: left to
+//! the terms it falls between the nodes, and a direction may give more light than it gets. Where nodes are not a
 //! double-Gauss rule (between media of different indices), what a direction's discrete phase function lacks to 1 goes
 //! straight on too, so that no light is lost.
 //!

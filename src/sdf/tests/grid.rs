@@ -1,6 +1,7 @@
 use glam::{DVec3, IVec2, IVec3};
 
-use super::{Numbers, cuboid, sphere};
+use super::{Numbers, icosphere};
+use crate::test_shapes::box_triangles;
 use crate::{
     sdf::{Cells, FeatureWindow, Reach, SurfaceVoxels, cell_centre, closest_point, for_cells},
     voxel::Lattice,
@@ -77,7 +78,7 @@ fn triangles_touch_the_cells_they_pass_through() {
 #[test]
 fn columns_know_their_nearest_surface_voxel() {
     let lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::new(0.2, 0.25, 0.04), dims: [25, 20, 150] };
-    let triangles = sphere(DVec3::new(2.5, 2.5, 3.0), 2.3, 2);
+    let triangles = icosphere(DVec3::new(2.5, 2.5, 3.0), 2.3, 2);
     let all: Vec<IVec3> = triangles.iter().flat_map(|t| touched(&lattice, t)).collect();
     for (slices, reach) in [(0..8, 1.0), (40..48, 0.5), (64..144, 20.0), (10..140, 3.0)] {
         let mut voxels = SurfaceVoxels::default();
@@ -107,10 +108,10 @@ fn columns_know_their_nearest_surface_voxel() {
 fn the_error_stays_within_half_a_diagonal() {
     let pitch = DVec3::new(0.11, 0.17, 0.07);
     let shapes = [
-        sphere(DVec3::splat(1.6), 1.5, 3),
-        cuboid(DVec3::new(0.1, 0.17, 0.2), DVec3::new(3.0, 2.9, 2.8)),
+        icosphere(DVec3::splat(1.6), 1.5, 3),
+        box_triangles(DVec3::new(0.1, 0.17, 0.2), DVec3::new(3.0, 2.9, 2.8)),
         // Too thin for its walls to hold a voxel's centre.
-        cuboid(DVec3::new(0.5, 0.5, 1.41), DVec3::new(2.5, 2.5, 1.43)),
+        box_triangles(DVec3::new(0.5, 0.5, 1.41), DVec3::new(2.5, 2.5, 1.43)),
     ];
     for triangles in shapes {
         let lattice = Lattice { origin: DVec3::ZERO, pitch, dims: [30, 20, 48] };

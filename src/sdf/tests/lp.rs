@@ -1,6 +1,7 @@
 use glam::DVec3;
 
-use super::{Numbers, cuboid, sphere};
+use super::{Numbers, icosphere};
+use crate::test_shapes::box_triangles;
 use crate::{
     sdf::{BrickOffsets, BrickSurface, LpField, LpOffsets, LpScratch, RELATIVE_ERROR, closest_point, nearest_in_brick},
     voxel::{BRICK, BRICK_VOXELS, Lattice},
@@ -54,7 +55,7 @@ fn a_plane_keeps_its_distance() {
 #[test]
 fn a_sphere_has_its_closed_form() {
     let (centre, radius) = (DVec3::new(1.0, 2.0, 3.0), 5.0);
-    let triangles = sphere(centre, radius, 5);
+    let triangles = icosphere(centre, radius, 5);
     for exponent in EXPONENTS {
         let field = LpField::new(&triangles, exponent);
         let mut last = f64::INFINITY;
@@ -76,8 +77,8 @@ fn a_sphere_has_its_closed_form() {
 
 /// The worst relative error at `count` positions in and around a box and a ball, for every exponent.
 fn worst_errors(count: usize) -> [f64; EXPONENTS.len()] {
-    let body = cuboid(DVec3::ZERO, DVec3::new(8.0, 5.0, 3.0));
-    let ball = sphere(DVec3::new(4.0, 2.5, 1.5), 2.0, 3);
+    let body = box_triangles(DVec3::ZERO, DVec3::new(8.0, 5.0, 3.0));
+    let ball = icosphere(DVec3::new(4.0, 2.5, 1.5), 2.0, 3);
     EXPONENTS.map(|exponent| {
         let mut numbers = Numbers(7);
         let mut worst = 0.0_f64;
@@ -109,7 +110,7 @@ fn the_error_is_as_stated_in_many_places() {
 
 #[test]
 fn bricks_and_positions_agree() {
-    let triangles = cuboid(DVec3::ZERO, DVec3::new(8.0, 5.0, 3.0));
+    let triangles = box_triangles(DVec3::ZERO, DVec3::new(8.0, 5.0, 3.0));
     let lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::new(0.08, 0.13, 0.05), dims: [100, 40, 60] };
     let candidates: Vec<u32> = (0..triangles.len() as u32).collect();
     let (offsets, morton) = (BrickOffsets::new(&lattice), LpOffsets::new(&lattice));
@@ -139,7 +140,7 @@ fn bricks_and_positions_agree() {
 
 #[test]
 fn a_convex_body_bounds_the_ratio_to_the_exact_distance() {
-    let body = cuboid(DVec3::ZERO, DVec3::new(8.0, 5.0, 3.0));
+    let body = box_triangles(DVec3::ZERO, DVec3::new(8.0, 5.0, 3.0));
     let mut numbers = Numbers(3);
     for exponent in [3.0, 4.0, 8.0, 20.0] {
         let field = LpField::new(&body, exponent);
@@ -156,7 +157,7 @@ fn a_convex_body_bounds_the_ratio_to_the_exact_distance() {
 
 #[test]
 fn the_range_around_a_position_holds() {
-    let body = cuboid(DVec3::ZERO, DVec3::new(8.0, 5.0, 3.0));
+    let body = box_triangles(DVec3::ZERO, DVec3::new(8.0, 5.0, 3.0));
     let mut numbers = Numbers(11);
     for exponent in [2.5, 8.0] {
         let field = LpField::new(&body, exponent);
@@ -178,7 +179,7 @@ fn the_range_around_a_position_holds() {
 /// Towards an edge of a box the exact distance has a kink; the averaged one turns gently.
 #[test]
 fn a_crease_is_rounded() {
-    let body = cuboid(DVec3::ZERO, DVec3::splat(10.0));
+    let body = box_triangles(DVec3::ZERO, DVec3::splat(10.0));
     let field = LpField::new(&body, 8.0);
     // Along a line that crosses the plane x = y, 1 mm inside of both faces.
     let at = |t: f64| DVec3::new(1.0 + t, 1.0 - t, 5.0);
@@ -196,9 +197,9 @@ fn a_crease_is_rounded() {
 
 #[test]
 fn more_surface_is_nearer() {
-    let body = cuboid(DVec3::ZERO, DVec3::splat(4.0));
+    let body = box_triangles(DVec3::ZERO, DVec3::splat(4.0));
     let mut with_hole = body.clone();
-    with_hole.extend(cuboid(DVec3::splat(1.5), DVec3::splat(2.5)));
+    with_hole.extend(box_triangles(DVec3::splat(1.5), DVec3::splat(2.5)));
     let (plain, holed) = (LpField::new(&body, 8.0), LpField::new(&with_hole, 8.0));
     for t in 1..14 {
         let p = DVec3::splat(0.1 * f64::from(t));
@@ -208,7 +209,7 @@ fn more_surface_is_nearer() {
 
 #[test]
 fn the_surface_itself_has_no_depth() {
-    let body = cuboid(DVec3::ZERO, DVec3::splat(4.0));
+    let body = box_triangles(DVec3::ZERO, DVec3::splat(4.0));
     let field = LpField::new(&body, 8.0);
     assert_eq!(averaged(&field, &body, DVec3::new(0.0, 1.0, 1.0)), 0.0);
     let near = averaged(&field, &body, DVec3::new(1e-4, 1.0, 1.0));

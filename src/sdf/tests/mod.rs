@@ -6,15 +6,8 @@ mod parts;
 
 use glam::DVec3;
 
-/// A closed box, outwards, from `low` to `high`.
-fn cuboid(low: DVec3, high: DVec3) -> Vec<[DVec3; 3]> {
-    let corner = |n: usize| DVec3::select(glam::BVec3::new(n & 1 != 0, n & 2 != 0, n & 4 != 0), high, low);
-    const FACES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    FACES.iter().flat_map(|f| [[f[0], f[1], f[2]], [f[0], f[2], f[3]]].map(|t| t.map(corner))).collect()
-}
-
 /// A sphere of 20 · 4ⁿ triangles with corners on the sphere.
-fn sphere(centre: DVec3, radius: f64, subdivisions: usize) -> Vec<[DVec3; 3]> {
+fn icosphere(centre: DVec3, radius: f64, subdivisions: usize) -> Vec<[DVec3; 3]> {
     let t = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let corners: Vec<DVec3> = (0..12)
         .map(|n| {

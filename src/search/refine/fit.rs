@@ -1,7 +1,10 @@
 //! Thicknesses of one sequence of resins: Levenberg and Marquardt's method with linear constraints.
 
 use super::polytope::Polytope;
-use crate::numeric::least_squares::{Budget, Descent, curvature, dot, gradient};
+use crate::numeric::{
+    least_squares::{Budget, Descent, curvature, dot, gradient},
+    positive_definite,
+};
 
 /// Residuals √w (R̂ − R̂_t) and their slopes per mm, layer after layer.
 pub(in crate::search) struct Residuals {
@@ -62,34 +65,13 @@ impl Residuals {
     }
 }
 
-/// (JᵀJ + damping · diag)⁻¹ by Gauss and Jordan's elimination with pivots on the diagonal: the matrix is positive
-/// definite.
+/// (JᵀJ + damping · diag)⁻¹; `None` where the layers' effects cannot be told apart.
 pub(in crate::search) fn damped_inverse(per_mm: &[Vec<f64>], damping: f64) -> Option<Vec<Vec<f64>>> {
     let n = per_mm.len();
     let mut matrix = curvature(per_mm);
     let mean = (0..n).map(|i| matrix[i][i]).sum::<f64>() / n as f64;
-    let mut inverse: Vec<Vec<f64>> = vec![vec![0.0; n]; n];
-    for i in 0..n {
-        matrix[i][i] += damping * matrix[i][i] + FLOOR * mean;
-        inverse[i][i] = 1.0;
-    }
-    for column in 0..n {
-        let pivot = matrix[column][column];
-        if !(pivot.is_finite() && pivot > 0.0) {
-            return None;
-        }
-        for values in [&mut matrix[column], &mut inverse[column]] {
-            values.iter_mut().for_each(|value| *value /= pivot);
-        }
-        let (pivot_row, inverse_row) = (matrix[column].clone(), inverse[column].clone());
-        for row in (0..n).filter(|&row| row != column) {
-            let factor = matrix[row][column];
-            for (values, pivots) in [(&mut matrix[row], &pivot_row), (&mut inverse[row], &inverse_row)] {
-                values.iter_mut().zip(pivots).for_each(|(value, pivot)| *value -= factor * pivot);
-            }
-        }
-    }
-    Some(inverse)
+    (0..n).for_each(|i| matrix[i][i] += damping * matrix[i][i] + FLOOR * mean);
+    positive_definite::inverse(matrix)
 }
 
 #[cfg(test)]

@@ -6,33 +6,34 @@
 //!
 //! ```text
 //!   match_sequences ──► a short fit of each ──► a long fit of the best few ──► one layer more or less? ──► Refined
-//!                        the cheap model                 the cheap model, corrected by the dear one
+//!                       the coarse model               the coarse model, corrected by the fine one
 //! ```
 //!
 //! All but the last steps are done in few directions at an eighth of the frequencies, as if that erred by what it errs
-//! by where the fit stands: a fit asks for what the cheap model gives where the dear one, of more directions at a third
+//! by where the fit stands: a fit asks for what the coarse model gives where the fine one, of more directions at a third
 //! of the frequencies ([`nodes`]), gives the target (space mapping, Bandler et al. 1994, with a shift for the mapping).
 //! Nothing is random, and nothing depends on the number of threads.
 
 pub(super) mod fit;
 pub(super) mod nodes;
 pub(super) mod polytope;
+mod steps;
+mod tables;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use self::{
-    fit::{Fit, Residuals, fit},
+    fit::{Fit, fit},
     nodes::Nodes,
     polytope::Polytope,
+    tables::{Goal, Tables},
 };
 use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, branch_and_bound::match_sequences};
 use crate::{
-    numeric::{
-        least_squares::{curvature, dot, gradient},
-        rounding::rounded,
-    },
-    optics::{FrequencyGrid, ModalReflection, ResinId, Stack, TransportOptions, VolumeCoefficients},
+    numeric::{least_squares::dot, rounding::rounded},
+    optics::{FrequencyGrid, ResinId, Stack, TransportOptions, VolumeCoefficients},
+    watch::Watch,
 };
 
 /// What refining may do.
@@ -76,37 +77,25 @@ pub(super) struct Refiner {
     resins: usize,
 }
 
-/// The transport model of a set of resins.
-#[derive(Debug)]
-struct Tables {
-    /// The frequencies that it is asked at.
-    nodes: Nodes,
-    /// One per channel, at the nodes.
-    channels: Vec<ModalReflection>,
-}
-
-/// Directions of the cheap model.
+/// Directions of the coarse model.
 const COARSE: TransportOptions = TransportOptions { polar: 4, orders: 4 };
 /// Candidates that are fitted at all.
 const RANKED: usize = 8;
 /// Evaluations of a fit that only ranks, and of one that counts.
 const RANKING_STEPS: usize = 5;
 const FINAL_STEPS: usize = 8;
-/// Corrections of the cheap model by the dear one in a fit that counts, and evaluations of the dear one that end it.
+/// Corrections of the coarse model by the fine one in a fit that counts, and evaluations of the fine one that end it.
 const CORRECTIONS: usize = 2;
 const POLISHING_STEPS: usize = 3;
 /// A correction that moves no layer by more, mm, is the last.
 const SETTLED_MM: f64 = 1e-4;
-/// An edit whose objective by the corrected cheap model is larger by this factor is not asked of the dear one.
+/// An edit whose objective by the corrected coarse model is larger by this factor is not asked of the fine one.
 const PROMISING: f64 = 1.1;
 /// A layer more must lower the objective by this share.
 const WORTH_A_LAYER: f64 = 0.1;
 /// Rounds of trying a layer more or less, and layers that are tried in each.
 const EDITS: usize = 3;
 const INSERTIONS: usize = 2;
-/// Moves between multiples of a step, and how many are tried before each.
-const STEP_ROUNDS: usize = 12;
-const STEP_TRIALS: usize = 4;
 /// Root mean square error of a coefficient that is good enough: the model itself is off by 1e-4 (docs/accuracy.md).
 const ENOUGH: f64 = 1e-4;
 
@@ -114,13 +103,6 @@ const ENOUGH: f64 = 1e-4;
 type Fitted = (Vec<usize>, Fit);
 /// Layers to start from.
 type Start = (Vec<usize>, Vec<f64>);
-
-/// What a model should give at every frequency, per channel, and the roots of what each frequency weighs.
-#[derive(Debug, Clone)]
-struct Goal {
-    wanted: Vec<Vec<f64>>,
-    roots: Vec<Vec<f64>>,
-}
 
 impl Refiner {
     /// Sequences of resins worth asking `match_sequences` for. Evidence: docs/accuracy.md, "Refined stackings".
@@ -133,14 +115,7 @@ impl Refiner {
         options: &SearchOptions,
         refine: RefineOptions,
     ) -> Self {
-        let tables = |nodes: Nodes, directions: TransportOptions| {
-            let chosen: Vec<f64> = nodes.indices.iter().map(|&i| grid.as_slice()[i]).collect();
-            let channel = |channel: usize| {
-                let resins: Vec<_> = resins.iter().map(|resin| resin[channel]).collect();
-                ModalReflection::new(&resins, options.core.map(|core| core.0), &chosen, directions)
-            };
-            Tables { channels: (0..resins.first().map_or(0, Vec::len)).map(channel).collect(), nodes }
-        };
+        let tables = |nodes, directions| Tables::new(resins, options.core, grid, nodes, directions);
         Self {
             coarse: tables(Nodes::few(grid.len()), COARSE),
             fine: tables(Nodes::new(grid.len()), TransportOptions::REFLECTION),
@@ -160,14 +135,20 @@ impl Refiner {
     /// [`match_sequences`] gives them; at least one.
     ///
     /// # Errors
-    /// No multiples of the step within reach that keep the limits.
-    pub fn refine(&self, candidates: &[Match], target: &SearchTarget) -> Result<Refined, SearchError> {
+    /// No multiples of the step within reach that keep the limits; [`SearchError::Stopped`], asked between fits.
+    pub fn refine(
+        &self,
+        candidates: &[Match],
+        target: &SearchTarget,
+        watch: &dyn Watch,
+    ) -> Result<Refined, SearchError> {
         let unrefined = candidates.first().map_or(Vec::new(), |best| self.reflection(&best.stacking));
         let unrefined_objective = self.options.objective.of(&unrefined, target);
         let goal = self.goal(target);
         let starts = distinct(candidates);
         let mut ranked = self.fits(&self.coarse, &goal, RANKING_STEPS, self.promising(&goal, starts.clone()));
         ranked.truncate(self.refine.finalists);
+        watch.go_on()?;
         let finished = self.corrected(&goal, ranked.into_iter().map(start).collect());
         let Some(mut best) = finished.into_iter().next().and_then(|best| self.polished(&goal, best)) else {
             // Limits that whole units keep and thin layers do not: nothing to refine.
@@ -179,6 +160,7 @@ impl Refiner {
                 unrefined: unrefined_objective,
             });
         };
+        watch.go_on()?;
         if let Some(better) = self.deeper(&best, starts, &goal) {
             best = better;
         }
@@ -187,10 +169,12 @@ impl Refiner {
             if best.1.objective <= weight * ENOUGH * ENOUGH {
                 break;
             }
+            watch.go_on()?;
             let Some(better) = self.edit(&best, &goal) else { break };
             best = better;
         }
         if let Some(step_mm) = self.refine.step_mm {
+            watch.go_on()?;
             best = self.on_steps(best, &goal, step_mm).ok_or(SearchError::Steps { step_mm })?;
         }
         let (sequence, Fit { mm, .. }) = best;
@@ -228,10 +212,11 @@ impl Refiner {
         &self,
         table: &BlockTable,
         targets: &[SearchTarget],
+        watch: &dyn Watch,
     ) -> Result<Vec<(Match, Refined)>, SearchError> {
         let one = |target: &SearchTarget| {
-            let mut candidates = match_sequences(table, target, Self::SEQUENCES)?;
-            let refined = self.refine(&candidates, target)?;
+            let mut candidates = match_sequences(table, target, Self::SEQUENCES, watch)?;
+            let refined = self.refine(&candidates, target, watch)?;
             Ok((candidates.swap_remove(0), refined))
         };
         let answers: Vec<_> = targets.par_iter().with_max_len(1).map(one).collect();
@@ -257,7 +242,7 @@ impl Refiner {
         Some((sequence, found))
     }
 
-    /// Fits each start in the cheap model, corrected by the dear one where the fit stands, best first.
+    /// Fits each start in the coarse model, corrected by the fine one where the fit stands, best first.
     fn corrected(&self, goal: &Goal, starts: Vec<Start>) -> Vec<Fitted> {
         let one = |start: Start| {
             let mut best: Option<Fitted> = None;
@@ -277,7 +262,7 @@ impl Refiner {
         best_first(starts.into_iter().filter_map(one))
     }
 
-    /// The end of a fit, in the dear model.
+    /// The end of a fit, in the fine model.
     fn polished(&self, goal: &Goal, found: Fitted) -> Option<Fitted> {
         self.fit(&self.fine, goal, POLISHING_STEPS, start(found))
     }
@@ -287,7 +272,7 @@ impl Refiner {
         Goal { wanted: target.channels.clone(), roots: target.channels.iter().map(roots).collect() }
     }
 
-    /// What the cheap model should give near `layers` for the dear one to give `goal` there.
+    /// What the coarse model should give near `layers` for the fine one to give `goal` there.
     fn shifted(&self, goal: &Goal, (sequence, mm): &Start) -> Goal {
         let layers: Vec<_> = sequence.iter().copied().zip(mm.iter().copied()).collect();
         let (coarse, fine) = (self.coarse.reflection(&layers), self.fine.reflection(&layers));
@@ -373,113 +358,12 @@ impl Refiner {
         }
         starts
     }
-
-    /// Brings the thicknesses to multiples of a step: the layer that matters most first, down or up, whichever the
-    /// others can make up for better. `None` where that ends outside the limits.
-    fn on_steps(&self, (sequence, found): Fitted, goal: &Goal, step_mm: f64) -> Option<Fitted> {
-        let mut polytope = Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)?;
-        let residuals = |mm: &[f64]| self.fine.residuals(goal, &sequence, mm);
-        let stiffness: Vec<f64> = residuals(&found.mm).per_mm.iter().map(|slope| dot(slope, slope)).collect();
-        let mut order: Vec<usize> = (0..sequence.len()).collect();
-        order.sort_by(|&a, &b| stiffness[b].total_cmp(&stiffness[a]));
-        let mut best = found;
-        for layer in order {
-            let steps = best.mm[layer] / step_mm;
-            let mut tried: Vec<(Polytope, Fit)> = Vec::new();
-            for count in [steps.floor(), steps.floor() + 1.0] {
-                let with = polytope.with_fixed(layer, count * step_mm);
-                if let Some(found) = fit(&best.mm, &with, RANKING_STEPS, residuals) {
-                    tried.push((with, found));
-                }
-            }
-            (polytope, best) = tried.into_iter().min_by(|a, b| a.1.objective.total_cmp(&b.1.objective))?;
-        }
-        let polytope = Polytope::new(&sequence, &self.options, self.refine.min_layer_mm)?;
-        let mut counts: Vec<f64> = best.mm.iter().map(|mm| (mm / step_mm).round()).collect();
-        let thickness = |counts: &[f64]| -> Vec<f64> { counts.iter().map(|count| count * step_mm).collect() };
-        let mut here = residuals(&thickness(&counts));
-        for _ in 0..STEP_ROUNDS {
-            let mut next = None;
-            for counts in neighbours(&counts, &here, step_mm, |counts| polytope.contains(&thickness(counts))) {
-                let there = residuals(&thickness(&counts));
-                if there.objective() < here.objective() {
-                    next = Some((counts, there));
-                    break;
-                }
-            }
-            let Some(better) = next else { break };
-            (counts, here) = better;
-        }
-        Some((sequence, Fit { mm: thickness(&counts), objective: here.objective() }))
-    }
-}
-
-impl Tables {
-    /// R̂ per channel of layers from the observer down.
-    fn reflection(&self, layers: &[(usize, f64)]) -> Vec<Vec<f64>> {
-        self.channels.iter().map(|channel| self.nodes.spread(&channel.reflection(layers))).collect()
-    }
-
-    fn objective(&self, goal: &Goal, sequence: &[usize], mm: &[f64]) -> f64 {
-        let layers: Vec<_> = sequence.iter().copied().zip(mm.iter().copied()).collect();
-        let channels = self.reflection(&layers).into_iter().zip(&goal.wanted).zip(&goal.roots);
-        let square = |((found, wanted), root): ((&f64, &f64), &f64)| (root * (found - wanted)).powi(2);
-        channels.map(|((found, wanted), roots)| found.iter().zip(wanted).zip(roots).map(square).sum::<f64>()).sum()
-    }
-
-    fn residuals(&self, goal: &Goal, sequence: &[usize], mm: &[f64]) -> Residuals {
-        let layers: Vec<_> = sequence.iter().copied().zip(mm.iter().copied()).collect();
-        let mut residuals = Residuals { values: Vec::new(), per_mm: vec![Vec::new(); layers.len()] };
-        for ((model, wanted), roots) in self.channels.iter().zip(&goal.wanted).zip(&goal.roots) {
-            let slope = model.slope(&layers);
-            let reflection = self.nodes.spread(&slope.reflection);
-            let off = reflection.iter().zip(wanted).zip(roots);
-            residuals.values.extend(off.map(|((found, wanted), root)| root * (found - wanted)));
-            for (all, per_mm) in residuals.per_mm.iter_mut().zip(&slope.per_mm) {
-                all.extend(self.nodes.spread(per_mm).iter().zip(roots).map(|(slope, root)| root * slope));
-            }
-        }
-        residuals
-    }
 }
 
 fn best_first(fitted: impl Iterator<Item = Fitted>) -> Vec<Fitted> {
     let mut fitted: Vec<_> = fitted.collect();
     fitted.sort_by(|a, b| a.1.objective.total_cmp(&b.1.objective));
     fitted
-}
-
-/// Counts of steps with at most three layers one step thinner or thicker: those that promise most to second order, most
-/// first.
-fn neighbours(counts: &[f64], here: &Residuals, step_mm: f64, allowed: impl Fn(&[f64]) -> bool) -> Vec<Vec<f64>> {
-    let n = counts.len();
-    let curvature = curvature(&here.per_mm);
-    let slope = gradient(&here.per_mm, &here.values);
-    let mut moves: Vec<Vec<(usize, f64)>> = vec![Vec::new()];
-    for first in 0..3 {
-        let longer = moves.iter().filter(|m| m.len() == first).flat_map(|m| {
-            let next = m.last().map_or(0, |last| last.0 + 1);
-            (next..n).flat_map(move |layer| [1.0, -1.0].map(|sign| m.iter().copied().chain([(layer, sign)]).collect()))
-        });
-        let longer: Vec<Vec<(usize, f64)>> = longer.collect();
-        moves.extend(longer);
-    }
-    let gain = |m: &Vec<(usize, f64)>| {
-        let linear: f64 = m.iter().map(|&(i, sign)| 2.0 * sign * slope[i]).sum();
-        let pairs = m.iter().flat_map(|&(i, a)| m.iter().map(move |&(j, b)| (i, a, j, b)));
-        linear + step_mm * pairs.map(|(i, a, j, b)| a * b * curvature[i][j]).sum::<f64>()
-    };
-    let mut promising: Vec<(f64, Vec<f64>)> = moves
-        .iter()
-        .map(|m| {
-            let mut next = counts.to_vec();
-            m.iter().for_each(|&(layer, sign)| next[layer] += sign);
-            (gain(m), next)
-        })
-        .filter(|(gain, next)| *gain < 0.0 && allowed(next))
-        .collect();
-    promising.sort_by(|a, b| a.0.total_cmp(&b.0));
-    promising.into_iter().map(|(_, counts)| counts).take(STEP_TRIALS).collect()
 }
 
 /// The first candidate of every sequence of resins.

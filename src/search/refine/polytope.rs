@@ -1,7 +1,7 @@
 //! What thicknesses a printer and a job allow: linear constraints, and the nearest point that keeps them.
 
 use crate::{
-    numeric::least_squares::dot,
+    numeric::{least_squares::dot, positive_definite},
     search::{ResinLimit, SearchOptions},
 };
 
@@ -22,6 +22,8 @@ pub(in crate::search) struct Polytope {
 const TOLERANCE_MM: f64 = 1e-9;
 /// A constraint with less slack holds its point.
 const ACTIVE: f64 = 1e-7;
+/// Constraints that hold together are independent where no pivot of their products is smaller.
+const LEAST_PIVOT: f64 = 1e-12;
 /// Exchanges of constraints that hold in [`Polytope::exact_step`].
 const MAX_EXCHANGES: usize = 60;
 /// Sweeps of [`Polytope::step`]; a handful of constraints settles in tens.
@@ -105,7 +107,7 @@ impl Polytope {
                 let lacks: Vec<f64> = holding.iter().map(|&i| scaled[i].2 - dot(&scaled[i].0, &free)).collect();
                 let matrix =
                     holding.iter().map(|&i| holding.iter().map(|&j| dot(&scaled[i].0, &scaled[j].1)).collect());
-                let Some(wanted) = solved(matrix.collect(), lacks) else {
+                let Some(wanted) = positive_definite::solve(matrix.collect(), lacks, LEAST_PIVOT) else {
                     holding.retain(|&i| i != next);
                     break;
                 };
@@ -188,27 +190,6 @@ impl Polytope {
         }
         None
     }
-}
-
-/// Gauss's elimination with pivots on the diagonal of a matrix that is positive definite; `None` where it is not.
-fn solved(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Option<Vec<f64>> {
-    let n = right.len();
-    for column in 0..n {
-        if !(matrix[column][column] > 1e-12) {
-            return None;
-        }
-        for row in column + 1..n {
-            let factor = matrix[row][column] / matrix[column][column];
-            let (above, below) = matrix.split_at_mut(row);
-            below[0].iter_mut().zip(&above[column]).for_each(|(value, pivot)| *value -= factor * pivot);
-            right[row] -= factor * right[column];
-        }
-    }
-    for row in (0..n).rev() {
-        let known: f64 = (row + 1..n).map(|i| matrix[row][i] * right[i]).sum();
-        right[row] = (right[row] - known) / matrix[row][row];
-    }
-    Some(right)
 }
 
 #[cfg(test)]

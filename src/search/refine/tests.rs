@@ -4,6 +4,7 @@ use super::*;
 use crate::{
     optics::{MaterialSet, Resin},
     search::ResinLimit,
+    watch::Unwatched,
 };
 
 struct Bench {
@@ -37,9 +38,9 @@ fn bench(refine: RefineOptions) -> Bench {
 impl Bench {
     fn refine(&self, target: &SearchTarget) -> Result<Refined, SearchError> {
         let start = std::time::Instant::now();
-        let candidates = match_sequences(&self.table, target, Refiner::SEQUENCES).unwrap();
+        let candidates = match_sequences(&self.table, target, Refiner::SEQUENCES, &Unwatched).unwrap();
         let searched = start.elapsed();
-        let refined = self.refiner.refine(&candidates, target);
+        let refined = self.refiner.refine(&candidates, target, &Unwatched);
         println!("search {searched:?}, refine {:?}", start.elapsed() - searched);
         refined
     }

@@ -3,6 +3,7 @@
 use super::resins::*;
 use crate::optics::{KubelkaMunk, MaterialSet, Resin, ResinId, Stack};
 use crate::search::{algorithm_1::algorithm_1, branch_and_bound::match_target, forward::reflection_of, *};
+use crate::watch::Unwatched;
 
 /// Every stacking of at most `depth` blocks, without any bound: (objective, layers in units), core's tail removed.
 fn brute_force(resins: &[Vec<KubelkaMunk>], options: &SearchOptions, target: &SearchTarget) -> Option<f64> {
@@ -91,7 +92,7 @@ fn equals_brute_force_at_depth_3() {
             for (i, target) in random_targets(4, 1, 7).iter().enumerate() {
                 let truth = brute_force(&resins, &options, target).unwrap();
                 for (name, found) in
-                    [("match", match_target(&table, target)), ("algorithm 1", algorithm_1(&table, target))]
+                    [("match", match_target(&table, target, &Unwatched)), ("algorithm 1", algorithm_1(&table, target))]
                 {
                     let found = found.unwrap();
                     assert_same(found.objective, truth, &format!("{name}, core {core:?}, target {i}"));
@@ -109,7 +110,7 @@ fn equals_brute_force_in_colour() {
     let table = BlockTable::new(&resins, &options).unwrap();
     for (i, target) in random_targets(6, 3, 11).iter().enumerate() {
         let truth = brute_force(&resins, &options, target).unwrap();
-        assert_same(match_target(&table, target).unwrap().objective, truth, &format!("target {i}"));
+        assert_same(match_target(&table, target, &Unwatched).unwrap().objective, truth, &format!("target {i}"));
     }
 }
 
@@ -137,7 +138,7 @@ fn against_algorithm_1(resins: &[Vec<KubelkaMunk>], targets: usize, units: usize
         let (mut printed_nodes, mut nodes) = (0, 0);
         for (i, target) in interpolated_targets(resins).iter().chain(&random_targets(targets, 1, 3)).enumerate() {
             let printed = algorithm_1(&table, target).unwrap();
-            let found = match_target(&table, target).unwrap();
+            let found = match_target(&table, target, &Unwatched).unwrap();
             assert_same(found.objective, printed.objective, &format!("core {core:?}, target {i}"));
             assert!(found.proven && found.bound == found.objective);
             (printed_nodes, nodes) = (printed_nodes + printed.nodes, nodes + found.nodes);

@@ -301,8 +301,8 @@ proptest! {
         cut in any::<prop::sample::Index>(),
         length in 0usize..40,
         piece in prop::sample::select(vec![
-            "", "[", "]", "[[object]]", "=", "\n", "\"", "-", "nan", "inf", "1e999", "0x7fffffffffffffffffff", "true", "{", "}",
-            "1979-05-27", "[1,2,3]", "\u{0}", "é", ".", "'", "#", "[target]\nkind = \"bssrdf\"", "\\",
+            "", "[", "]", "[[object]]", "=", "\n", "\"", "-", "nan", "inf", "1e999", "0x7fffffffffffffffffff", "true",
+            "{", "}", "1979-05-27", "[1,2,3]", "\u{0}", "é", ".", "'", "#", "[target]\nkind = \"bssrdf\"", "\\",
         ]),
     ) {
         let text = &shapes()[shape];

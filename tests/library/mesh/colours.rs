@@ -520,8 +520,8 @@ fn threemf(resources: &str, object: &str, triangle: &str) -> Loaded {
         .collect();
     let model = format!(
         "<model xmlns:m='http://schemas.microsoft.com/3dmanufacturing/material/2015/02'><resources>{resources}\
-         <object id='1' {object}><mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh></object>\
-         </resources><build><item objectid='1'/></build></model>"
+         <object id='1' {object}><mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>\
+         </object></resources><build><item objectid='1'/></build></model>"
     );
     let package = threemf_parts(&[
         ("_rels/.rels", rels("3D/3dmodel.model").into_bytes()),
@@ -643,8 +643,8 @@ fn concave_polygons_have_their_area_and_their_texture() {
     }
 }
 
-/// What passes below the surface goes into the albedo, by texel: the cup of DiffuseTransmissionTeacup, whose texture has
-/// the share that passes in its alpha, here 0 on the left and 51 of 255 on the right.
+/// What passes below the surface goes into the albedo, by texel: the cup of DiffuseTransmissionTeacup, whose texture
+/// has the share that passes in its alpha, here 0 on the left and 51 of 255 on the right.
 #[test]
 fn light_that_passes_through_is_part_of_the_albedo() {
     let mut gltf = Gltf::new([0.0, 1.0]);

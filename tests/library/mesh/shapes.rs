@@ -3,21 +3,12 @@
 use glam::{DVec3, Vec2};
 use lumislice::mesh::TriangleMesh;
 
-pub use crate::common::{box_triangles, corners, reversed, sphere, winding};
+pub use crate::common::{box_triangles, corners, indexed, reversed, sphere, winding};
 
 /// Triangles to a mesh with shared vertices, in order of first use.
 pub fn mesh_of(triangles: &[[DVec3; 3]]) -> TriangleMesh {
-    let mut mesh = TriangleMesh::default();
-    for t in triangles {
-        mesh.triangles.push(t.map(|p| {
-            let found = mesh.positions.iter().position(|q| *q == p).unwrap_or_else(|| {
-                mesh.positions.push(p);
-                mesh.positions.len() - 1
-            });
-            found as u32
-        }));
-    }
-    mesh
+    let (positions, triangles) = indexed(triangles);
+    TriangleMesh { positions, triangles, ..TriangleMesh::default() }
 }
 
 /// Texture coordinates for [`box_triangles`], one chart for all faces, v downwards.

@@ -281,7 +281,8 @@ pub fn threemf_model(sample: &Sample) -> String {
     }
     format!(
         r#"<?xml version="1.0" encoding="UTF-8"?>
-<model unit="centimeter" xml:lang="en-US" requiredextensions="m" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+<model unit="centimeter" xml:lang="en-US" requiredextensions="m"
+ xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
  xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02">
 <resources>
 <m:texture2d id="6" path="/3D/Textures/paint.png" contenttype="image/png"/>

@@ -102,7 +102,8 @@ fn main() -> anyhow::Result<()> {
                     let differ = rms(&mut seen.reflection.iter().zip(promised).map(|(a, b)| a - b));
                     let noise = rms(&mut seen.standard_error.iter().copied());
                     println!(
-                        "{name:32} {:16} {face:>4} {:>8} {:10.5} {:9.5} {:9.5} {:6.2} {:8.2} {:12.2} {differ:7.2} ({noise:.2})",
+                        "{name:32} {:16} {face:>4} {:>8} {:10.5} {:9.5} {:9.5} {:6.2} {:8.2} {:12.2} {differ:7.2} \
+                         ({noise:.2})",
                         printer.name,
                         set.channels[channel],
                         fine[channel][0],

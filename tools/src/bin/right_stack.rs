@@ -14,8 +14,7 @@ use lumislice::{
     appearance::NormalizedDiffusion,
     colour::{delta_e_2000, lab},
     optics::{
-        DEFAULT_SEED, EdgeResponse, FrequencyGrid, Layer, Light, MaterialFile, MaterialSet, Mixture, Model, ResinId,
-        Stack, predict,
+        EdgeResponse, FrequencyGrid, Layer, Light, MaterialFile, MaterialSet, Mixture, Model, ResinId, Stack, predict,
     },
     search::{
         Found, Judge, MatchOptions, Matcher, Norm, Objective, RefineOptions, ResinLimit, SearchOptions, SearchTarget,
@@ -237,7 +236,7 @@ fn main() -> anyhow::Result<()> {
         let model = match args.photons {
             _ if args.sample.is_some_and(|sample| index >= sample) => Model::REFLECTION,
             0 => Model::REFLECTION,
-            photons => Model::MonteCarlo { light, photons, seed: DEFAULT_SEED },
+            photons => Model::MonteCarlo { light, photons, seed: Model::DEFAULT_SEED },
         };
         let printed = predict(&set, &found.stacking(), &model, &Unwatched)?.reflection();
         let of = |spectra: &[Vec<f64>]| -> Vec<f64> { spectra.iter().map(|r| r[0]).collect() };

@@ -139,7 +139,8 @@ impl std::fmt::Display for Breach {
             ),
             Self::Zeros { count, of, at: [row, column] } => write!(
                 f,
-                "{count} zeros in {of} pairs that have light the other way, one in the window of row {row}, column {column}"
+                "{count} zeros in {of} pairs that have light the other way, one in the window of row {row}, column \
+                 {column}"
             ),
         }
     }

@@ -11,6 +11,7 @@ use std::collections::{BTreeSet, HashMap};
 use glam::{DVec3, Vec2};
 
 use super::{MaterialMesher, MaterialMeshes};
+use crate::test_shapes::{box_triangles, indexed};
 use crate::{
     appearance::{LayerField, LayerStack, SlotTable, align},
     mesh::{HealthReport, Solid, TriangleMesh},
@@ -75,13 +76,8 @@ fn solid(mesh: TriangleMesh) -> Solid {
 
 /// A box.
 fn cuboid(low: DVec3, high: DVec3) -> TriangleMesh {
-    let corner = |n: usize| DVec3::from(std::array::from_fn(|axis| [low, high][n >> axis & 1][axis]));
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    TriangleMesh {
-        positions: (0..8).map(corner).collect(),
-        triangles: quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
-        ..Default::default()
-    }
+    let (positions, triangles) = indexed(&box_triangles(low, high));
+    TriangleMesh { positions, triangles, ..Default::default() }
 }
 
 /// A sphere of stacks and slices, with longitude and latitude as texture coordinates.

@@ -1,6 +1,7 @@
 //! A dataset that is exactly of the form of equation 7, plus noise: profiles of normalised diffusion whose albedo and
-//! mean free path vary; or squares of 8 texels, where light decays in 0.12 mm or in 0.35 mm. Pixels are point values but for the lit one, which is the mean over a disc of its area.
-//! `truth.npy` holds the profiles themselves as means over the rings of the window, [row][column][ring] per mm².
+//! mean free path vary; or squares of 8 texels, where light decays in 0.12 mm or in 0.35 mm. Pixels are point values
+//! but for the lit one, which is the mean over a disc of its area. `truth.npy` holds the profiles themselves as means
+//! over the rings of the window, [row][column][ring] per mm².
 
 use std::f64::consts::{PI, TAU};
 

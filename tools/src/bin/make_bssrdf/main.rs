@@ -1,5 +1,6 @@
-//! Makes BSSRDF datasets that `lumislice factor` reads: two that are exactly of the form of equation 7, one smooth and one
-//! of squares with sharp borders, and three by Monte Carlo through a volume that varies, standing for a chess board, marble and artificial stone.
+//! Makes BSSRDF datasets that `lumislice factor` reads: two that are exactly of the form of equation 7, one smooth and
+//! one of squares with sharp borders, and three by Monte Carlo through a volume that varies, standing for a chess
+//! board, marble and artificial stone.
 //!
 //! ```text
 //! cargo run --release -p tools --bin make_bssrdf -- KIND FOLDER [--texels N] [--window N] [--pitch-mm MM]
@@ -27,9 +28,8 @@ struct Request {
     seed: u64,
 }
 
-const USAGE: &str = "make_bssrdf exact|squares|chess|marble|stone FOLDER [--texels COLUMNS[xROWS]] [--window N] [--pitch-mm \
-    MM] \
-                     [--photons N] [--noise SHARE] [--floor PER_MM2] [--seed N]";
+const USAGE: &str = "make_bssrdf exact|squares|chess|marble|stone FOLDER [--texels COLUMNS[xROWS]] [--window N] \
+     [--pitch-mm MM] [--photons N] [--noise SHARE] [--floor PER_MM2] [--seed N]";
 
 fn main() -> ExitCode {
     match run() {
