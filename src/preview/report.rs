@@ -229,7 +229,7 @@ fn film(page: &mut String, film: &ReportFilm) -> fmt::Result {
     write!(page, "background-size:{}% {}%;", 100 * columns, 100 * rows)?;
     writeln!(page, "background-image:url({})\"></div>", png_address(&film.png))?;
     let middle = frames / 2;
-    writeln!(page, "<label>Height <output id=\"height\"></output>")?;
+    writeln!(page, "<label for=\"slice\">Height <output id=\"height\"></output>")?;
     writeln!(
         page,
         "<input id=\"slice\" type=\"range\" min=\"0\" max=\"{}\" value=\"{middle}\"></label>\n</div>",
