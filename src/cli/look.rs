@@ -111,9 +111,9 @@ fn parse_position(text: &str) -> Result<DVec3, String> {
 
 /// Azimuth and elevation, degrees.
 #[derive(Debug, Clone, Copy)]
-struct View([f64; 2]);
+pub(super) struct View(pub(super) [f64; 2]);
 
-fn parse_view(text: &str) -> Result<View, String> {
+pub(super) fn parse_view(text: &str) -> Result<View, String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[azimuth, elevation]) if azimuth.is_finite() && (2.0..=90.0).contains(&elevation) => {

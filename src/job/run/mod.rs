@@ -6,6 +6,7 @@ mod containers;
 mod convert;
 mod estimate;
 mod heights;
+mod labels;
 mod meshes;
 mod redraw;
 mod report;
@@ -175,23 +176,27 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     warnings.extend(checked.iter().flat_map(Printable::warnings));
     let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
     let mut manifest = Manifest::new(prepared, outcome);
+    let mut looked = std::time::Duration::ZERO;
     if let Some(builder) = pictures {
         watch.stage("pictures", 0);
         let mut pictures = builder.finish(volume.as_ref())?;
         pictures.extend(prepared.tray_picture()?);
         pictures.extend(checked.map(|found| prepared.printable_picture(&found)).transpose()?.flatten());
         let volume = volume.filter(|_| prepared.materials.has_coefficients());
+        let drawn = started.elapsed();
         if let Some(mut look) = volume.map(|volume| prepared.quick_look(volume, watch)).transpose()? {
             output.write(LOOK, &pretty(&look))?;
             pictures.splice(0..0, std::mem::take(&mut look.pictures));
             manifest.look = Some(look.summary());
         }
-        write_pictures(&output, &manifest, &pictures)?;
+        looked = started.elapsed() - drawn;
+        write_pictures(&output, &manifest, &pictures, &prepared.surface_labels())?;
     }
     manifest.files = output.files();
     let timings = json!({
         "slicing_s": sliced.as_secs_f64(),
         "meshes_s": meshed.as_secs_f64(),
+        "look_s": looked.as_secs_f64(),
         "total_s": started.elapsed().as_secs_f64(),
     });
     output.write_unlisted(TIMINGS, &pretty(&timings))?;
