@@ -381,9 +381,10 @@ fn load_solid(
         let found = format!("an object from ({}, {}, {}) mm", low.x, low.y, low.z);
         return Err(job.refuse(&key, found, "a position on the tray, 0 or more in x, y and z").into());
     }
-    let solid = mesh::close(placed).map_err(in_file)?;
+    let mut solid = mesh::close(placed).map_err(in_file)?;
+    let settled = solid.settle(&placement);
     solid.health.warnings().into_iter().for_each(&mut warn);
-    Ok((solid, to_lattice * loaded.file_to_mesh, loaded.companions))
+    Ok((solid, settled * to_lattice * loaded.file_to_mesh, loaded.companions))
 }
 
 /// Gives a mesh without texture coordinates some, for nothing varies within a page then and any will do; whether it had
