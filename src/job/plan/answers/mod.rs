@@ -147,6 +147,11 @@ impl Answers {
         Stack::new(self.clusters[cluster].layers.iter().cloned()).over(Mixture::from(self.core))
     }
 
+    /// Albedo per channel that is asked of a cluster.
+    pub fn asked(&self, cluster: usize) -> &[f64] {
+        &self.clusters[cluster].asked
+    }
+
     /// Depth at which a cluster's stacking as a flat slab ends, mm.
     pub fn thickness_mm(&self, cluster: usize) -> f64 {
         self.clusters[cluster].layers.iter().map(|layer| layer.1).sum()
