@@ -234,7 +234,10 @@ impl ObjectPlan {
                 let mut known = self.points.interpolate(site.position(&corners[triangle]), normals[triangle], &known);
                 let texel = starts[usize::from(site.page)] + site.texel as usize;
                 let own = asked.ln_own(texel, self.cluster(site), BLACK);
-                own.into_iter().take(self.factors()).zip(&mut known[1..]).for_each(|(own, ln)| *ln += own);
+                // One factor for all is of their mean.
+                let each = own.len() / self.factors();
+                let own = own.chunks(each.max(1)).map(|own| own.iter().sum::<f64>() / own.len() as f64);
+                own.zip(&mut known[1..]).for_each(|(own, ln)| *ln += own);
                 known
             })
             .collect();
