@@ -178,7 +178,7 @@ impl Prepared {
             object: plan.object,
             watch,
         };
-        let laid = plan.lay(self.job.thin_parts(), ln_factors, watch)?;
+        let laid = plan.lay(self.job.thin_parts(), ln_factors, &self.objects[plan.object].asked, watch)?;
         let entries = self.objects[plan.object].stackings.stackings.clone();
         let (layers, report) = context.laid(plan, &laid, entries)?;
         let short = laid.short();
