@@ -1,30 +1,45 @@
-//! `lumislice compare`: does the printed slab look as promised?
+//! `lumislice compare`: does the print look as promised?
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, builder::TypedValueParser};
 use lumislice::{
-    job::compare::{self, CompareError, CompareRequest, Comparison, JobFit, Spread, compare_into},
+    job::{
+        Job, RunError,
+        compare::{
+            self, CompareError, CompareRequest, Comparison, JobFit, ObjectRequest, Spread, compare_into,
+            compare_object_into,
+        },
+        look::PictureOptions,
+    },
     output::{Existing, OutputFolder},
 };
 
 use super::{
     Answer, Result,
+    cache::CacheArgs,
     failure::refuse,
-    materials::Materials,
+    look::{View, parse_view},
+    materials::{Corrected, Materials, prepared},
     print, print_json,
     progress::Bars,
     say,
     table::{number, table},
 };
 
-/// Compare printed slabs with the factored dataset they were made from: under even light, a shadow edge and a projected
-/// spot.
+/// Compare prints with the factored dataset they were made from.
+///
+/// Slabs are seen from above under even light, a shadow edge and a projected spot. With --job any shape that a map is
+/// wrapped on is seen by a camera under the lamps of a look, its target and its prediction spread over the mesh.
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// Folders of finished jobs, slabs with target.kind = "bssrdf".
+    /// Folders of finished jobs, slabs with target.kind = "bssrdf"; with --job the folder of that job, or none for its
+    /// own voxels.
     #[arg(value_name = "OUT", help_heading = "Input")]
     jobs: Vec<PathBuf>,
+    /// A job with target.kind = "bssrdf", of objects of any shape.
+    #[arg(long, value_name = "JOB.toml", conflicts_with_all = ["dataset", "materials", "photons"], help_heading = "Input")]
+    job: Option<PathBuf>,
     /// Folder that `lumislice factor` wrote and the jobs print.
     #[arg(long, value_name = "FOLDER", help_heading = "Input")]
     map: PathBuf,
@@ -41,8 +56,40 @@ pub struct CompareArgs {
     /// Seed of the photons.
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Light")]
     seed: u64,
-    /// Folder for sheet.html, sheet.png, edge.png, comparison.json, and the numbers behind the pictures: radiosity.npy,
-    /// noise.npy, places.csv.
+    /// Edge of a picture, pixels.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 240,
+        value_parser = clap::value_parser!(u32).range(16..=4096).map(|n| n as usize),
+        requires = "job",
+        help_heading = "Objects"
+    )]
+    size: usize,
+    /// Samples of every pixel: photons go from the camera.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = PictureOptions::default().samples,
+        value_parser = clap::value_parser!(u32).range(2..=1_000_000),
+        requires = "job",
+        help_heading = "Objects"
+    )]
+    samples: u32,
+    /// Where the camera stands: azimuth (counter-clockwise from +x) and elevation (2 to 90) in degrees.
+    #[arg(
+        long,
+        value_name = "AZ,EL",
+        value_parser = parse_view,
+        allow_hyphen_values = true,
+        requires = "job",
+        help_heading = "Objects"
+    )]
+    view: Option<View>,
+    #[command(flatten)]
+    cache: CacheArgs,
+    /// Folder for sheet.html, sheet.png, edge.png (of slabs), comparison.json, and the numbers behind the pictures:
+    /// radiosity.npy, noise.npy, places.csv.
     #[arg(short, long, value_name = "FOLDER", help_heading = "Output")]
     output: PathBuf,
     /// Replace the files that an earlier run wrote into FOLDER; only those its manifest lists.
@@ -58,6 +105,9 @@ pub fn run(args: &CompareArgs) -> Result<Answer> {
     let existing = Existing::overwrite(args.overwrite);
     OutputFolder::check(&args.output, &compare::OWNER, existing).map_err(CompareError::from)?;
     let materials = args.materials.as_deref().map(Materials::read).transpose()?.map(|materials| materials.file);
+    if let Some(job) = &args.job {
+        return objects(args, job, existing);
+    }
     if args.photons == 1 {
         refuse!("--photons: found 1, expected 0 or at least 2");
     }
@@ -72,13 +122,39 @@ pub fn run(args: &CompareArgs) -> Result<Answer> {
     let bars = Bars::new(args.json);
     let comparison = compare_into(&request, &args.output, existing, &bars);
     bars.finish();
-    let comparison = comparison?;
+    show(args, &comparison?)
+}
+
+/// Compares what the objects of a job show.
+fn objects(args: &CompareArgs, job: &Path, existing: Existing) -> Result<Answer> {
+    let folder = match args.jobs.as_slice() {
+        [] => None,
+        [folder] => Some(folder.as_path()),
+        more => refuse!("OUT: found {} folders with --job, expected that of the job or none", more.len()),
+    };
+    let job = Job::load(job).map_err(RunError::from)?;
+    let bars = Bars::new(args.json);
+    let prepared = prepared(job, &args.cache, folder.map_or(Corrected::Anew, Corrected::As), &bars)?;
+    let pictures = PictureOptions {
+        size: args.size,
+        samples: args.samples,
+        view_deg: args.view.map_or(PictureOptions::default().view_deg, |view| view.0),
+        seed: args.seed,
+        ..PictureOptions::default()
+    };
+    let request = ObjectRequest { map: &args.map, prepared: &prepared, folder, pictures };
+    let comparison = compare_object_into(&request, &args.output, existing, &bars);
+    bars.finish();
+    show(args, &comparison?)
+}
+
+fn show(args: &CompareArgs, comparison: &Comparison) -> Result<Answer> {
     if args.json {
-        print_json(&comparison)?;
+        print_json(comparison)?;
         return Ok(Answer::Yes);
     }
     comparison.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
-    print(&summary(&comparison, &args.output.join("sheet.html").display().to_string()))?;
+    print(&summary(comparison, &args.output.join("sheet.html").display().to_string()))?;
     Ok(Answer::Yes)
 }
 
@@ -101,7 +177,8 @@ fn summary(comparison: &Comparison, page: &str) -> String {
     }
     let header = ["stage", "against", "light", "bias", "rms", "correlation"];
     let pictures = table(&header, &rows);
-    format!("{} × {} texels, {page}\n{pictures}{}", comparison.width, comparison.height, fits(comparison))
+    let what = if comparison.view_deg.is_some() { "pixels" } else { "texels" };
+    format!("{} × {} {what}, {page}\n{pictures}{}", comparison.width, comparison.height, fits(comparison))
 }
 
 /// How well each job's stackings fit the clusters.

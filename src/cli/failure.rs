@@ -37,6 +37,14 @@ impl Failure {
         Self { blame: Blame::Interrupt, text: text.to_owned() }
     }
 
+    /// A call that failed before anything was written: where it was asked to stop there is nothing to go on with.
+    pub fn before_writing(error: impl Blamed) -> Self {
+        match error.blame() {
+            Blame::Interrupt => Self::interrupted("interrupted; nothing was written"),
+            _ => error.into(),
+        }
+    }
+
     /// `place` cannot be written.
     pub fn writing(place: impl Display, error: io::Error) -> Self {
         Self { blame: Blame::Disk, text: format!("{place}: writing failed: {error}") }
@@ -111,6 +119,8 @@ mod tests {
             INTERRUPTED,
             "interrupted; files written so far are whole, and --resume goes on from there",
         );
+        let early = Failure::before_writing(RunError::from(Stopped));
+        assert_eq!((early.text(), early.exit_code()), ("interrupted; nothing was written", INTERRUPTED));
         says(OpticsError::from(Stopped), INTERRUPTED, "simulation cancelled");
         says(CompareError::from(OpticsError::from(Stopped)), INTERRUPTED, "simulation cancelled");
         says(MeasureError::from(Stopped), INTERRUPTED, "measurement cancelled");

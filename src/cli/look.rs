@@ -18,7 +18,7 @@ use lumislice::{
 use super::{
     Answer, Result,
     cache::CacheArgs,
-    failure::{refusal, refuse},
+    failure::{Failure, refusal, refuse},
     materials::{Corrected, Materials, prepared},
     print, print_json,
     progress::Bars,
@@ -111,9 +111,9 @@ fn parse_position(text: &str) -> Result<DVec3, String> {
 
 /// Azimuth and elevation, degrees.
 #[derive(Debug, Clone, Copy)]
-struct View([f64; 2]);
+pub(super) struct View(pub(super) [f64; 2]);
 
-fn parse_view(text: &str) -> Result<View, String> {
+pub(super) fn parse_view(text: &str) -> Result<View, String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[azimuth, elevation]) if azimuth.is_finite() && (2.0..=90.0).contains(&elevation) => {
@@ -188,7 +188,10 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
     };
     let result = job.map_or_else(alone, with_job);
     bars.finish();
-    let (look, inputs) = result?;
+    let (look, inputs) = match args.mitsuba {
+        None => result.map_err(Failure::before_writing)?,
+        Some(_) => result?,
+    };
     look.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     if look.spots.is_empty() {
         return Err(refusal!("surface: found no spot that shows, expected one at least"));

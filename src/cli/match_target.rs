@@ -232,6 +232,11 @@ impl MatchArgs {
             }
             return Ok(SearchTarget::from_profiles(&self.target, channels, &grid)?);
         }
+        if let Some([r, g, b]) = self.srgb.filter(|_| channels == 1)
+            && r.max(g).max(b) - r.min(g).min(b) > GREY
+        {
+            say("warning: the resins have one channel: of the colour only its lightness is matched");
+        }
         let albedo: Vec<f64> = match self.srgb {
             None => self.albedo.clone(),
             Some(srgb) => srgb_albedo(srgb, channels)
@@ -304,6 +309,8 @@ struct Look {
     delta_e_2000: f64,
 }
 
+/// Bytes of a colour that differ by no more pass for grey.
+const GREY: u8 = 8;
 /// Albedos that differ by less look much alike.
 const ALIKE: f64 = 0.05;
 
@@ -359,6 +366,13 @@ impl Shown<'_> {
         there.map(|(mixture, mm)| (self.set.mixture_name(mixture), mm)).collect()
     }
 
+    /// The layers as `predict` and a job's `stack` read them.
+    fn spelled(&self) -> String {
+        let layers: Vec<_> =
+            self.named(&self.answer.stacking).into_iter().map(|(name, mm)| format!("{name}:{mm:.4}")).collect();
+        layers.join(",")
+    }
+
     fn document(&self) -> serde_json::Value {
         let Self { answer, search, .. } = self;
         let stack = |judged: &Judged| -> Vec<_> {
@@ -387,6 +401,7 @@ impl Shown<'_> {
             self.named(&answer.stacking).into_iter().map(|(name, mm)| vec![name, format!("{mm:.4}")]).collect();
         let below = self.args.core.as_ref().map_or("nothing".to_owned(), |core| format!("a half-space of {core}"));
         let mut text = format!("from the observer down, over {below}:\n{}", table(&["layer", "mm"], &rows));
+        text += &format!("as --stack \"{}\"\n", self.spelled());
         let rms = |channel: usize| {
             let (r, t) = (&answer.reflection[channel], &self.target.channels[channel]);
             let squares: f64 = r.iter().zip(t).map(|(r, t)| (r - t) * (r - t)).sum();

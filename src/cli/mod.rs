@@ -43,6 +43,7 @@ use lumislice::{
 };
 
 use failure::{Failure, INTERRUPTED, refusal};
+use table::wrapped;
 
 /// Slices meshes into voxels of resin that scatter light as specified.
 #[derive(Debug, Parser)]
@@ -173,7 +174,12 @@ fn print_json(value: &impl serde::Serialize) -> Result<()> {
     print(&(text + "\n"))
 }
 
-/// Writes a line of words to stderr.
+/// Characters in a line of words on a terminal.
+const WIDTH: usize = 80;
+
+/// Writes words to stderr: one line, but broken between words on a terminal.
 fn say(line: &str) {
-    let _ = writeln!(io::stderr(), "{}", escaped(line));
+    let line = escaped(line);
+    let line = if io::stderr().is_terminal() { wrapped(&line, WIDTH) } else { line };
+    let _ = writeln!(io::stderr(), "{line}");
 }

@@ -36,9 +36,10 @@ pub struct PredictArgs {
     /// Resin of the half-space below the stack; default: nothing lies there and no light returns.
     #[arg(long, value_name = "RESIN", help_heading = "Stack")]
     core: Option<String>,
-    /// How to predict: km (Kubelka-Munk, at once), transport (directions resolved, a fraction of a second) or
-    /// monte-carlo (photons, seconds); the latter two need volume coefficients.
-    #[arg(long, value_name = "km|transport|monte-carlo", default_value = "km", value_parser = parse_model)]
+    /// How to predict: transport (directions resolved, a fraction of a second; what matches and jobs go by),
+    /// monte-carlo (photons, seconds) or km (Kubelka-Munk, the paper's, at once); the first two need volume
+    /// coefficients, which are fitted to resins given by profiles.
+    #[arg(long, value_name = "km|transport|monte-carlo", default_value = "transport", value_parser = parse_model)]
     #[arg(help_heading = "Light")]
     model: ModelArg,
     /// Light from all directions, or a pencil beam straight down (not with km).
@@ -176,8 +177,7 @@ impl PredictArgs {
         if self.model == ModelArg::Km && self.light == Source::Normal {
             refuse!(
                 "--light normal: Kubelka-Munk knows diffuse light only, expected --model transport or monte-carlo \
-                    beside \
-                 it"
+                 beside it"
             );
         }
         if self.model != ModelArg::MonteCarlo && (self.photons.is_some() || self.seed.is_some()) {

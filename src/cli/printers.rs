@@ -4,7 +4,10 @@ use clap::Args;
 use lumislice::voxel::Printer;
 use serde_json::json;
 
-use super::{Answer, Result, print, print_json, say, table::table};
+use super::{
+    Answer, Result, WIDTH, print, print_json, say,
+    table::{table, wrapped},
+};
 
 /// List the printers a job may name as its preset.
 #[derive(Debug, Args)]
@@ -44,10 +47,20 @@ pub fn run(args: &PrintersArgs) -> Result<Answer> {
             printer.tray_mm.map_or_else(|| "–".to_owned(), |tray| format!("{} × {} × {} mm", tray.x, tray.y, tray.z)),
             limit(printer.max_colors),
             limit(printer.min_slices),
-            printer.source().unwrap_or_default().to_owned(),
         ]
     };
-    let header = ["preset", "voxel", "dpi", "tray", "resins at most", "slices at least", "source"];
-    print(&table(&header, &presets.iter().map(row).collect::<Vec<_>>()))?;
+    let header = ["preset", "voxel", "dpi", "tray", "resins", "slices"];
+    let mut text = table(&header, &presets.iter().map(row).collect::<Vec<_>>());
+    text += "resins: at most; slices: at least. From:\n";
+    let mut said: Vec<&str> = Vec::new();
+    for source in presets.iter().filter_map(Printer::source) {
+        if !said.contains(&source) {
+            said.push(source);
+            let of = |printer: &&Printer| printer.source() == Some(source);
+            let names: Vec<_> = presets.iter().filter(of).map(|printer| printer.name.as_str()).collect();
+            text += &format!("{}\n", wrapped(&format!("  {}: {source}", names.join(", ")), WIDTH));
+        }
+    }
+    print(&text)?;
     Ok(Answer::Yes)
 }

@@ -1,8 +1,8 @@
 //! The watch of every command: progress bars, one stage after the other, on a terminal only; and Ctrl-C.
 
-use std::{io::IsTerminal, sync::Mutex, time::Duration};
+use std::{fmt::Write, io::IsTerminal, sync::Mutex, time::Duration};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use lumislice::{
     watch::{Thousandths, Watch},
     words::escaped,
@@ -15,6 +15,9 @@ pub struct Bars {
     shown: bool,
     current: Mutex<ProgressBar>,
 }
+
+/// How long a stage lasts before the time that it will take is told.
+const TOLD_AFTER: Duration = Duration::from_secs(1);
 
 impl Bars {
     /// Bars on a terminal, nothing elsewhere or when `quiet`.
@@ -45,12 +48,18 @@ impl Watch for Bars {
         self.finish();
         let bar = if steps == 0 { ProgressBar::new_spinner() } else { ProgressBar::new(steps) };
         let template = match steps {
-            0 => "  {spinner} {msg:10} {elapsed}",
-            Thousandths::STEPS => "  {msg:10} [{bar:40}] {percent}%  {eta} left",
-            _ => "  {msg:10} [{bar:40}] {pos}/{len}  {eta} left",
+            0 => "  {spinner} {msg:21} {elapsed}",
+            Thousandths::STEPS => "  {msg:21} [{bar:24}] {percent}%{left}",
+            _ => "  {msg:21} [{bar:24}] {pos}/{len}{left}",
         };
         if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style.progress_chars("=> "));
+            let left = |state: &ProgressState, out: &mut dyn Write| {
+                // Of nothing done nothing follows.
+                if state.pos() > 0 && state.elapsed() >= TOLD_AFTER {
+                    let _ = write!(out, "  {:#} left", HumanDuration(state.eta()));
+                }
+            };
+            bar.set_style(style.progress_chars("=> ").with_key("left", left));
         }
         bar.set_message(escaped(name));
         bar.enable_steady_tick(Duration::from_millis(200));

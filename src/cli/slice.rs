@@ -87,6 +87,9 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     let existing = if args.resume { Existing::Resume } else { Existing::overwrite(args.overwrite) };
     if !args.dry_run {
         OutputFolder::check(&folder, &job::OWNER, existing).map_err(RunError::from)?;
+        if args.resume {
+            job::refuse_another(&job, &folder)?;
+        }
     }
     let bars = Bars::new(args.json);
     let found = args.rounds_from.as_ref().unwrap_or(&folder);
@@ -95,14 +98,13 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     if args.dry_run {
         let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars)?, prepared)));
         bars.finish();
-        let (estimate, prepared) = result.map_err(|error| match error {
-            RunError::Stopped(_) => Failure::interrupted("interrupted; a dry run writes nothing"),
-            error => error.into(),
-        })?;
+        let (estimate, prepared) = result.map_err(Failure::before_writing)?;
         return report_estimate(&prepared, &estimate, args.json, made_up);
     }
+    bars.finish();
+    let prepared = prepared.map_err(Failure::before_writing)?;
     let options = RunOptions { existing, slices: args.slices.clone() };
-    let result = prepared.and_then(|prepared| job::run(&prepared, &folder, &options, &bars));
+    let result = job::run(&prepared, &folder, &options, &bars);
     bars.finish();
     let Finished { manifest, kept } = result.map_err(|error| match error {
         RunError::Slices { .. } => refusal!("--{error}"),
@@ -151,7 +153,7 @@ fn quick(args: &SliceArgs, job: Job, made_up: Option<&str>) -> Result<Answer> {
             Ok((look, prepared.warnings))
         });
     bars.finish();
-    let (look, warnings) = found?;
+    let (look, warnings) = found.map_err(Failure::before_writing)?;
     if args.json {
         let document = serde_json::to_value(&look).map_err(|error| refusal!("{error}"))?;
         print_json(&with_job(document, made_up.map(str::to_owned)))?;

@@ -7,9 +7,11 @@ use lumislice::{
     appearance::MeasuredMedium,
     job::{
         Job, RunError,
+        file::OutputFormat,
         start::{Start, StartOptions, start},
     },
     mesh::extensions,
+    optics::MaterialFile,
     voxel::Printer,
 };
 
@@ -22,18 +24,28 @@ use super::{
 /// What is said of a mesh on the command line.
 #[derive(Debug, Clone, Default, Args)]
 pub struct MeshArgs {
-    /// The printer's preset, for a mesh; default j750-27um.
+    /// The printer's preset (`lumislice printers` lists them), for a mesh; default j750-27um.
     #[arg(long, value_name = "PRESET", value_parser = printer, help_heading = "Mesh")]
     pub printer: Option<String>,
     /// Height of the print in mm, for a mesh; default the file's, where it makes sense.
     #[arg(long, value_name = "MM", value_parser = height, help_heading = "Mesh")]
     pub height_mm: Option<f64>,
-    /// A measured material that the mesh should look like, as marble or skin1; default its own colours.
+    /// A measured material that the mesh should look like, as marble or skin1 (another word lists them); default its
+    /// own colours.
     #[arg(long, value_name = "NAME", value_parser = look, help_heading = "Mesh")]
     pub look: Option<String>,
-    /// A built-in set of resins or a material file, for a mesh.
-    #[arg(long, value_name = "SET|FILE", help_heading = "Mesh")]
+    /// A built-in set of resins (`lumislice material list`) or a material file, for a mesh.
+    #[arg(long, value_name = "SET|FILE", value_parser = materials, help_heading = "Mesh")]
     pub materials: Option<PathBuf>,
+    /// What to write for a mesh, as gcvf or png,stl; default png. Pictures with a report come with it.
+    #[arg(long, value_name = "FORMATS", value_delimiter = ',', value_parser = format, help_heading = "Mesh")]
+    pub formats: Vec<OutputFormat>,
+}
+
+fn format(text: &str) -> Result<OutputFormat, String> {
+    let known = OutputFormat::ALL.iter().find(|(name, _)| *name == text.trim());
+    let names = || OutputFormat::ALL.map(|(name, _)| name).join(", ");
+    known.map(|(_, format)| *format).ok_or_else(|| format!("found `{text}`, expected one of {}", names()))
 }
 
 fn printer(text: &str) -> Result<String, String> {
@@ -53,10 +65,19 @@ fn look(text: &str) -> Result<String, String> {
     }
 }
 
+fn materials(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_file = path.is_file() || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+    match is_file {
+        true => Ok(path),
+        false => MaterialFile::builtin(text).map(|_| path).map_err(|error| error.to_string()),
+    }
+}
+
 impl MeshArgs {
     fn options(&self) -> StartOptions {
-        let Self { printer, height_mm, look, materials } = self.clone();
-        StartOptions { printer, height_mm, look, materials }
+        let Self { printer, height_mm, look, materials, formats } = self.clone();
+        StartOptions { printer, height_mm, look, materials, formats }
     }
 
     /// The first flag that is given.
@@ -66,6 +87,7 @@ impl MeshArgs {
             ("--height-mm", self.height_mm.is_some()),
             ("--look", self.look.is_some()),
             ("--materials", self.materials.is_some()),
+            ("--formats", !self.formats.is_empty()),
         ];
         flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
     }

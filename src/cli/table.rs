@@ -20,6 +20,24 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     text
 }
 
+/// Text broken between words into lines of at most `width` characters; a longer word keeps a line of its own. Lines
+/// after the first are indented by four.
+pub fn wrapped(text: &str, width: usize) -> String {
+    let mut out = String::with_capacity(text.len() + 8);
+    let mut column = 0;
+    for word in text.split_inclusive(' ') {
+        let length = word.trim_end().chars().count();
+        if column > 0 && column + length > width && out.trim_start() != "" {
+            out.truncate(out.trim_end().len());
+            out += "\n    ";
+            column = 4;
+        }
+        out += word;
+        column += word.chars().count();
+    }
+    out
+}
+
 /// A number with so many decimals, or a dash for none. What rounds to zero has no sign.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
     let Some(value) = value else { return "–".to_owned() };
@@ -39,6 +57,8 @@ mod tests {
         let rows = [vec!["häschen".to_owned(), "1".to_owned()], vec!["b".to_owned(), "22.5".to_owned()]];
         assert_eq!(table(&["name", "mm"], &rows), "  name       mm\n  häschen     1\n  b        22.5\n");
         assert_eq!((number(Some(-0.004), 2), number(Some(-0.006), 2)), ("0.00".to_owned(), "-0.01".to_owned()));
+        assert_eq!(wrapped("a warning: of many words", 12), "a warning:\n    of many\n    words");
+        assert_eq!(wrapped("  as/long/as/a/path is", 8), "  as/long/as/a/path\n    is");
         assert_eq!((number(None, 2), number(Some(1.005), 1)), ("–".to_owned(), "1.0".to_owned()));
     }
 }

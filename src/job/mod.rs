@@ -37,6 +37,7 @@ pub use plan::{
 };
 pub use record::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
 pub use run::{
-    ConvertError, Converted, Estimate, Finished, ObjectPlace, RedrawError, RunOptions, convert, redraw, run,
+    ConvertError, Converted, Estimate, Finished, ObjectPlace, RedrawError, RunOptions, convert, redraw, refuse_another,
+    run,
 };
 pub use run_error::RunError;

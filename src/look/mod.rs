@@ -1,14 +1,17 @@
-//! Monte Carlo through a volume of voxels: the referee of what varies over the surface, and the maker of synthetic
-//! BSSRDFs.
+//! Monte Carlo through voxels: how a print looks, the referee of what varies over the surface, and the maker of
+//! synthetic BSSRDFs.
 //!
-//! The walk is the layered one's, with its phase function and weights; only the media come from a grid of material ids.
-//! **In:** a [`VoxelGrid`], the coefficients of its ids in one channel, what lies at the sides and below, light on the
-//! top. **Out:** an image of the radiosity of the top ([`VoxelScene::image`]), or for a lit texel the window of texels
-//! that its light leaves by ([`VoxelScene::responses`]), each value with its standard error.
+//! One walker goes through them all: sparse bricks of material ids ([`Volume`]) with what they do to light ([`Scene`]).
+//! A print of any shape stands in free space and is looked at from outside ([`Scene::radiosity`], [`Stage`]); a flat
+//! slab goes on beyond its sides, or not, and is lit on its top ([`VoxelScene`]).
+//!
+//! **In, of a slab:** a [`VoxelGrid`], the coefficients of its ids in one channel, what lies at the sides and below,
+//! light on the top. **Out:** an image of the radiosity of the top ([`VoxelScene::image`]), or for a lit texel the window
+//! of texels that its light leaves by ([`VoxelScene::responses`]), each value with its standard error.
 //!
 //! *Guaranteed:* estimates without bias; the same bytes for the same seed whatever the number of threads. *Not
-//! covered:* refractive indices count as matched, whatever the resins say: voxel faces and the top neither reflect nor
-//! bend; polarisation; time of flight.
+//! covered:* refractive indices of slabs count as matched, whatever the resins say: voxel faces and the top neither
+//! reflect nor bend; polarisation; time of flight.
 
 mod camera;
 mod film;
@@ -31,6 +34,7 @@ mod walk;
 
 use std::ops::Range;
 
+use glam::DVec3;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
@@ -51,6 +55,7 @@ use crate::optics::{
     Light, OpticsError, VolumeCoefficients,
     monte_carlo::{in_batches, photon::uniform},
 };
+use crate::voxel::{BRICK, Lattice};
 use crate::watch::Watch;
 use light::Source;
 use tally::{Counted, ImageTally};
@@ -67,17 +72,14 @@ pub enum Sides {
     Open,
 }
 
-/// A volume in one channel.
-#[derive(Debug, Clone, Copy)]
-pub struct VoxelScene<'a> {
-    /// What fills each voxel.
-    pub grid: &'a VoxelGrid,
-    /// Coefficients by id, at least as many as the largest id needs; all zeros are a void.
-    pub media: &'a [VolumeCoefficients],
-    /// What lies beyond the sides.
-    pub sides: Sides,
-    /// A half-space below the grid, as wide as it; without one, what leaves the bottom is transmitted.
-    pub base: Option<VolumeCoefficients>,
+/// A slab of voxels in one channel, its lit top at z = 0 and z **down** into it.
+#[derive(Debug)]
+pub struct VoxelScene {
+    scene: Scene,
+    size_mm: [f64; 3],
+    sides: Sides,
+    /// The id of what lies below.
+    base: Option<u8>,
 }
 
 /// How many photons to trace, and which.
@@ -100,7 +102,59 @@ pub struct Windows {
     pub reach: [usize; 2],
 }
 
-impl VoxelScene<'_> {
+impl VoxelScene {
+    /// What fills each voxel of `grid` by its id, all zeros for a void; what lies beyond the sides; and as `base` a
+    /// half-space below the grid, as wide as it, without which what leaves the bottom is transmitted.
+    ///
+    /// # Errors
+    /// [`OpticsError::Parameter`] for an id without coefficients, coefficients out of range, more than 254 of them, a
+    /// half-space that absorbs nothing, a grid that is too large.
+    pub fn new(
+        grid: &VoxelGrid,
+        media: &[VolumeCoefficients],
+        sides: Sides,
+        base: Option<VolumeCoefficients>,
+    ) -> Result<Self, OpticsError> {
+        let largest = grid.ids().par_iter().copied().max().unwrap_or(0);
+        if usize::from(largest) >= media.len() {
+            let expected = format!("0 to {}, as there are coefficients", media.len() as i64 - 1);
+            return Err(OpticsError::parameter("material id", largest, expected));
+        }
+        if media.len() > MAX_MEDIA {
+            return Err(OpticsError::parameter("materials", media.len(), format!("at most {MAX_MEDIA}")));
+        }
+        if let Some(base) = &base {
+            base.check()?;
+            // A conservative half-space returns every photon, after a walk of infinite mean length.
+            if base.sigma_a <= 0.0 {
+                let name = "absorption-per-mm of the half-space below";
+                return Err(OpticsError::parameter(name, base.sigma_a, "more than 0".into()));
+            }
+        }
+        let dims = grid.dims();
+        let too_large = || OpticsError::parameter("voxel grid", format!("{dims:?} voxels"), "fewer".into());
+        let voxels = dims.iter().map(|&n| u32::try_from(n)).collect::<Result<Vec<_>, _>>().map_err(|_| too_large())?;
+        let lattice =
+            Lattice { origin: DVec3::ZERO, pitch: grid.pitch_mm().into(), dims: [voxels[0], voxels[1], voxels[2]] };
+        let mut volume = Volume::new(lattice).map_err(|_| too_large())?;
+        // Material 0 is one like the others here, and nothing to the volume.
+        for first in (0..lattice.dims[2]).step_by(BRICK) {
+            volume.add_slices(first..lattice.dims[2].min(first + BRICK as u32), |j, k, row| {
+                let from = dims[0] * (j as usize + dims[1] * k as usize);
+                row.iter_mut().zip(&grid.ids()[from..]).for_each(|(to, id)| *to = id + 1);
+            });
+        }
+        let void = VolumeCoefficients::new(0.0, 0.0, 0.0)?;
+        let all: Vec<_> = std::iter::once(void).chain(media.iter().copied()).chain(base).collect();
+        let base = base.map(|_| all.len() as u8 - 1);
+        Ok(Self { scene: Scene::new(volume, &[all])?, size_mm: grid.size_mm(), sides, base })
+    }
+
+    /// Size of the slab, mm.
+    pub fn size_mm(&self) -> [f64; 3] {
+        self.size_mm
+    }
+
     /// The radiosity of `texels` under `pattern`, in units of its irradiance (or per mm² of unit flux, for a point of
     /// light). `watch` hears of the photons about every million.
     ///
@@ -115,7 +169,7 @@ impl VoxelScene<'_> {
     ) -> Result<ExitImage, OpticsError> {
         let walk = self.checked_walk(photons)?;
         texels.check()?;
-        let source = Source::new(pattern, photons.light, self.grid.size_mm())?;
+        let source = Source::new(pattern, photons.light, self.size_mm)?;
         let mut tally = ImageTally::new(texels);
         let trace = |batch: Range<u64>, mut rng: Xoshiro256PlusPlus| {
             let mut counted = Counted::default();
@@ -146,7 +200,7 @@ impl VoxelScene<'_> {
         }
         let lit = |column: usize| {
             let [min_mm, max_mm] = texels.rectangle(column, row);
-            let source = Source::new(&Pattern::Rectangle { min_mm, max_mm }, photons.light, self.grid.size_mm())?;
+            let source = Source::new(&Pattern::Rectangle { min_mm, max_mm }, photons.light, self.size_mm)?;
             let index = (column + texels.dims[0] * row) as u64;
             let mut rng = Xoshiro256PlusPlus::seed_from_u64(photons.seed.wrapping_add(index.wrapping_mul(SEED_STEP)));
             let mut response = tally::Window::new([column as i64, row as i64], windows.reach);
@@ -163,23 +217,12 @@ impl VoxelScene<'_> {
         if photons.count < 2 {
             return Err(OpticsError::parameter("photons", photons.count, "at least 2".into()));
         }
-        self.media.iter().try_for_each(VolumeCoefficients::check)?;
-        let largest = self.grid.ids().par_iter().copied().max().unwrap_or(0);
-        if usize::from(largest) >= self.media.len() {
-            let expected = format!("0 to {}, as there are coefficients", self.media.len() as i64 - 1);
-            return Err(OpticsError::parameter("material id", largest, expected));
-        }
-        if let Some(base) = &self.base {
-            base.check()?;
-            // A conservative half-space returns every photon, after a walk of infinite mean length.
-            if base.sigma_a <= 0.0 {
-                let name = "absorption-per-mm of the half-space below";
-                return Err(OpticsError::parameter(name, base.sigma_a, "more than 0".into()));
-            }
-        }
-        Ok(Walk::new(self.grid, self.media, self.base, self.sides))
+        Ok(Walk::new(self))
     }
 }
+
+/// Most materials of a slab: a voxel's id is a byte, of which one stands for nothing, and the half-space below has one.
+const MAX_MEDIA: usize = 254;
 
 /// Distance of the seeds of neighbouring texels: 2⁶⁴ divided by the golden ratio, which spreads multiples evenly.
 const SEED_STEP: u64 = 0x9E37_79B9_7F4A_7C15;

@@ -361,7 +361,7 @@ impl<'a> Walker<'a> {
     /// Random numbers are drawn before it is known what they are for: whether a collision is real nobody can foresee, a
     /// processor neither, and what it has to do after it was wrong should be little.
     #[inline]
-    fn fly_on(
+    pub fn fly_on(
         &self,
         place: &mut Place,
         direction: Direction,

@@ -1,8 +1,9 @@
 //! Noise taken off a picture: edge-avoiding wavelets (Dammertz et al. 2010) that know each pixel's own noise, as in
 //! Schied et al. 2017.
 //!
-//! Pixels are averaged with neighbours that show the same surface and differ by no more than noise explains. For the
-//! eye only; no number comes from what is smoothed.
+//! Pixels are averaged with neighbours that show the same surface and differ by no more than noise explains. Before that,
+//! sparks (a rare path of much light) are brought down to the brightest pixel around them. For the eye only; no number
+//! comes from what is smoothed.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -25,8 +26,40 @@ const NOISE: f32 = 2.0;
 /// Weights of neighbours 0, 1 and 2 steps off: a cubic B-spline.
 const SPLINE: [f32; 3] = [3.0 / 8.0, 1.0 / 4.0, 1.0 / 16.0];
 
+/// So many standard deviations of its own a spark is brighter than all pixels around it: one path of much light among
+/// many of none has a mean as large as its standard deviation.
+const SPARK: f32 = 0.5;
+/// Neighbours of the same kind that tell a spark.
+const WITNESSES: usize = 5;
+
+/// Brings sparks down to the brightest of the pixels around them, with its variance.
+fn quench(shown: &[Shown], width: usize, image: &mut Vec<f32>, variance: &mut Vec<f32>) {
+    let height = shown.len() / width;
+    let pixel = |pixel: usize| {
+        let (x, y) = (pixel % width, pixel / width);
+        let (mut witnesses, mut brightest) = (0, pixel);
+        for ny in y.saturating_sub(1)..height.min(y + 2) {
+            for nx in x.saturating_sub(1)..width.min(x + 2) {
+                let other = nx + width * ny;
+                if other == pixel || shown[other].kind != shown[pixel].kind {
+                    continue;
+                }
+                witnesses += 1;
+                if brightest == pixel || image[other] > image[brightest] {
+                    brightest = other;
+                }
+            }
+        }
+        let spark = image[pixel] > image[brightest] + SPARK * variance[pixel].sqrt();
+        let from = if witnesses >= WITNESSES && spark { brightest } else { pixel };
+        (image[from], variance[from])
+    };
+    (*image, *variance) = (0..shown.len()).into_par_iter().map(pixel).unzip();
+}
+
 /// Smooths a picture of rows of `shown.len() / height` pixels, given the variance of every pixel.
 pub fn smooth(shown: &[Shown], width: usize, pixel_mm: f32, mut image: Vec<f32>, mut variance: Vec<f32>) -> Vec<f32> {
+    quench(shown, width, &mut image, &mut variance);
     for round in 0..ROUNDS {
         let step = 1_isize << round;
         let height = shown.len() / width;
@@ -73,4 +106,27 @@ pub fn smooth(shown: &[Shown], width: usize, pixel_mm: f32, mut image: Vec<f32>,
         (image, variance) = (0..shown.len()).into_par_iter().map(pixel).unzip();
     }
     image
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wall(pixels: usize) -> Vec<Shown> {
+        let shown = |n: usize| Shown { position: Vec3::new(n as f32, 0.0, 0.0), normal: Vec3::Z, kind: 1 };
+        (0..pixels).map(shown).collect()
+    }
+
+    #[test]
+    fn a_spark_goes_and_an_edge_stays() {
+        let (width, height) = (16, 12);
+        let edge = |n: usize| if n % width < 8 { 0.2 } else { 0.6 };
+        let (mut image, mut variance): (Vec<f32>, Vec<f32>) = (0..width * height).map(|n| (edge(n), 1e-6)).unzip();
+        let spark = 5 + 6 * width;
+        (image[spark], variance[spark]) = (9.0, 16.0);
+        let smoothed = smooth(&wall(width * height), width, 0.1, image, variance);
+        for (n, value) in smoothed.iter().enumerate() {
+            assert!((value - edge(n)).abs() < 0.02, "pixel {n}: {value} in place of {}", edge(n));
+        }
+    }
 }

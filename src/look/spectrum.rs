@@ -31,7 +31,7 @@ pub struct ExitSpectrum {
     pub standard_error: Vec<f64>,
 }
 
-impl VoxelScene<'_> {
+impl VoxelScene {
     /// R̂ of light that enters anywhere on the top, each place alike.
     ///
     /// # Errors
@@ -47,9 +47,9 @@ impl VoxelScene<'_> {
             return Err(OpticsError::parameter("sides", format!("{:?}", self.sides), "periodic ones".into()));
         }
         let walk = self.checked_walk(photons)?;
-        let [x, y, _] = self.grid.size_mm();
+        let [x, y, _] = self.size_mm;
         let everywhere = Pattern::Rectangle { min_mm: [0.0; 2], max_mm: [x, y] };
-        let source = Source::new(&everywhere, photons.light, self.grid.size_mm())?;
+        let source = Source::new(&everywhere, photons.light, self.size_mm)?;
         let mut counts = vec![[0.0; 2]; STEPS];
         let trace = |batch: Range<u64>, mut rng: Xoshiro256PlusPlus| {
             let leave = batch.filter_map(|photon| {

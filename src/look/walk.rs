@@ -1,32 +1,28 @@
-//! One photon's random walk through voxels.
+//! One photon's random walk through a slab: the flights of every print's [`Walker`], and what lies where the slab ends.
 //!
-//! Delta tracking (Woodcock et al. 1965): flights are drawn as if the densest medium filled the volume, and a collision
-//! is real with probability σt/σ_max of the voxel it falls into. Unbiased, and blind to voxel faces. Stepping from face
-//! to face, which is exact too, takes twice as long on layers of the synthetic resins at the J750's pitch: σt differs
-//! by a factor of 5 between them, while a mean free path crosses 5 to 30 faces. A void that fills most of a volume, or
-//! a resin many times denser than the rest, would turn that round.
+//! ```text
+//!   z = 0   ─────────────── lit; what comes back here leaves by the top
+//!           │   voxels    │ sides: the slab again, its mirror image, or nothing
+//!   z = end ───────────────
+//!               base        a half-space as wide as the slab, or nothing: light leaves by the bottom
+//! ```
+//!
+//! A flight that leaves the voxels is cut at the face it leaves by and drawn anew beyond it: optical depths have no
+//! memory, so nothing is lost by that.
 
+use glam::DVec3;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use super::{Sides, VoxelGrid};
-use crate::optics::{
-    VolumeCoefficients,
-    monte_carlo::photon::{Direction, FAINT, HenyeyGreenstein, REVIVED, azimuth, uniform},
+use super::{
+    Sides, VoxelScene,
+    scene::{Place, Walker},
 };
-
-/// A material as the walk sees it.
-#[derive(Debug, Clone, Copy)]
-struct Medium {
-    /// σt/σ_max: how many of the collisions in it are real.
-    real: f64,
-    albedo: f64,
-    phase: HenyeyGreenstein,
-}
+use crate::optics::monte_carlo::photon::Direction;
 
 /// How a walk ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum End {
-    /// Through the top at `at`, mm, within the grid; `turns` are the periods that it left the grid by, as mm to add.
+    /// Through the top at `at`, mm, within the slab; `turns` are the periods that it left the slab by, as mm to add.
     Top { at: [f64; 2], turns: [f64; 2], weight: f64 },
     /// Through the bottom.
     Bottom { weight: f64 },
@@ -36,116 +32,142 @@ pub(super) enum End {
     Absorbed,
 }
 
-/// The volume as the walk sees it.
+/// A slab as a walk sees it.
 pub(super) struct Walk<'a> {
-    grid: &'a VoxelGrid,
-    media: Vec<Medium>,
-    base: Option<Medium>,
-    sides: Sides,
-    /// 1/σ_max, mm.
-    mean_free_path: f64,
-    size: [f64; 3],
-    per_mm: [f64; 3],
+    walker: Walker<'a>,
+    slab: &'a VoxelScene,
+    /// Voxels along each axis.
+    dims: DVec3,
 }
 
+/// A photon on its way, in voxels.
+struct Photon {
+    place: Place,
+    direction: Direction,
+    /// Periods that it left the slab by, mm.
+    turns: [f64; 2],
+    weight: f64,
+}
+
+/// How far inside a face a photon that comes in by it begins, voxels: the face on the far side belongs to no voxel.
+const INSIDE: f64 = 1e-9;
+
 impl<'a> Walk<'a> {
-    /// `media` by id.
-    pub fn new(
-        grid: &'a VoxelGrid,
-        media: &[VolumeCoefficients],
-        base: Option<VolumeCoefficients>,
-        sides: Sides,
-    ) -> Self {
-        let size = grid.size_mm();
-        // Any bound will do where everything is void.
-        let densest = media.iter().chain(&base).map(VolumeCoefficients::sigma_t).fold(0.0, f64::max);
-        let densest = if densest > 0.0 { densest } else { 1.0 / size[2] };
-        let medium = |volume: &VolumeCoefficients| Medium {
-            real: volume.sigma_t() / densest,
-            albedo: volume.albedo(),
-            phase: HenyeyGreenstein::new(volume.g),
-        };
-        Self {
-            grid,
-            media: media.iter().map(medium).collect(),
-            base: base.as_ref().map(medium),
-            sides,
-            mean_free_path: 1.0 / densest,
-            size,
-            per_mm: grid.pitch_mm().map(|pitch| 1.0 / pitch),
+    pub fn new(slab: &'a VoxelScene) -> Self {
+        let scene = &slab.scene;
+        let dims = DVec3::from(scene.volume().lattice().dims.map(f64::from));
+        Self { walker: Walker::new(scene, &scene.media()[0]), slab, dims }
+    }
+
+    /// Follows one photon that enters the top at `at`, mm, until it leaves or dies.
+    pub fn trace(&self, at: [f64; 2], direction: Direction, rng: &mut Xoshiro256PlusPlus) -> End {
+        let place = DVec3::new(at[0], at[1], 0.0) * self.walker.scene.per_mm();
+        let place = place.min(self.dims - INSIDE);
+        let mut photon = Photon { place, direction, turns: [0.0; 2], weight: 1.0 };
+        let mut depth = self.walker.media.depth(rng);
+        loop {
+            let from = photon.place;
+            let id = match self.walker.fly_on(&mut photon.place, photon.direction, &mut depth, rng) {
+                Some(id) => id,
+                None => {
+                    depth = self.walker.media.depth(rng);
+                    photon.place = from;
+                    match self.leave(&mut photon, rng) {
+                        Some(end) => return end,
+                        None => continue,
+                    }
+                }
+            };
+            match self.walker.scatter(id, photon.direction, photon.weight, rng) {
+                Some(next) => (photon.direction, photon.weight) = next,
+                None => return End::Absorbed,
+            }
         }
     }
 
-    /// Follows one photon that enters the top at `at` until it leaves or dies.
-    pub fn trace(&self, mut at: [f64; 2], mut direction: Direction, rng: &mut Xoshiro256PlusPlus) -> End {
-        let (mut z, mut turns, mut weight) = (0.0, [0.0; 2], 1.0);
+    /// Takes a photon to the face that it leaves the voxels by and to what lies beyond; `None` where it comes in again.
+    fn leave(&self, photon: &mut Photon, rng: &mut Xoshiro256PlusPlus) -> Option<End> {
+        let Photon { place, direction, weight, .. } = *photon;
+        let step = DVec3::new(direction.x, direction.y, direction.z) * self.walker.scene.per_mm();
+        let mut nearest = (f64::INFINITY, 2);
+        for axis in (0..3).filter(|&axis| step[axis] != 0.0) {
+            let face = if step[axis] > 0.0 { self.dims[axis] } else { 0.0 };
+            let way = ((face - place[axis]) / step[axis]).max(0.0);
+            if way < nearest.0 {
+                nearest = (way, axis);
+            }
+        }
+        let (way, axis) = nearest;
+        photon.place = (place + step * way).clamp(DVec3::ZERO, self.dims - INSIDE);
+        match (axis, step[axis] > 0.0) {
+            (2, false) => {
+                let pitch = self.walker.scene.volume().lattice().pitch;
+                let at = [0, 1].map(|axis| photon.place[axis] * pitch[axis]);
+                Some(End::Top { at, turns: photon.turns, weight })
+            }
+            (2, true) => match self.slab.base {
+                Some(base) => self.below(photon, base, rng),
+                None => Some(End::Bottom { weight }),
+            },
+            (_, up) => {
+                // Beyond the face by nothing: the next period begins there.
+                let beyond = if up { self.dims[axis] } else { -INSIDE };
+                photon.place[axis] = beyond;
+                (!self.pass_sides(photon)).then_some(End::Side { weight })
+            }
+        }
+    }
+
+    /// Walks through the half-space below, of material `base`, until the slab is met from below (`None`) or all ends.
+    fn below(&self, photon: &mut Photon, base: u8, rng: &mut Xoshiro256PlusPlus) -> Option<End> {
+        let media = self.walker.media;
+        let per_mm = self.walker.scene.per_mm();
         loop {
-            let flight = -libm::log(1.0 - uniform(rng)) * self.mean_free_path;
-            let reached = z + flight * direction.z;
-            let leaves = reached < 0.0 || (reached >= self.size[2] && self.base.is_none());
-            let way = match leaves {
-                false => flight,
-                true if reached < 0.0 => z / -direction.z,
-                true => (self.size[2] - z) / direction.z,
-            };
-            at[0] += way * direction.x;
-            at[1] += way * direction.y;
-            let sides_x = self.pass_side(0, &mut at[0], &mut direction.x, &mut turns[0]);
-            let sides_y = self.pass_side(1, &mut at[1], &mut direction.y, &mut turns[1]);
-            if !(sides_x && sides_y) {
-                return End::Side { weight };
+            let Direction { x, y, z } = photon.direction;
+            let flight = media.depth(rng) / media.sigma_t(base);
+            let up = (self.dims.z - photon.place.z) / (z * per_mm.z);
+            let returns = z < 0.0 && up <= flight;
+            photon.place += DVec3::new(x, y, z) * per_mm * if returns { up } else { flight };
+            if !self.pass_sides(photon) {
+                return Some(End::Side { weight: photon.weight });
             }
-            if leaves {
-                return if reached < 0.0 { End::Top { at, turns, weight } } else { End::Bottom { weight } };
+            if returns {
+                photon.place.z = self.dims.z - INSIDE;
+                return None;
             }
-            z = reached;
-            let medium = match &self.base {
-                Some(base) if z >= self.size[2] => base,
-                _ => &self.media[usize::from(self.id([at[0], at[1], z]))],
-            };
-            if uniform(rng) >= medium.real {
+            match self.walker.scatter(base, photon.direction, photon.weight, rng) {
+                Some(next) => (photon.direction, photon.weight) = next,
+                None => return Some(End::Absorbed),
+            }
+        }
+    }
+
+    /// Brings a photon beyond the sides back into the slab; `false` where it is lost.
+    fn pass_sides(&self, photon: &mut Photon) -> bool {
+        let pitch = self.walker.scene.volume().lattice().pitch;
+        for axis in 0..2 {
+            let (at, dim) = (photon.place[axis], self.dims[axis]);
+            if at >= 0.0 && at < dim {
                 continue;
             }
-            weight *= medium.albedo;
-            if weight < FAINT {
-                if uniform(rng) * REVIVED >= weight {
-                    return End::Absorbed;
+            let passed = (at / dim).floor();
+            let within = at - passed * dim;
+            let turned = match self.slab.sides {
+                Sides::Open => return false,
+                Sides::Periodic => {
+                    photon.turns[axis] += passed * dim * pitch[axis];
+                    false
                 }
-                weight = REVIVED;
-            }
-            direction = direction.turned(medium.phase.sample(uniform(rng)), azimuth(rng));
-        }
-    }
-
-    /// Brings a coordinate beyond a side back into the grid; `false` where it is lost.
-    #[inline]
-    fn pass_side(&self, axis: usize, at: &mut f64, direction: &mut f64, turns: &mut f64) -> bool {
-        let size = self.size[axis];
-        if *at >= 0.0 && *at < size {
-            return true;
-        }
-        let passed = (*at / size).floor();
-        let within = (*at - passed * size).clamp(0.0, size);
-        match self.sides {
-            Sides::Open => return false,
-            Sides::Periodic => {
-                *turns += passed * size;
-                *at = within;
-            }
-            Sides::Mirrored => {
-                let turned = passed.rem_euclid(2.0) != 0.0;
-                *at = if turned { size - within } else { within };
-                *direction = if turned { -*direction } else { *direction };
+                Sides::Mirrored => passed.rem_euclid(2.0) != 0.0,
+            };
+            let place = if turned { dim - within } else { within };
+            photon.place[axis] = place.clamp(0.0, dim - INSIDE);
+            if turned {
+                let Direction { x, y, .. } = &mut photon.direction;
+                let along = if axis == 0 { x } else { y };
+                *along = -*along;
             }
         }
         true
-    }
-
-    #[inline]
-    fn id(&self, at: [f64; 3]) -> u8 {
-        let dims = self.grid.dims();
-        // A point on the far side itself belongs to the last voxel.
-        let [i, j, k] = std::array::from_fn(|axis| ((at[axis] * self.per_mm[axis]) as usize).min(dims[axis] - 1));
-        self.grid.ids()[i + dims[0] * (j + dims[1] * k)]
     }
 }

@@ -145,6 +145,13 @@ impl Solid {
         mesh.into_iter().flat_map(TriangleMesh::corners).chain(caps.or(whole).into_iter().flatten().copied())
     }
 
+    /// Moves all of it.
+    pub(crate) fn translate(&mut self, by: DVec3) {
+        let Self { mesh, caps, whole, health: _ } = self;
+        let closing = caps.iter_mut().chain(whole.iter_mut().flatten()).flatten();
+        mesh.positions.iter_mut().chain(closing).for_each(|p| *p += by);
+    }
+
     fn outline_bounds(&self) -> (DVec3, DVec3) {
         let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         self.outline().flatten().fold(start, |(low, high), p| (low.min(p), high.max(p)))
@@ -249,4 +256,29 @@ fn is_nothing(length: &f64) -> bool {
 
 fn is_zero(count: &usize) -> bool {
     *count == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_shapes::{box_triangles, indexed};
+
+    /// What decides inside from outside moves with the surface, whichever of the three it is.
+    #[test]
+    fn a_solid_moves_as_a_whole() {
+        let triangles = box_triangles(DVec3::ZERO, DVec3::ONE);
+        let (positions, faces) = indexed(&triangles[..10]);
+        let mesh = TriangleMesh { positions, triangles: faces, ..TriangleMesh::default() };
+        let (caps, health) = (triangles[10..].to_vec(), HealthReport::default());
+        let capped = Solid { mesh, caps, whole: None, health };
+        let united = Solid { whole: Some(triangles), ..capped.clone() };
+        for mut solid in [capped, united] {
+            let by = DVec3::new(3.0, -2.0, 0.5);
+            let before: Vec<_> = solid.outline().collect();
+            solid.translate(by);
+            assert!(solid.outline().eq(before.iter().map(|t| t.map(|p| p + by))));
+            assert_eq!(solid.mesh.positions[0], by);
+            assert_eq!(solid.caps[0][0], by + box_triangles(DVec3::ZERO, DVec3::ONE)[10][0]);
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! Pictures of a look side by side.
+//! Pictures of a look side by side, and one by one again.
 
 use super::{
     PreviewError, PreviewFile,
@@ -7,6 +7,7 @@ use super::{
     style::{INK, PAGE, PANEL_EDGE, Rgb},
     text::Font,
 };
+use crate::picture::{Pixels, png};
 
 /// One picture of several.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,4 +48,46 @@ pub(crate) fn look_sheet(
         Font::Strong.draw(&mut canvas, [left, top + height + 10], &name, INK);
     }
     canvas.file(path)
+}
+
+/// The square panels of a picture that [`look_sheet`] has drawn, each as a file; `None` of any other picture.
+pub(crate) fn look_panels(file: &[u8]) -> Option<Vec<Vec<u8>>> {
+    let image = image::load_from_memory_with_format(file, image::ImageFormat::Png).ok()?.into_rgb8();
+    let [width, height] = [image.width(), image.height()].map(|pixels| pixels as usize);
+    let top = MARGIN + Font::Title.height() + BLOCK_GAP;
+    let edge = height.checked_sub(top + 10 + Font::Strong.height() + MARGIN).filter(|edge| *edge > 0)?;
+    let step = edge + GAP;
+    let row = width.checked_sub(2 * MARGIN)? + GAP;
+    if !row.is_multiple_of(step) {
+        return None;
+    }
+    let panel = |n: usize| {
+        let (left, pixels) = (MARGIN + n * step, image.as_raw().as_chunks::<3>().0);
+        let rows = (top..top + edge).flat_map(|y| &pixels[y * width + left..][..edge]);
+        png(edge, Pixels::Rgb8(&rows.copied().collect::<Vec<_>>())).ok()
+    };
+    (0..row / step).map(panel).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn panels_come_back_as_they_were_laid() {
+        let panel = |seed: u8| LookPanel {
+            name: "a panel".into(),
+            pixels: (0..32 * 32).map(|n| [n as u8, (n >> 5) as u8, seed]).collect(),
+        };
+        for count in [1, 3] {
+            let panels: Vec<_> = (0..count).map(panel).collect();
+            let sheet = look_sheet("look/x.png".into(), "Light", "", [32; 2], &panels).unwrap();
+            let found = look_panels(&sheet.png).unwrap();
+            let read = |file: &Vec<u8>| image::load_from_memory(file).unwrap().into_rgb8().into_raw();
+            let laid: Vec<Vec<u8>> = panels.iter().map(|panel| panel.pixels.as_flattened().to_vec()).collect();
+            assert_eq!(found.iter().map(read).collect::<Vec<_>>(), laid);
+        }
+        assert_eq!(look_panels(b"no picture"), None);
+        assert_eq!(look_panels(&png(5, Pixels::Rgb8(&[[0; 3]; 15])).unwrap()), None);
+    }
 }

@@ -1,9 +1,12 @@
 //! A page to read beside the print: one HTML file with its pictures in it, that can be mailed. It needs no script but
-//! for leafing through slices.
+//! for leafing through slices and for turning the surface.
 
 use std::fmt::{self, Write};
 
-use super::FilmStrip;
+use super::{
+    FilmStrip,
+    whereabouts::{self, Known, ReportLabel},
+};
 use crate::{
     optics::{Mixture, ResinId, Stack},
     page::{escape, page, png_address},
@@ -37,8 +40,12 @@ pub struct ReportData {
     pub warnings: Vec<String>,
     /// What was found in the meshes.
     pub health: Vec<ReportHealth>,
-    /// What the numbers of the look say, a sentence each.
+    /// What the numbers of the look say, a sentence each, the most telling first.
     pub look: Vec<String>,
+    /// Points of the surface, with the stackings there.
+    pub labels: Vec<ReportLabel>,
+    /// Area of the surface, mm².
+    pub area_mm2: f64,
     /// Pictures in the order they are shown.
     pub pictures: Vec<ReportPicture>,
     /// Slices to leaf through.
@@ -65,6 +72,8 @@ pub struct ReportMaterial {
 pub struct ReportStacking {
     /// What it is for, such as `cluster 3`.
     pub name: String,
+    /// Its object and cluster, from 1 and from 0.
+    pub origin: [usize; 2],
     /// Layers of the materials or of mixtures of them, over their core.
     pub stack: Stack<Mixture>,
     /// Part of the surface it is for, 0 to 1, if known.
@@ -93,6 +102,8 @@ pub struct ReportPicture {
     pub caption: String,
     /// The file; if it is empty, the page shows what lies at its path.
     pub png: Vec<u8>,
+    /// What it shows side by side, by name, if it is to be shown one by one.
+    pub panels: Vec<(&'static str, Vec<u8>)>,
 }
 
 /// Slices to leaf through.
@@ -132,9 +143,7 @@ fn write_body(page: &mut String, data: &ReportData) -> fmt::Result {
     for picture in first.iter().take(1) {
         figure(page, picture)?;
     }
-    for sentence in &data.look {
-        writeln!(page, "<p class=\"note\">{}</p>", escape(sentence))?;
-    }
+    numbers_of_look(page, &data.look)?;
     cutaway.map_or(Ok(()), |picture| figure(page, picture))?;
     warnings(page, &data.warnings)?;
     if first.len() > 1 {
@@ -159,6 +168,8 @@ fn write_body(page: &mut String, data: &ReportData) -> fmt::Result {
     writeln!(page, "</dl>")?;
     materials(page, data)?;
     stackings(page, data)?;
+    let known: Vec<Known> = data.stackings.iter().map(|stacking| known(stacking, data)).collect();
+    whereabouts::section(page, &data.labels, &known, data.area_mm2)?;
     for (n, picture) in pictures.enumerate() {
         if n == 0 {
             writeln!(page, "<h2>Pictures</h2>")?;
@@ -172,6 +183,30 @@ fn write_body(page: &mut String, data: &ReportData) -> fmt::Result {
     writeln!(page, "</main>")
 }
 
+/// The first sentence, and the rest to be unfolded.
+fn numbers_of_look(page: &mut String, sentences: &[String]) -> fmt::Result {
+    let Some((first, rest)) = sentences.split_first() else { return Ok(()) };
+    writeln!(page, "<p class=\"lead\">{}</p>", escape(first))?;
+    if rest.is_empty() {
+        return Ok(());
+    }
+    writeln!(page, "<details class=\"numbers\">\n<summary>More numbers</summary>\n<ul>")?;
+    for sentence in rest {
+        writeln!(page, "<li>{}</li>", escape(sentence))?;
+    }
+    writeln!(page, "</ul>\n</details>")
+}
+
+/// What the page tells of a stacking where it is pointed at.
+fn known(stacking: &ReportStacking, data: &ReportData) -> Known {
+    let mut words = words_of(stacking, data);
+    if let Some(share) = stacking.share {
+        let _ = write!(words, "; {} % of the surface", number(100.0 * share, 1));
+    }
+    let colour = stacking.albedo[0].or(stacking.albedo[1]).unwrap_or([160; 3]);
+    Known { name: stacking.name.clone(), origin: stacking.origin, words, colour }
+}
+
 /// The picture of the object cut open.
 const CUTAWAY: &str = "preview/cutaway.png";
 
@@ -183,11 +218,18 @@ fn film(page: &mut String, film: &ReportFilm) -> fmt::Result {
     }
     writeln!(page, "<h2>Slices</h2>\n<div class=\"film\">")?;
     write!(page, "<div id=\"frame\" role=\"img\" aria-label=\"One slice, seen from above\" style=\"")?;
-    write!(page, "aspect-ratio:{width}/{height};max-width:{}px;", (3 * width).clamp(240, 760))?;
+    // As wide as the page has room for, and no higher than a window.
+    let high = f64::from(width as u32) / f64::from((height as u32).max(1)) * 34.0;
+    write!(
+        page,
+        "aspect-ratio:{width}/{height};max-width:min({}px,{}rem);",
+        (3 * width).clamp(240, 760),
+        number(high, 1)
+    )?;
     write!(page, "background-size:{}% {}%;", 100 * columns, 100 * rows)?;
     writeln!(page, "background-image:url({})\"></div>", png_address(&film.png))?;
     let middle = frames / 2;
-    writeln!(page, "<label>Height <output id=\"height\"></output>")?;
+    writeln!(page, "<label for=\"slice\">Height <output id=\"height\"></output>")?;
     writeln!(
         page,
         "<input id=\"slice\" type=\"range\" min=\"0\" max=\"{}\" value=\"{middle}\"></label>\n</div>",
@@ -226,11 +268,15 @@ fn warnings(page: &mut String, warnings: &[String]) -> fmt::Result {
 
 fn figure(page: &mut String, picture: &ReportPicture) -> fmt::Result {
     let caption = escape(&picture.caption);
-    let path = if picture.png.is_empty() { escape(&url(&picture.path)) } else { png_address(&picture.png) };
-    // Several pictures side by side are too small for a phone; they can be moved with the keys too.
-    let look = picture.path.starts_with("look/");
-    let class = if look { " class=\"wide look\" tabindex=\"0\"" } else { "" };
-    writeln!(page, "<figure>\n<div{class}><img src=\"{path}\" alt=\"{caption}\"></div>")?;
+    let shown = |png: &[u8]| if png.is_empty() { escape(&url(&picture.path)) } else { png_address(png) };
+    if picture.panels.is_empty() {
+        writeln!(page, "<figure>\n<img src=\"{}\" alt=\"{caption}\">", shown(&picture.png))?;
+    } else {
+        writeln!(page, "<figure class=\"panels n{}\">", picture.panels.len())?;
+    }
+    for (name, png) in &picture.panels {
+        writeln!(page, "<div><img src=\"{}\" alt=\"{name}: {caption}\"><span>{name}</span></div>", shown(png))?;
+    }
     if !caption.is_empty() {
         writeln!(page, "<figcaption>{caption}</figcaption>")?;
     }
@@ -299,7 +345,7 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
         writeln!(page, "<details>\n<summary>All {} stackings</summary>", data.stackings.len())?;
     }
     let swatches = data.stackings.iter().any(|stacking| stacking.albedo != [None; 2]);
-    writeln!(page, "<div class=\"wide\"><table>\n<thead><tr><th>Stacking</th>")?;
+    writeln!(page, "<div class=\"wide\"><table class=\"stackings\">\n<thead><tr><th>Stacking</th>")?;
     if swatches {
         writeln!(page, "<th>Asked, predicted</th>")?;
     }
@@ -309,8 +355,14 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
         writeln!(page, "<th class=\"number\">{}</th>", escape(heading))?;
     }
     writeln!(page, "</tr></thead>\n<tbody>")?;
-    for stacking in &data.stackings {
-        writeln!(page, "<tr><td>{}</td>", escape(&stacking.name))?;
+    for (n, stacking) in data.stackings.iter().enumerate() {
+        let name = escape(&stacking.name);
+        match data.labels.is_empty() {
+            true => writeln!(page, "<tr><td>{name}</td>")?,
+            false => {
+                writeln!(page, "<tr><td><button class=\"find\" type=\"button\" value=\"{n}\">{name}</button></td>")?
+            }
+        }
         if swatches {
             writeln!(page, "<td class=\"pair\">")?;
             for (name, albedo) in ["asked", "predicted"].iter().zip(stacking.albedo) {
@@ -327,9 +379,9 @@ fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
         writeln!(page, "</td>")?;
         let share = stacking.share.map_or_else(|| "–".to_owned(), |share| format!("{} %", number(100.0 * share, 1)));
         let error = stacking.error.map_or_else(|| "–".to_owned(), significant);
-        let values = [(shares, share), (true, decimals(thickness(stacking), 3)), (errors, error)];
-        for (_, value) in values.iter().filter(|(shown, _)| *shown) {
-            writeln!(page, "<td class=\"number\">{value}</td>")?;
+        let values = [share, decimals(thickness(stacking), 3), error];
+        for ((_, heading), value) in headings.iter().zip(values).filter(|((shown, _), _)| *shown) {
+            writeln!(page, "<td class=\"number\" data-name=\"{}\">{value}</td>", escape(heading))?;
         }
         writeln!(page, "</tr>")?;
     }
@@ -349,12 +401,8 @@ fn bar(page: &mut String, stacking: &ReportStacking, data: &ReportData, scale: f
         let mean = parts.fold([0.0; 4], |sum, part| std::array::from_fn(|n| sum[n] + part[n]));
         mean.map(|value| value.round() as u8)
     };
-    let name = |mixture: &Mixture| mixture.name(|resin| data.materials.get(resin.0).map_or("?", |found| &found.name));
     let stack = &stacking.stack;
-    let mut words: Vec<String> =
-        stack.pairs().map(|(layer, mm)| format!("{} {}", name(layer), number(mm, 3))).collect();
-    words.extend(stack.core.as_ref().map(|core| format!("core {}", name(core))));
-    let words = words.join(", ");
+    let words = words_of(stacking, data);
     svg(page, "bar", [BAR + CORE, BAR_HEIGHT], &words)?;
     let mut left = 0.0;
     for layer in &stack.layers {
@@ -384,6 +432,16 @@ fn bar(page: &mut String, stacking: &ReportStacking, data: &ReportData, scale: f
         write!(page, " fill=\"{fill}\" stroke=\"#5b6674\" stroke-width=\"0.75\"/>")?;
     }
     writeln!(page, "</svg><span class=\"words\">{}</span>", escape(&words))
+}
+
+/// The layers of a stacking and its core.
+fn words_of(stacking: &ReportStacking, data: &ReportData) -> String {
+    let name = |mixture: &Mixture| mixture.name(|resin| data.materials.get(resin.0).map_or("?", |found| &found.name));
+    let stack = &stacking.stack;
+    let mut words: Vec<String> =
+        stack.pairs().map(|(layer, mm)| format!("{} {}", name(layer), number(mm, 3))).collect();
+    words.extend(stack.core.as_ref().map(|core| format!("core {}", name(core))));
+    words.join(", ")
 }
 
 fn svg(page: &mut String, class: &str, [width, height]: [f64; 2], title: &str) -> fmt::Result {
@@ -501,7 +559,11 @@ mod tests {
                 ..Default::default()
             }],
             warnings: vec!["x < y".into()],
-            pictures: vec![ReportPicture { path: "preview/a b\".png".into(), caption: "it's".into(), png: Vec::new() }],
+            pictures: vec![ReportPicture {
+                path: "preview/a b\".png".into(),
+                caption: "it's".into(),
+                ..Default::default()
+            }],
             ..Default::default()
         }
     }

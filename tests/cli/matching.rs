@@ -20,7 +20,7 @@ fn a_predicted_stack_is_found_again() {
     let bench = Bench::new();
     // Whole units of 5/64 mm.
     let layers = "white:0.46875,support:1.25,black:0.3125";
-    bench.run(["predict", "--materials", "synthetic", "--stack", layers, "--csv", "p.csv"]).exits(0);
+    bench.run(["predict", "--materials", "synthetic", "--model", "km", "--stack", layers, "--csv", "p.csv"]).exits(0);
     let json = bench.run([
         "match",
         "--materials",
@@ -200,7 +200,9 @@ fn objectives_choose_different_layers() {
 fn support_keeps_its_depth_unless_told_otherwise() {
     // A target as bright and as wide as support alone: it would lie bare.
     let bench = Bench::new();
-    bench.run(["predict", "--materials", "synthetic", "--stack", "support:5", "--csv", "s.csv"]).exits(0);
+    bench
+        .run(["predict", "--materials", "synthetic", "--model", "km", "--stack", "support:5", "--csv", "s.csv"])
+        .exits(0);
     let find = |more: &[&str]| {
         let args =
             ["match", "--materials", "synthetic", "--target", "s.csv", "--depth", "4", "--model", "km", "--json"];

@@ -83,7 +83,8 @@ fn csv_has_the_agreed_header_and_one_file_a_channel() {
 
 #[test]
 fn what_cannot_be_predicted_is_refused() {
-    predict(&["--stack", "white:1", "--light", "normal"]).refuses(2, &["--light normal", "diffuse light only"]);
+    predict(&["--stack", "white:1", "--light", "normal", "--model", "km"])
+        .refuses(2, &["--light normal", "diffuse light only"]);
     predict(&["--stack", "white:1", "--photons", "10"]).refuses(2, &["monte-carlo"]);
     predict(&["--stack", "whit:1"]).refuses(2, &["`whit`", "did you mean `white`?"]);
     predict(&["--stack", "white:1", "--core", "blakc"]).refuses(2, &["did you mean `black`?"]);
@@ -92,6 +93,17 @@ fn what_cannot_be_predicted_is_refused() {
     predict(&["--stack", ""]).refuses(2, &["empty stack"]);
     run(["predict", "--materials", "synthetik", "--stack", "a:1"]).refuses(2, &["did you mean `synthetic`?"]);
     run(["predict", "--materials", "none.toml", "--stack", "a:1"]).refuses(2, &["none.toml"]);
+}
+
+/// What nothing is said about is predicted as `match` and jobs have it.
+#[test]
+fn transport_is_what_predicts_unless_asked_otherwise() {
+    let albedo = |more: &[&str]| {
+        let stack = ["--stack", "white:0.1,support:0.4,white:0.6", "--core", "black", "--json"];
+        predict(&[&stack, more].concat()).exits(0).json()["reflection"][0].as_f64().unwrap()
+    };
+    assert_eq!(albedo(&[]), albedo(&["--model", "transport"]));
+    assert!((albedo(&["--model", "km"]) - albedo(&[])).abs() > 1e-3);
 }
 
 /// The model without photons and the photons, which share no code, predict the same.

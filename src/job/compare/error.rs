@@ -7,7 +7,7 @@ use thiserror::Error;
 use crate::{
     appearance::bssrdf::BssrdfError,
     blame::{Blame, Blamed, Remedy},
-    job::{RunError, finished::VerifyError},
+    job::{RunError, finished::VerifyError, look::LookError},
     optics::OpticsError,
     output::OutputError,
     plot::PlotError,
@@ -73,6 +73,9 @@ pub enum CompareError {
     /// The dataset.
     #[error(transparent)]
     Dataset(#[from] BssrdfError),
+    /// Light through an object.
+    #[error(transparent)]
+    Look(#[from] LookError),
     /// The output folder.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -86,6 +89,7 @@ impl Blamed for CompareError {
         match self {
             Self::Verify(error) => error.blame(),
             Self::Run(error) => error.blame(),
+            Self::Look(error) => error.blame(),
             Self::Optics(error) => error.blame(),
             Self::Dataset(error) => error.blame(),
             Self::Output(error) => error.blame(),
@@ -102,6 +106,7 @@ impl Blamed for CompareError {
         match self {
             Self::Output(error) => error.remedy(),
             Self::Run(error) => error.remedy(),
+            Self::Look(error) => error.remedy(),
             _ => None,
         }
     }

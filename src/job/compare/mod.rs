@@ -1,4 +1,4 @@
-//! Does the printed slab look as promised? What each step from a measured BSSRDF to a print costs in appearance (Hašan
+//! Does the print look as promised? What each step from a measured BSSRDF to a print costs in appearance (Hašan
 //! et al. 2010, figure 7).
 //!
 //! **In:** what `lumislice factor` wrote, finished jobs of slabs printed from it, and the dataset itself if it is at
@@ -14,11 +14,14 @@
 //! | printed | Monte Carlo through the voxels of the slices |
 //!
 //! Sides are mirrors for all of them. Photons meet nothing below the slab, where predictions assume an endless core.
+//! On objects of any shape (`object`) the last three stages are a camera's pictures. Photons go by the one walker of
+//! [`crate::look`] in both.
 
 mod dataset;
 mod error;
 mod lights;
 mod numbers;
+mod object;
 mod patch;
 mod places;
 mod printed;
@@ -29,6 +32,7 @@ mod texels;
 
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use serde::Serialize;
 
 use super::plan::FactoredMap;
@@ -41,6 +45,7 @@ use crate::{
 pub use error::CompareError;
 use lights::{Lamp, lamps};
 pub use numbers::Difference;
+pub use object::{ObjectRequest, compare_object};
 use patch::Patch;
 use printed::Printed;
 use promise::Promise;
@@ -69,11 +74,11 @@ pub struct CompareRequest {
 pub struct Comparison {
     /// Name of the map's folder.
     pub name: String,
-    /// Texels per row.
+    /// Texels per row, or pixels of a camera.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Distance between texels, mm.
+    /// Distance between texels or pixels, mm.
     pub pitch_mm: f64,
     /// Names of the channels.
     pub channels: Vec<String>,
@@ -85,8 +90,14 @@ pub struct Comparison {
     pub jobs: Vec<JobFit>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// Azimuth and elevation of the camera, degrees; `None`: a slab's texels, seen from above.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub view_deg: Option<[f64; 2]>,
     #[serde(skip)]
     lamps: Vec<Lamp>,
+    /// Where on an object each pixel looks, mm; `None`: a slab.
+    #[serde(skip)]
+    surface: Option<Vec<Option<DVec3>>>,
 }
 
 /// Compares all stages.
@@ -116,7 +127,9 @@ pub fn compare(request: &CompareRequest, watch: &dyn Watch) -> Result<Comparison
         stages: Vec::new(),
         jobs: Vec::new(),
         warnings: Vec::new(),
+        view_deg: None,
         lamps,
+        surface: None,
     };
     watch.stage("equation 7", 0);
     let first_albedo: Vec<f64> = patch.spectra.iter().map(|channels| channels[0][0]).collect();
@@ -184,16 +197,48 @@ pub fn compare_into(
     let mut comparison = compare(request, watch)?;
     let [width, height] = [comparison.width, comparison.height];
     comparison.stages.iter_mut().for_each(|stage| stage.read_edge(width, height));
-    watch.stage("sheet", 0);
     let inputs = request.jobs.iter().chain([&request.map]).chain(&request.dataset).cloned().collect::<Vec<_>>();
-    let output = OutputFolder::create(folder, &OWNER, existing, &inputs)?;
-    output.write("sheet.png", &comparison.pictures().encode(Format::Png)?)?;
-    output.write("edge.png", &comparison.edge_figure().encode(Format::Png)?)?;
-    output.write("sheet.html", comparison.page()?.as_bytes())?;
-    output.write("radiosity.npy", &comparison.radiosity_npy())?;
-    output.write("noise.npy", &comparison.noise_npy())?;
-    output.write("places.csv", comparison.places_csv().as_bytes())?;
-    output.write("comparison.json", &pretty(&comparison))?;
-    output.finish_with_list(&OWNER, 1)?;
+    comparison.write(folder, existing, &inputs, watch)?;
     Ok(comparison)
+}
+
+/// Compares on objects, and writes the same sheet into `folder`, but for `edge.png`: no column of an object is like another.
+///
+/// # Errors
+/// As [`compare_object`], and a folder that may not or cannot be written.
+pub fn compare_object_into(
+    request: &ObjectRequest<'_>,
+    folder: &Path,
+    existing: Existing,
+    watch: &dyn Watch,
+) -> Result<Comparison, CompareError> {
+    let comparison = compare_object(request, watch)?;
+    let mut inputs = request.prepared.files();
+    inputs.extend([Some(request.map), request.folder].into_iter().flatten().map(Path::to_owned));
+    comparison.write(folder, existing, &inputs, watch)?;
+    Ok(comparison)
+}
+
+impl Comparison {
+    fn write(
+        &self,
+        folder: &Path,
+        existing: Existing,
+        inputs: &[PathBuf],
+        watch: &dyn Watch,
+    ) -> Result<(), CompareError> {
+        watch.stage("sheet", 0);
+        let output = OutputFolder::create(folder, &OWNER, existing, inputs)?;
+        output.write("sheet.png", &self.pictures().encode(Format::Png)?)?;
+        if self.surface.is_none() {
+            output.write("edge.png", &self.edge_figure().encode(Format::Png)?)?;
+        }
+        output.write("sheet.html", self.page()?.as_bytes())?;
+        output.write("radiosity.npy", &self.radiosity_npy())?;
+        output.write("noise.npy", &self.noise_npy())?;
+        output.write("places.csv", self.places_csv().as_bytes())?;
+        output.write("comparison.json", &pretty(self))?;
+        output.finish_with_list(&OWNER, 1)?;
+        Ok(())
+    }
 }

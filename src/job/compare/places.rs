@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use glam::DVec3;
+
 use super::{Comparison, Stage};
 use crate::appearance::bssrdf::write_npy;
 
@@ -29,12 +31,15 @@ impl Comparison {
         write_npy(&[self.stages.len(), channels, lights, self.height, self.width], &all)
     }
 
-    /// A row for every texel: where it is, and the radiosity of every stage, channel and light there.
+    /// A row for every texel, or every pixel that shows an object: where it is, and the radiosity of every stage, channel and light there.
     pub(super) fn places_csv(&self) -> String {
         let mut text = String::from(
             "# Radiosity per irradiance, as linear shares; row 0 is the picture's top. Columns: stage, channel, light.\n\
              row,column,x_mm,y_mm",
         );
+        if self.surface.is_some() {
+            text += ",z_mm";
+        }
         for (stage, _) in self.pictures_of() {
             for (channel, light) in self.channels.iter().flat_map(|c| self.lights.iter().map(move |l| (c, l))) {
                 let _ = write!(text, ",\"{} {channel} {light}\"", stage.replace('"', "\"\""));
@@ -43,8 +48,16 @@ impl Comparison {
         text.push('\n');
         for texel in 0..self.width * self.height {
             let (row, column) = (texel / self.width, texel % self.width);
-            let [x, y] = [column as f64 + 0.5, (self.height - row) as f64 - 0.5].map(|at| at * self.pitch_mm);
-            let _ = write!(text, "{row},{column},{x:.4},{y:.4}");
+            match &self.surface {
+                None => {
+                    let [x, y] = [column as f64 + 0.5, (self.height - row) as f64 - 0.5].map(|at| at * self.pitch_mm);
+                    let _ = write!(text, "{row},{column},{x:.4},{y:.4}");
+                }
+                Some(surface) => {
+                    let Some(DVec3 { x, y, z }) = surface[texel] else { continue };
+                    let _ = write!(text, "{row},{column},{x:.4},{y:.4},{z:.4}");
+                }
+            }
             for (_, radiosity) in self.pictures_of() {
                 for picture in radiosity.iter().flatten() {
                     let _ = write!(text, ",{:.6}", picture[texel]);

@@ -42,7 +42,7 @@ impl Printed {
             let (found, expected) = (high[axis] - low[axis], size_mm[axis]);
             if (found / expected - 1.0).abs() > SIZE_TOLERANCE {
                 let found = format!("an object of {found:.3} mm along {name} with a map of {expected:.3} mm");
-                return Err(fault(found, "a slab that the map covers from edge to edge"));
+                return Err(fault(found, "a slab that the map covers from edge to edge, or any shape with its job"));
             }
         }
         if manifest.slices != [0, manifest.lattice.dims[2]] {

@@ -161,7 +161,7 @@ impl Promise<'_> {
         let (mut seen, mut noise) = (Vec::new(), Vec::new());
         for channel in 0..channels {
             let media = self.job.media(self.file, ChannelId(channel))?;
-            let scene = VoxelScene { grid: &self.job.grid, media: &media, sides: Sides::Mirrored, base: None };
+            let scene = VoxelScene::new(&self.job.grid, &media, Sides::Mirrored, None)?;
             let (mut by_lamp, mut noise_by_lamp) = (Vec::new(), Vec::new());
             for (index, lamp) in lamps.iter().enumerate() {
                 let irradiance = lamp.irradiance.chunks(comparison.width).rev().flatten().copied().collect();

@@ -103,11 +103,23 @@ impl Comparison {
         for warning in &self.warnings {
             let _ = writeln!(body, "<p class=\"warning\">{}</p>", escape(warning));
         }
-        let _ = writeln!(body, "<figure>{}</figure>", svg(&self.edge_figure())?);
+        if self.surface.is_none() {
+            let _ = writeln!(body, "<figure>{}</figure>", svg(&self.edge_figure())?);
+        }
         Ok(page(&self.name, CSS, &body))
     }
 
     fn words(&self) -> String {
+        if let Some([azimuth, elevation]) = self.view_deg {
+            return format!(
+                "{} × {} pixels of {:.4} mm, seen from azimuth {azimuth}° and elevation {elevation}°. What is clustered \
+                    and predicted is equation 7 over the mesh, by the clusters' profiles and by what the transport model \
+                    says of their stackings as endless flat slabs; what is printed is light through the voxels. Radiosity \
+                    per irradiance, over the pixels that show an object; rms and correlation have the photons' noise \
+                    taken off.",
+                self.width, self.height, self.pitch_mm
+            );
+        }
         format!(
             "{} × {} texels of {} mm. Each stage is compared with {}, scaled as its job scaled the target. Radiosity \
                 per irradiance; rms and correlation have the photons' noise taken off. What is predicted rests on each \

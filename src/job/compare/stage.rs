@@ -23,6 +23,9 @@ pub struct Stage {
     /// One standard deviation of it, where it was counted.
     #[serde(skip)]
     pub(super) noise: Option<Vec<Vec<Vec<f32>>>>,
+    /// Which texels count; `None`: all.
+    #[serde(skip)]
+    shown: Option<Vec<bool>>,
 }
 
 impl Stage {
@@ -33,7 +36,21 @@ impl Stage {
         noise: Option<Vec<Vec<Vec<f32>>>>,
     ) -> Self {
         let name = name.into();
-        Self { name, scale, differences: Vec::new(), against: Vec::new(), edge: Vec::new(), radiosity, noise }
+        Self {
+            name,
+            scale,
+            differences: Vec::new(),
+            against: Vec::new(),
+            edge: Vec::new(),
+            radiosity,
+            noise,
+            shown: None,
+        }
+    }
+
+    /// The same where only some texels count.
+    pub(super) fn only(self, shown: &[bool]) -> Self {
+        Self { shown: Some(shown.to_vec()), ..self }
     }
 
     pub(super) fn scale_by(&mut self, scale: f64) {
@@ -60,7 +77,11 @@ impl Stage {
     /// Under each light, over the values of all channels together.
     fn apart(&self, other: &Self) -> Vec<Difference> {
         let all = |of: &Vec<Vec<Vec<f32>>>, lamp: usize| -> Vec<f32> {
-            of.iter().flat_map(|channel| channel[lamp].iter().copied()).collect()
+            let counts = |texel: usize| self.shown.as_ref().is_none_or(|shown| shown[texel]);
+            let picture = |channel: &Vec<Vec<f32>>| -> Vec<f32> {
+                channel[lamp].iter().enumerate().filter(|(texel, _)| counts(*texel)).map(|(_, value)| *value).collect()
+            };
+            of.iter().flat_map(picture).collect()
         };
         let lamps = self.radiosity.first().map_or(0, Vec::len);
         let apart = |lamp: usize| {

@@ -10,7 +10,7 @@
 //! there. Irradiance comes from the lamps, the ground, and by a guess (that they are lit alike) from other parts of the
 //! surface.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, sync::Arc};
 
 use glam::DVec3;
 use rand_xoshiro::{
@@ -56,8 +56,8 @@ struct Lit {
 
 /// The light on all surfaces of a job, and the profiles that spread it.
 pub(super) struct AskedLight {
-    near: Cells,
-    far: Cells,
+    near: Arc<Cells>,
+    far: Arc<Cells>,
     /// √P by object and label, channel and bin.
     roots: Vec<Vec<Vec<[f32; BINS]>>>,
     channels: usize,
@@ -111,29 +111,38 @@ fn root(spectrum: &[f64], grid: &crate::optics::FrequencyGrid) -> [f32; BINS] {
     })
 }
 
+/// Tables of √P of Hankel transforms by object, label and channel.
+fn roots(prepared: &Prepared, spectra: &[Vec<Vec<Vec<f64>>>]) -> Vec<Vec<Vec<[f32; BINS]>>> {
+    let grid = &prepared.materials.grid;
+    let table = |channels: &Vec<Vec<f64>>| channels.iter().map(|spectrum| root(spectrum, grid)).collect();
+    spectra.iter().map(|labels| labels.par_iter().map(table).collect()).collect()
+}
+
 impl AskedLight {
     /// Lights the surfaces of a job; `None` if it asks for nothing.
     pub fn new(prepared: &Prepared, stage: &Stage<'_>, detail: &Detail, seed: u64) -> Option<Self> {
         if prepared.objects.iter().any(|object| object.asked.targets.is_empty()) {
             return None;
         }
-        let grid = &prepared.materials.grid;
-        let of_object = |object: &crate::job::PreparedObject| {
-            let table = |target: &crate::search::SearchTarget| {
-                target.channels.iter().map(|spectrum| root(spectrum, grid)).collect()
-            };
-            object.asked.targets.par_iter().map(table).collect()
+        let of_object = |object: &crate::job::PreparedObject| -> Vec<Vec<Vec<f64>>> {
+            object.asked.targets.iter().map(|target| target.channels.clone()).collect()
         };
-        let roots = prepared.objects.iter().map(of_object).collect();
+        let roots = roots(prepared, &prepared.objects.iter().map(of_object).collect::<Vec<_>>());
         let mut points = lit_points(prepared, stage, detail, seed);
         let far: Vec<_> = points.iter().copied().step_by(FAR_STEP).collect();
         points.shrink_to_fit();
         Some(Self {
-            near: Cells::new(points, NEAR_MM),
-            far: Cells::new(far, REACH_MM),
+            near: Arc::new(Cells::new(points, NEAR_MM)),
+            far: Arc::new(Cells::new(far, REACH_MM)),
             roots,
             channels: prepared.materials.channels.len(),
         })
+    }
+
+    /// The same light spread by other profiles: Hankel transforms by object, label of the target and channel.
+    pub fn by_profiles(&self, prepared: &Prepared, spectra: &[Vec<Vec<Vec<f64>>>]) -> Self {
+        let (near, far) = (Arc::clone(&self.near), Arc::clone(&self.far));
+        Self { near, far, roots: roots(prepared, spectra), channels: self.channels }
     }
 
     /// Radiosity at a surface point under every lamp, by channel and lamp, per the albedo there.

@@ -2,17 +2,20 @@
 //!
 //! One scene for each channel: volumes of extinction, of albedo and of which phase function, as Mitsuba's grids, and
 //! `scene_<channel>.xml` with `-Dlamp=sky|edge|behind|spot`. Mitsuba blends two phase functions, so a set of resins
-//! with three different g in a channel is refused.
+//! with three different g in a channel is refused. Beside it lies what this program sees of the scene, for Mitsuba's
+//! pictures to be held against: `film_<channel>.npy`, nothing smoothed.
 
 use std::{
     fmt::Write,
     path::{Path, PathBuf},
+    time::Instant,
 };
 
 use super::{LookError, PictureOptions, pictures::stage};
 use crate::{
+    appearance::bssrdf::write_npy,
     job::Prepared,
-    look::{Lit, Scene, Stage},
+    look::{LAMPS, Lit, Scene, Stage},
     optics::VolumeCoefficients,
     output::{Existing, OutputFolder, Owner},
     watch::Watch,
@@ -21,13 +24,15 @@ use crate::{
 /// Orders of scattering: at 32 a white slab loses 38% of its light.
 const MAX_DEPTH: u32 = 4000;
 /// What `look --mitsuba` writes.
-pub const OWNER: Owner =
-    Owner { command: "look --mitsuba", names: &["sigma_t_*", "albedo_*", "phase_*", "scene_*", "lamp_*", "sky.pfm"] };
+pub const OWNER: Owner = Owner {
+    command: "look --mitsuba",
+    names: &["sigma_t_*", "albedo_*", "phase_*", "scene_*", "lamp_*", "film_*", "sky.pfm"],
+};
 
 /// Most voxels of a grid: three of 4 bytes each.
 const MAX_VOXELS: u64 = 1 << 30;
 
-/// Writes the scenes into `folder`. Opens a stage of channels.
+/// Writes the scenes and a film of each into `folder`. Opens stages of channels and of samples.
 ///
 /// # Errors
 /// [`LookError::Folder`] for what Mitsuba has no form for, [`LookError::Output`], [`LookError::Stopped`].
@@ -97,7 +102,32 @@ pub(super) fn write_scenes(
     for (file, text) in lamps(&stage) {
         output.write(&file, text.as_bytes())?;
     }
+    write_films(&output, &stage, channels, options, watch)?;
     Ok(output.finish_with_list(&OWNER, 1)?)
+}
+
+/// What this program sees: π times the radiance of every pixel and its standard error, as (2, lamps, rows, columns), the
+/// lamps in the order sky, edge, behind, spot.
+fn write_films(
+    output: &OutputFolder,
+    stage: &Stage<'_>,
+    channels: &[String],
+    options: &PictureOptions,
+    watch: &dyn Watch,
+) -> Result<(), LookError> {
+    watch.stage("look", u64::from(options.samples));
+    let began = Instant::now();
+    let in_time = || options.time.is_none_or(|time| began.elapsed() < time);
+    let mut film = stage.film();
+    stage.expose(&mut film, options.samples, options.seed, watch, in_time)?;
+    let [width, height] = film.size;
+    for (name, &channel) in channels.iter().zip(stage.scene.distinct()) {
+        let lamps: Vec<_> = (0..LAMPS).map(|lamp| film.image(channel, lamp)).collect();
+        let mut values: Vec<f32> = lamps.iter().flat_map(|(mean, _)| mean.iter().copied()).collect();
+        values.extend(lamps.iter().flat_map(|(_, variance)| variance).map(|variance| variance.sqrt()));
+        output.write(&format!("film_{name}.npy"), &write_npy(&[2, LAMPS, height, width], &values))?;
+    }
+    Ok(())
 }
 
 /// A grid of Mitsuba's format 3: single precision, one channel, x fastest.

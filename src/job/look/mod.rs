@@ -33,6 +33,7 @@ pub use alone::FinishedFolder;
 use edges::EdgeShape;
 pub use mitsuba::{OWNER as MITSUBA, write_mitsuba};
 pub use pictures::PictureOptions;
+pub(in crate::job) use pictures::{ObjectLight, object_light};
 use surface::Expected;
 pub(in crate::job) use surface::{SurfaceSpot, normal_and_area};
 pub(in crate::job) use voxels::LOOK_VOXELS;

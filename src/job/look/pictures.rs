@@ -70,8 +70,8 @@ const MOODS: [Mood; 4] = [
     Mood { file: "spot", name: "Projected spot", lamps: [0.12, 0.0, 0.0, 1.2] },
 ];
 
-/// Albedo of the ground.
-const GROUND: f64 = 0.4;
+/// Albedo of the ground: a photographer's grey card, darker than what is mostly asked for, so that a print stands out.
+const GROUND: f64 = 0.18;
 /// Difference of encoded values at which the colour of a difference is full.
 const FULL: f64 = 0.25;
 /// Colours of a print that is as asked, too dark, too bright.
@@ -104,7 +104,7 @@ pub(super) fn pictures(
     let seen = seen(job, &stage, &film);
     let asked = job.and_then(|job| {
         let light = AskedLight::new(job, &stage, &options.detail(), options.seed)?;
-        Some(asked(job, &light, &seen))
+        Some(spread(job, &light, &seen, Which::Asked))
     });
     watch.go_on()?;
     let in_time = || options.time.is_none_or(|time| began.elapsed() < time);
@@ -159,12 +159,20 @@ fn seen(job: Option<&Prepared>, stage: &Stage<'_>, film: &Film) -> Vec<Seen> {
     film.met.par_iter().enumerate().map(pixel).collect()
 }
 
+/// What of a surface point is shown.
+#[derive(Clone, Copy, PartialEq)]
+enum Which {
+    Asked,
+    Predicted,
+}
+
 /// What every pixel should show, by channel and lamp; nothing where it shows no object.
-fn asked(prepared: &Prepared, light: &AskedLight, seen: &[Seen]) -> Vec<Option<Vec<[f32; LAMPS]>>> {
+fn spread(prepared: &Prepared, light: &AskedLight, seen: &[Seen], which: Which) -> Vec<Option<Vec<[f32; LAMPS]>>> {
     let pixel = |seen: &Seen| {
         let (object, triangle, point) = seen.surface?;
         let (label, _) = prepared.wanted_at(object, triangle, point);
-        let albedo = prepared.expected_at(object, triangle, point).asked?;
+        let expected = prepared.expected_at(object, triangle, point);
+        let albedo = if which == Which::Asked { expected.asked? } else { expected.predicted };
         let mut spread = light.spread_at(object, label, point);
         for (lamps, albedo) in spread.iter_mut().zip(albedo) {
             *lamps = lamps.map(|lamp| lamp * albedo as f32);
@@ -172,6 +180,55 @@ fn asked(prepared: &Prepared, light: &AskedLight, seen: &[Seen]) -> Vec<Option<V
         Some(spread)
     };
     seen.par_iter().map(pixel).collect()
+}
+
+/// What a camera sees of an object under every lamp, by channel and lamp, in units of what a white matt sheet shows.
+pub(in crate::job) struct ObjectLight {
+    /// Where on a mesh each pixel looks, mm; `None` where it shows no object.
+    pub surface: Vec<Option<DVec3>>,
+    /// By equation 7 with the targets' profiles.
+    pub asked: Vec<Option<Vec<[f32; LAMPS]>>>,
+    /// By equation 7 with the profiles predicted for the stackings.
+    pub predicted: Vec<Option<Vec<[f32; LAMPS]>>>,
+    /// By light through the voxels: mean and variance of every pixel, `[channel][lamp]`, nothing smoothed.
+    pub printed: Vec<Vec<(Vec<f32>, Vec<f32>)>>,
+    /// Edge of a pixel, mm.
+    pub pixel_mm: f64,
+}
+
+/// Looks at a job's objects in numbers; `predicted` has Hankel transforms by object, label of the target and channel.
+/// `None` where nothing is printed or asked for. Opens a stage of samples.
+///
+/// # Errors
+/// [`LookError::Stopped`].
+pub(in crate::job) fn object_light(
+    prepared: &Prepared,
+    scene: &Scene,
+    predicted: &[Vec<Vec<Vec<f64>>>],
+    options: &PictureOptions,
+    watch: &dyn Watch,
+) -> Result<Option<ObjectLight>, LookError> {
+    let Some(stage) = stage(scene, options) else { return Ok(None) };
+    watch.stage("photons", u64::from(options.samples));
+    let mut film = stage.film();
+    watch.go_on()?;
+    let seen = seen(Some(prepared), &stage, &film);
+    let detail = Detail { points_per_mm2: 30.0, rays: 24 };
+    let Some(light) = AskedLight::new(prepared, &stage, &detail, options.seed) else { return Ok(None) };
+    watch.go_on()?;
+    let promised = light.by_profiles(prepared, predicted);
+    let [asked, predicted] = [(&light, Which::Asked), (&promised, Which::Predicted)]
+        .map(|(light, which)| spread(prepared, light, &seen, which));
+    watch.go_on()?;
+    stage.expose(&mut film, options.samples, options.seed, watch, || true)?;
+    let of_channel = |&channel: &usize| (0..LAMPS).map(|lamp| film.image(channel, lamp)).collect();
+    Ok(Some(ObjectLight {
+        surface: seen.iter().map(|seen| seen.surface.map(|(_, _, point)| point)).collect(),
+        asked,
+        predicted,
+        printed: scene.distinct().iter().map(of_channel).collect(),
+        pixel_mm: stage.camera.pixel_mm,
+    }))
 }
 
 /// The smoothed film, by lamp, channel and pixel.

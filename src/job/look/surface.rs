@@ -69,7 +69,7 @@ impl Prepared {
 
     /// The label of the target at a point of an object's surface, and the albedo that is asked for there, the mean of
     /// the channels.
-    pub(super) fn wanted_at(&self, object: usize, triangle: u32, point: DVec3) -> (u16, f64) {
+    pub(in crate::job) fn wanted_at(&self, object: usize, triangle: u32, point: DVec3) -> (u16, f64) {
         let shares = self.slicer().objects()[object].shares(triangle, point);
         let most = shares.iter().fold(&shares[0], |best, next| if next.share > best.share { next } else { best });
         let asked = self.expected_at(object, triangle, point).asked.unwrap_or_default();

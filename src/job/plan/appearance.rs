@@ -23,10 +23,14 @@ pub(super) struct Appearance {
     pub page_of: Vec<u16>,
     /// What 1 stands for in the pages' mean free paths, mm: for all channels, or for each.
     pub unit_mm: Vec<f64>,
+    /// Whether colours were asked for that resins of one channel cannot have: their luminance is left.
+    pub loses_colour: bool,
 }
 
 /// Bytes per texel of what a texture asks for, while it is laid on the surface: measured with 4 to 268 M texels.
 pub(in crate::job) const TEXEL_BYTES: u64 = 64;
+/// Light of a colour's channels that differs by less passes for grey.
+const GREY: f32 = 0.03;
 /// Longest mean free path that a mesh's materials are believed, mm: the longest that a job may name.
 const LONGEST_MM: f64 = 1000.0;
 
@@ -162,6 +166,7 @@ impl TargetContext<'_> {
         let mut unit_mm = vec![f64::MIN_POSITIVE; paths];
         let mut pages: Vec<AppearancePage> = Vec::with_capacity(sources.len());
         let mut texels = 0;
+        let mut loses_colour = false;
         // Mean free paths in mm by texel, and their factors.
         let mut lengths: Vec<Vec<(f64, f32)>> = Vec::with_capacity(sources.len());
         for source in &sources {
@@ -207,6 +212,7 @@ impl TargetContext<'_> {
                 for x in 0..width {
                     let [r, g, b, factors @ ..] = reduction.mean(x, y, texel);
                     let rgb = [r, g, b];
+                    loses_colour |= channels == 1 && r.max(g).max(b) - r.min(g).min(b) > GREY;
                     to_channels(rgb, channels, &mut page.albedo);
                     if paths == 3 {
                         of_page.extend(source.path_mm.into_iter().zip(factors));
@@ -229,6 +235,6 @@ impl TargetContext<'_> {
             let share = |(index, (mm, factor)): (usize, (f64, f32))| (mm / unit_mm[index % paths]) as f32 * factor;
             page.mean_free_path = lengths.into_iter().enumerate().map(share).collect();
         }
-        Ok(Appearance { pages, page_of, unit_mm })
+        Ok(Appearance { pages, page_of, unit_mm, loses_colour })
     }
 }

@@ -1,7 +1,7 @@
 //! Objects side by side on the tray, where the job does not say where they stand.
 //!
-//! In rows along x, as shelves: deep objects first, so that a row wastes little behind flat ones. Every object stands at a
-//! multiple of the voxels' pitch, and copies are alike to the voxel.
+//! In rows along x, as shelves: deep objects first, so that a row wastes little behind flat ones. Every object stands at
+//! a multiple of the voxels' pitch, and copies are alike to the voxel.
 
 use std::path::PathBuf;
 
@@ -31,8 +31,7 @@ pub(super) fn arrange(job: &Job, gap_mm: f64, loaded: &mut [(Solid, DMat4, Vec<P
         }
         let (solid, transform, _) = &mut loaded[index];
         let by = DVec3::new(x, y, 0.0) - bounds(solid)[0] * DVec3::new(1.0, 1.0, 0.0);
-        solid.mesh.positions.iter_mut().for_each(|p| *p += by);
-        solid.caps.iter_mut().flatten().for_each(|p| *p += by);
+        solid.translate(by);
         *transform = DMat4::from_translation(by) * *transform;
         x = whole(x + size.x + gap_mm, pitch.x);
         depth = depth.max(size.y);

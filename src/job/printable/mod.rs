@@ -41,6 +41,8 @@ pub struct Printable {
 
 /// Shares of a surface below this are not worth a word: a thousandth.
 const WORTH_SAYING: f64 = 1e-3;
+/// Most that a print is advised to grow by.
+const MOST_LARGER: f64 = 10.0;
 /// Parts too thin for their layers are common at tips; below a hundredth no one sees them.
 const SHALLOW_WORTH_SAYING: f64 = 0.01;
 
@@ -110,13 +112,18 @@ impl Printable {
             if let Some((thinnest, place)) = walls.thinnest_mm.zip(walls.thinnest_at_mm)
                 && walls.thin_share > WORTH_SAYING
             {
+                // Rounded up, so that it is enough; a figure several times as large is another figure.
+                let times = (10.0 * limit_mm / thinnest.max(1e-3)).ceil() / 10.0;
+                let larger = match times <= MOST_LARGER {
+                    true => format!(", or print {times:.1} times as large"),
+                    false => String::new(),
+                };
                 words.push(format!(
                     "{mesh}: {} of its surface is on walls and wires thinner than {} voxels ({limit_mm:.3} mm), \
-                     {thinnest:.3} mm at {}: they break or are lost; thicken them, or print {:.1} times as large",
+                     {thinnest:.3} mm at {}: they break or are lost; thicken them{larger}",
                     percent(walls.thin_share),
                     walls::VOXELS,
                     at(place),
-                    limit_mm / thinnest.max(1e-3)
                 ));
             }
             if walls.bare_share > WORTH_SAYING {

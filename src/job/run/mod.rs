@@ -6,6 +6,7 @@ mod containers;
 mod convert;
 mod estimate;
 mod heights;
+mod labels;
 mod meshes;
 mod redraw;
 mod report;
@@ -33,7 +34,7 @@ pub(in crate::job) use slices::slice_path;
 use crate::look::Volume;
 use crate::{
     job::{
-        Prepared, ROUNDS, RunError, StackingReport,
+        Job, Prepared, ROUNDS, RunError, StackingReport,
         file::{OutputFormat, Overlap},
         finished::read_manifest,
         look::{LOOK_VOXELS, Look, LookError, LookOptions, look_at},
@@ -48,6 +49,24 @@ use crate::{
     voxel::MaterialId,
     watch::Watch,
 };
+
+/// Refuses to go on in `folder` where another job is finished: one of other keys, which is known before anything slow.
+///
+/// # Errors
+/// [`OutputError::AnotherJob`].
+pub fn refuse_another(job: &Job, folder: &Path) -> Result<(), RunError> {
+    // What cannot be read is told by who reads all of it.
+    let Ok(Ok(manifest)) = read_manifest(folder) else { return Ok(()) };
+    if manifest.generator == GENERATOR && manifest.job != json(&job.resolved()) {
+        return Err(other_keys(folder));
+    }
+    Ok(())
+}
+
+fn other_keys(folder: &Path) -> RunError {
+    let (path, found) = (folder.join(MANIFEST), "a finished job with other keys or inputs".to_owned());
+    OutputError::AnotherJob { path, found, expected: "this one's".to_owned() }.into()
+}
 
 /// How to run a job.
 #[derive(Debug, Clone, Default)]
@@ -148,31 +167,36 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     if counts[1..].iter().all(|&voxels| voxels == 0) {
         warnings.push("no voxel's centre lies inside an object: nothing will be printed".to_owned());
     }
-    if slices == (0..prepared.lattice.dims[2]) {
+    let whole = slices == (0..prepared.lattice.dims[2]);
+    if whole {
         warnings.extend(prepared.lost_volume(counts[1..].iter().sum()));
     }
-    // Pictures take longer than this; slices alone are not kept waiting.
-    let checked = pictures.is_some().then(|| prepared.printable(watch)).transpose()?;
+    // Whatever is written will be printed; who slices by parts is told by one dry run.
+    let checked = (whole || pictures.is_some()).then(|| prepared.printable(watch)).transpose()?;
     warnings.extend(checked.iter().flat_map(Printable::warnings));
     let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
     let mut manifest = Manifest::new(prepared, outcome);
+    let mut looked = std::time::Duration::ZERO;
     if let Some(builder) = pictures {
         watch.stage("pictures", 0);
         let mut pictures = builder.finish(volume.as_ref())?;
         pictures.extend(prepared.tray_picture()?);
         pictures.extend(checked.map(|found| prepared.printable_picture(&found)).transpose()?.flatten());
         let volume = volume.filter(|_| prepared.materials.has_coefficients());
+        let drawn = started.elapsed();
         if let Some(mut look) = volume.map(|volume| prepared.quick_look(volume, watch)).transpose()? {
             output.write(LOOK, &pretty(&look))?;
             pictures.splice(0..0, std::mem::take(&mut look.pictures));
             manifest.look = Some(look.summary());
         }
-        write_pictures(&output, &manifest, &pictures)?;
+        looked = started.elapsed() - drawn;
+        write_pictures(&output, &manifest, &pictures, &prepared.surface_labels())?;
     }
     manifest.files = output.files();
     let timings = json!({
         "slicing_s": sliced.as_secs_f64(),
         "meshes_s": meshed.as_secs_f64(),
+        "look_s": looked.as_secs_f64(),
         "total_s": started.elapsed().as_secs_f64(),
     });
     output.write_unlisted(TIMINGS, &pretty(&timings))?;
@@ -249,7 +273,7 @@ impl Prepared {
         }
         let inputs: Vec<_> = self.inputs.iter().map(json).collect();
         if (&manifest.job, &manifest.inputs) != (&json(&self.job.resolved()), &inputs) {
-            return Err(another("a finished job with other keys or inputs", "this one's".to_owned()).into());
+            return Err(other_keys(folder));
         }
         let damaged = |file: &&FileEntry| !(is_plain(&file.path) && file.is_whole(folder));
         if let Some(file) = manifest.files.par_iter().find_first(damaged) {

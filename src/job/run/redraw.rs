@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use super::report::{draw_again, write_pictures};
+use super::{
+    labels::{self, LABELS, MAX_LABELS_BYTES, SurfaceLabel},
+    report::{draw_again, write_pictures},
+};
 use crate::{
     blame::{Blame, Blamed, Remedy},
     job::{
@@ -59,7 +62,7 @@ pub fn redraw(folder: &Path, watch: &dyn Watch) -> Result<Vec<String>, RedrawErr
     check(&manifest)?;
     let mut pictures = looks(&output, &manifest);
     pictures.extend(draw_again(folder, &manifest, watch)?);
-    write_pictures(&output, &manifest, &pictures)?;
+    write_pictures(&output, &manifest, &pictures, &labels(&output, &manifest))?;
     let written = output.files();
     manifest.files.retain(|file| written.iter().all(|new| new.path != file.path));
     manifest.files.extend(written.iter().cloned());
@@ -77,6 +80,13 @@ fn looks(output: &OutputFolder, manifest: &Manifest) -> Vec<PreviewFile> {
     // As they are drawn: under the sky first.
     found.sort_by_key(|file| ["soft", "edge", "behind", "spot"].iter().position(|name| file.path.contains(name)));
     found
+}
+
+/// The labels of the surface, which slices do not have either; none where they cannot be read.
+fn labels(output: &OutputFolder, manifest: &Manifest) -> Vec<SurfaceLabel> {
+    let found = manifest.files.iter().find(|file| file.path == LABELS);
+    let text = found.and_then(|file| String::from_utf8(output.read(file, MAX_LABELS_BYTES)?).ok());
+    text.and_then(|text| labels::read(&text)).unwrap_or_default()
 }
 
 /// Longest picture of a look, bytes.

@@ -10,24 +10,30 @@ use crate::{
     optics::{Mixture, ResinId, Stack},
     output::{MANIFEST, OutputFolder},
     preview::{
-        self, FilmStrip, PreviewFile, PreviewMaterial, ReportData, ReportFilm, ReportHealth, ReportMaterial,
-        ReportPicture, ReportStacking, report_html,
+        self, FilmStrip, PreviewFile, PreviewMaterial, ReportData, ReportFilm, ReportHealth, ReportLabel,
+        ReportMaterial, ReportPicture, ReportStacking, report_html,
     },
     voxel::{Lattice, MaterialId},
     watch::Watch,
 };
 use glam::DVec3;
 
-/// Writes pictures and the page that shows them; the page is written whenever there are pictures.
+use super::labels::{self, LABELS, SurfaceLabel};
+
+/// Writes pictures, labels of the surface and the page that shows them; the page is written whenever there are pictures.
 pub(super) fn write_pictures(
     output: &OutputFolder,
     manifest: &Manifest,
     pictures: &[PreviewFile],
+    labels: &[SurfaceLabel],
 ) -> Result<(), RunError> {
     for picture in pictures {
         output.write(&picture.path, &picture.png)?;
     }
-    output.write(REPORT, report_html(&report_data(manifest, pictures)).as_bytes())?;
+    if !labels.is_empty() {
+        output.write(LABELS, labels::table(labels).as_bytes())?;
+    }
+    output.write(REPORT, report_html(&report_data(manifest, pictures, labels)).as_bytes())?;
     Ok(())
 }
 
@@ -61,7 +67,7 @@ impl LatticeRecord {
 }
 
 /// What the page says.
-fn report_data(manifest: &Manifest, pictures: &[PreviewFile]) -> ReportData {
+fn report_data(manifest: &Manifest, pictures: &[PreviewFile], labels: &[SurfaceLabel]) -> ReportData {
     let id = |name: &str| manifest.materials.iter().position(|material| material.name == name).map(ResinId);
     let slices = manifest.slices[1] - manifest.slices[0];
     let mut stackings = Vec::new();
@@ -79,6 +85,7 @@ fn report_data(manifest: &Manifest, pictures: &[PreviewFile]) -> ReportData {
                     (1, _) => format!("cluster {cluster}"),
                     _ => format!("object {number}, cluster {cluster}"),
                 },
+                origin: [number, cluster],
                 stack: Stack::new(layers).over(id(&object.core).map(Mixture::from)),
                 share: (object.stackings.len() > 1).then_some(entry.share),
                 albedo: [entry.target_albedo.as_deref(), Some(&entry.predicted_albedo)].map(|albedo| albedo.map(shown)),
@@ -116,16 +123,23 @@ fn report_data(manifest: &Manifest, pictures: &[PreviewFile]) -> ReportData {
         error_name: "rms error of R\u{302}".to_owned(),
         warnings: manifest.warnings.clone(),
         health: manifest.objects.iter().map(health).collect(),
-        look: rounds_words(&manifest.rounds, &manifest.material_set.channels)
-            .chain(manifest.look.iter().flat_map(|look| look_words(look, &manifest.material_set.channels)))
+        look: (manifest.look.iter().flat_map(|look| look_words(look, &manifest.material_set.channels)))
+            .chain(rounds_words(&manifest.rounds, &manifest.material_set.channels))
             .collect(),
+        labels: report_labels(manifest, labels),
+        area_mm2: manifest.objects.iter().filter_map(|object| object.health["area_mm2"].as_f64()).sum(),
         pictures: pictures
             .iter()
             .filter(|picture| picture.path != preview::FILM_STRIP)
-            .map(|picture| ReportPicture {
-                path: picture.path.clone(),
-                caption: caption(&picture.path),
-                png: picture.png.clone(),
+            .map(|picture| {
+                let panels = panels(picture);
+                let key = if panels.len() > 1 { " Red is printed too bright, blue too dark." } else { "" };
+                ReportPicture {
+                    path: picture.path.clone(),
+                    caption: caption(&picture.path) + key,
+                    png: picture.png.clone(),
+                    panels,
+                }
             })
             .collect(),
         film: pictures
@@ -133,6 +147,31 @@ fn report_data(manifest: &Manifest, pictures: &[PreviewFile]) -> ReportData {
             .find(|picture| picture.path == preview::FILM_STRIP)
             .map(|picture| ReportFilm { layout: FilmStrip::of(&manifest.lattice.lattice()), png: picture.png.clone() }),
     }
+}
+
+/// The labels with the stackings' places on the page; none where one has no stacking.
+fn report_labels(manifest: &Manifest, labels: &[SurfaceLabel]) -> Vec<ReportLabel> {
+    let first =
+        |object: usize| manifest.stackings.iter().take(object).map(|report| report.stackings.len()).sum::<usize>();
+    let label = |label: &SurfaceLabel| {
+        let held = manifest.stackings.get(label.object)?.stackings.len();
+        let cluster = usize::from(label.cluster);
+        (cluster < held).then(|| ReportLabel {
+            stacking: first(label.object) + cluster,
+            point: label.point.to_array(),
+            normal: label.normal.to_array(),
+        })
+    };
+    labels.iter().map(label).collect::<Option<_>>().unwrap_or_default()
+}
+
+/// What a picture of a look shows side by side.
+fn panels(picture: &PreviewFile) -> Vec<(&'static str, Vec<u8>)> {
+    let names: [&[&str]; 2] = [&["printed"], &["asked", "printed", "difference"]];
+    let found = picture.path.starts_with("look/").then(|| preview::look_panels(&picture.png)).flatten();
+    let found = found.unwrap_or_default();
+    let named = names.iter().find(|names| names.len() == found.len());
+    named.map_or_else(Vec::new, |names| names.iter().copied().zip(found).collect())
 }
 
 /// An albedo as it is shown: three channels are a colour, of others the first is grey.
@@ -146,7 +185,7 @@ fn shown(albedo: &[f64]) -> [u8; 3] {
 fn rounds_words<'a>(rounds: &'a [RoundRecord], channels: &'a [String]) -> impl Iterator<Item = String> + 'a {
     (1..).zip(rounds).map(move |(number, round)| {
         let out = match round.out_of_reach {
-            0.0 => String::new(),
+            share if share < 0.005 => String::new(),
             share => format!(" At {:.0} % of them what the round before asked for was out of reach.", 100.0 * share),
         };
         let fits = fits_words(&round.fit, channels);
@@ -194,10 +233,10 @@ fn health(object: &ObjectRecord) -> ReportHealth {
 
 fn caption(path: &str) -> String {
     match path.trim_start_matches("preview/").trim_end_matches(".png") {
-        "look/soft" => "Asked and printed, under the sky.".to_owned(),
-        "look/edge" => "Asked and printed, at the edge of a shadow.".to_owned(),
-        "look/behind" => "Asked and printed, lit from behind.".to_owned(),
-        "look/spot" => "Asked and printed, under a spot of light.".to_owned(),
+        "look/soft" => "Under the sky.".to_owned(),
+        "look/edge" => "At the edge of a shadow.".to_owned(),
+        "look/behind" => "Lit from behind.".to_owned(),
+        "look/spot" => "Under a spot of light.".to_owned(),
         "cutaway" => "The object cut open: every layer in the colour that stands for its resin.".to_owned(),
         "checks" => "Where it will not print well: the notes above say why, and what cures it.".to_owned(),
         "tray" => "The tray, seen from above.".to_owned(),

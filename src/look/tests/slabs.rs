@@ -24,7 +24,10 @@ fn grid(dims: [usize; 3], pitch_mm: [f64; 3], id: impl Fn(usize, usize, usize) -
 
 /// The whole top as one texel, or as many.
 fn texels(grid: &VoxelGrid, dims: [usize; 2]) -> TexelGrid {
-    let [x, y, _] = grid.size_mm();
+    of_size(grid.size_mm(), dims)
+}
+
+fn of_size([x, y, _]: [f64; 3], dims: [usize; 2]) -> TexelGrid {
     TexelGrid { origin_mm: [0.0; 2], pitch_mm: [x / dims[0] as f64, y / dims[1] as f64], dims }
 }
 
@@ -33,8 +36,8 @@ fn everywhere(grid: &VoxelGrid) -> Pattern {
     Pattern::Rectangle { min_mm: [0.0; 2], max_mm: [x, y] }
 }
 
-fn image(scene: &VoxelScene<'_>, pattern: &Pattern, dims: [usize; 2], photons: Photons) -> ExitImage {
-    scene.image(pattern, texels(scene.grid, dims), photons, &Unwatched).unwrap()
+fn image(scene: &VoxelScene, pattern: &Pattern, dims: [usize; 2], photons: Photons) -> ExitImage {
+    scene.image(pattern, of_size(scene.size_mm(), dims), photons, &Unwatched).unwrap()
 }
 
 fn layered(
@@ -65,7 +68,7 @@ fn layers_of_voxels_are_layers() {
             (Sides::Periodic, Some(BLACK)),
             (Sides::Mirrored, Some(WHITE)),
         ] {
-            let scene = VoxelScene { grid: &volume, media: &MEDIA, sides, base };
+            let scene = VoxelScene::new(&volume, &MEDIA, sides, base).unwrap();
             let photons = Photons { light, ..DIFFUSE };
             let found = image(&scene, &everywhere(&volume), [1, 1], photons);
             let expected = layered(&layers, base, photons);
@@ -80,7 +83,7 @@ fn layers_of_voxels_are_layers() {
 fn a_point_of_light_spreads_as_between_layers() {
     // Wide enough that little comes back from the periodic neighbours, and what does is in both counts.
     let volume = grid([100, 50, 20], [0.1, 0.2, 0.05], |_, _, k| if k < 4 { 3 } else { 1 });
-    let scene = VoxelScene { grid: &volume, media: &MEDIA, sides: Sides::Periodic, base: None };
+    let scene = VoxelScene::new(&volume, &MEDIA, Sides::Periodic, None).unwrap();
     let middle = [5.0 - 1e-3, 5.0 - 1e-3];
     let point = Pattern::Rectangle { min_mm: middle, max_mm: middle };
     let found = image(&scene, &point, [400, 400], DIFFUSE);
@@ -127,7 +130,7 @@ fn a_fine_checkerboard_is_its_mixture() {
     let board = |cell_mm: f64| {
         let layers = (0.4 / cell_mm).round() as usize;
         let volume = grid([2, 2, layers], [cell_mm; 3], |i, j, k| 1 + ((i + j + k) % 2) as u8);
-        let scene = VoxelScene { grid: &volume, media: &MEDIA, sides: Sides::Periodic, base: None };
+        let scene = VoxelScene::new(&volume, &MEDIA, Sides::Periodic, None).unwrap();
         image(&scene, &everywhere(&volume), [1, 1], DIFFUSE)
     };
     let fine = board(0.002);
@@ -143,7 +146,7 @@ fn without_absorption_nothing_is_lost() {
     let clear = MEDIA.map(|volume| VolumeCoefficients { sigma_a: 0.0, ..volume });
     let volume = grid([4, 4, 8], [0.1, 0.1, 0.05], |i, j, k| ((i * 7 + j * 3 + k * 5) % 4) as u8);
     for sides in [Sides::Periodic, Sides::Mirrored, Sides::Open] {
-        let scene = VoxelScene { grid: &volume, media: &clear, sides, base: None };
+        let scene = VoxelScene::new(&volume, &clear, sides, None).unwrap();
         let found = image(&scene, &everywhere(&volume), [4, 4], Photons { count: 20_000, ..DIFFUSE });
         let sum = found.reflection.mean + found.transmission.mean + found.lost.mean;
         assert!((sum - 1.0).abs() < 1e-9, "{sides:?}: {sum}");
@@ -156,7 +159,7 @@ fn without_absorption_nothing_is_lost() {
 #[test]
 fn a_void_lets_everything_through() {
     let volume = grid([2, 2, 2], [0.1; 3], |_, _, _| 0);
-    let scene = VoxelScene { grid: &volume, media: &[VOID], sides: Sides::Periodic, base: None };
+    let scene = VoxelScene::new(&volume, &[VOID], Sides::Periodic, None).unwrap();
     let found = image(&scene, &everywhere(&volume), [1, 1], Photons { count: 1000, ..DIFFUSE });
     assert_eq!((found.reflection.mean, found.transmission.mean), (0.0, 1.0));
 }
@@ -166,7 +169,7 @@ fn mirrors_show_what_a_mirrored_neighbour_would() {
     let id = |i: usize| if i < 3 { 1 } else { 2 };
     let half = grid([5, 1, 20], [0.1, 0.1, 0.05], |i, _, _| id(i));
     let both = grid([10, 1, 20], [0.1, 0.1, 0.05], |i, _, _| id(i.min(9 - i)));
-    let scene = |grid, sides| VoxelScene { grid, media: &MEDIA, sides, base: Some(BLACK) };
+    let scene = |grid, sides| VoxelScene::new(grid, &MEDIA, sides, Some(BLACK)).unwrap();
     let a = image(&scene(&half, Sides::Mirrored), &everywhere(&half), [5, 1], DIFFUSE);
     let b = image(&scene(&both, Sides::Periodic), &everywhere(&both), [10, 1], DIFFUSE);
     for i in 0..5 {
@@ -179,7 +182,7 @@ fn mirrors_show_what_a_mirrored_neighbour_would() {
 /// Stripes of white and black, 0.2 mm wide, and the responses of their texels of 0.1 mm.
 fn striped_responses(sides: Sides, photons: Photons) -> Vec<Response> {
     let volume = grid([40, 20, 20], [0.05, 0.1, 0.05], |i, _, _| if i / 4 % 2 == 0 { 1 } else { 2 });
-    let scene = VoxelScene { grid: &volume, media: &MEDIA, sides, base: Some(BLACK) };
+    let scene = VoxelScene::new(&volume, &MEDIA, sides, Some(BLACK)).unwrap();
     let windows = Windows { texels: texels(&volume, [20, 20]), reach: [4, 3] };
     scene.responses(&windows, 10, photons).unwrap()
 }
@@ -215,7 +218,7 @@ fn windows_go_on_beyond_periodic_sides_only() {
 #[test]
 fn the_same_bytes_for_any_number_of_threads() {
     let volume = grid([8, 8, 8], [0.1, 0.1, 0.05], |i, j, k| ((i ^ j ^ k) % 4) as u8);
-    let scene = VoxelScene { grid: &volume, media: &MEDIA, sides: Sides::Periodic, base: Some(BLACK) };
+    let scene = VoxelScene::new(&volume, &MEDIA, Sides::Periodic, Some(BLACK)).unwrap();
     let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let photons = Photons { count: 50_000, ..DIFFUSE };
     let on = |threads| pool(threads).install(|| image(&scene, &everywhere(&volume), [8, 8], photons));
@@ -229,7 +232,7 @@ fn the_same_bytes_for_any_number_of_threads() {
 #[test]
 fn light_from_an_image_falls_where_the_image_is_bright() {
     let volume = grid([10, 10, 4], [0.1, 0.1, 0.05], |_, _, _| 1);
-    let scene = VoxelScene { grid: &volume, media: &MEDIA, sides: Sides::Periodic, base: None };
+    let scene = VoxelScene::new(&volume, &MEDIA, Sides::Periodic, None).unwrap();
     let edge: Vec<f32> = (0..100).map(|at| if at % 10 < 5 { 1.0 } else { 0.0 }).collect();
     let lit = Pattern::Image { texels: texels(&volume, [10, 10]), irradiance: edge };
     let half = Pattern::Rectangle { min_mm: [0.0; 2], max_mm: [0.5, 1.0] };
@@ -247,13 +250,15 @@ fn what_cannot_be_traced_is_refused() {
     assert!(VoxelGrid::new([2, 2, 2], [0.1, f64::NAN, 0.1], vec![0; 8]).is_err());
     assert!(VoxelGrid::new([2, 2, 2], [0.1; 3], vec![0; 7]).is_err());
     assert!(VoxelGrid::new([0, 2, 2], [0.1; 3], vec![]).is_err());
-    let scene = VoxelScene { grid: &volume, media: &MEDIA[..3], sides: Sides::Open, base: None };
-    let run = |scene: &VoxelScene<'_>, pattern: &Pattern| {
+    let found = VoxelScene::new(&volume, &MEDIA[..3], Sides::Open, None).unwrap_err().to_string();
+    assert_eq!(found, "material id: found 3, expected 0 to 2, as there are coefficients");
+    let run = |scene: &VoxelScene, pattern: &Pattern| {
         let photons = Photons { count: 10, ..DIFFUSE };
         scene.image(pattern, texels(&volume, [2, 2]), photons, &Unwatched).unwrap_err().to_string()
     };
-    assert_eq!(run(&scene, &everywhere(&volume)), "material id: found 3, expected 0 to 2, as there are coefficients");
-    let scene = VoxelScene { media: &MEDIA, ..scene };
+    let scene = VoxelScene::new(&volume, &MEDIA, Sides::Open, None).unwrap();
+    let clear = VolumeCoefficients { sigma_a: 0.0, ..WHITE };
+    assert!(VoxelScene::new(&volume, &MEDIA, Sides::Open, Some(clear)).is_err());
     let outside = Pattern::Rectangle { min_mm: [0.0; 2], max_mm: [0.3, 0.1] };
     assert!(run(&scene, &outside).starts_with("lit area: found"));
     let dark = Pattern::Image { texels: texels(&volume, [2, 2]), irradiance: vec![0.0; 4] };
@@ -343,7 +348,7 @@ fn blobs() -> VoxelGrid {
 #[test]
 fn uneven_layers_equal_stepping_from_face_to_face() {
     let volume = blobs();
-    let scene = VoxelScene { grid: &volume, media: &MEDIA, sides: Sides::Periodic, base: None };
+    let scene = VoxelScene::new(&volume, &MEDIA, Sides::Periodic, None).unwrap();
     let found = image(&scene, &everywhere(&volume), [1, 1], DIFFUSE);
     let [reflection, transmission] = face_to_face(&volume, &MEDIA, DIFFUSE.count, 11);
     agree("reflection", found.reflection, reflection);

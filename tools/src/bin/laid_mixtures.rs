@@ -92,8 +92,7 @@ fn main() -> anyhow::Result<()> {
                     let volume = |resin| Ok::<_, anyhow::Error>(set.mixed_volumes(&Mixture::from(resin))?[channel]);
                     let mut media = vec![volume(core)?];
                     media.extend(set.ids().map(volume).collect::<anyhow::Result<Vec<_>>>()?);
-                    let scene =
-                        VoxelScene { grid: &voxels, media: &media, sides: Sides::Periodic, base: Some(volume(core)?) };
+                    let scene = VoxelScene::new(&voxels, &media, Sides::Periodic, Some(volume(core)?))?;
                     let photons = Photons { light: Light::Diffuse, count: args.photons, seed: 7 };
                     let seen = scene.spectrum(&grid, photons, &Unwatched)?;
                     let promised = &promised[channel];

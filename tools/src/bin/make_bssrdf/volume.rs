@@ -88,7 +88,7 @@ pub fn make(request: &Request) -> Result<(), String> {
     }
     let dims = [2 * counts[0], 2 * counts[1], layers];
     let grid = VoxelGrid::new(dims, pitch, ids).map_err(|error| error.to_string())?;
-    let scene = VoxelScene { grid: &grid, media: &coefficients, sides: Sides::Periodic, base: None };
+    let scene = VoxelScene::new(&grid, &coefficients, Sides::Periodic, None).map_err(|error| error.to_string())?;
     let windows = Windows {
         texels: TexelGrid { origin_mm: [0.0; 2], pitch_mm: [request.pitch_mm; 2], dims: request.texels },
         reach: [request.window / 2; 2],
