@@ -1,8 +1,9 @@
-//! A map wrapped on an object of any shape: what its print shows, beside what the map's profiles show on the same surface.
+//! A map wrapped on an object of any shape: what its print shows, beside what the map's profiles show on the same
+//! surface.
 //!
-//! Pictures are a camera's, under the four lamps of a look. What lies on the surface is spread by equation 7 over the mesh
-//! ([`crate::job::look`]); what is printed goes through the voxels by the walker of every look. The 4D data and the profiles
-//! of single texels know a flat patch only and are left out.
+//! Pictures are a camera's, under the four lamps of a look. What lies on the surface is spread by equation 7 over the
+//! mesh ([`crate::job::look`]); what is printed goes through the voxels by the walker of every look. The 4D data and the
+//! profiles of single texels know a flat patch only and are left out.
 
 use std::path::Path;
 
