@@ -7,6 +7,7 @@ use lumislice::{
     appearance::MeasuredMedium,
     job::{
         Job, RunError,
+        file::OutputFormat,
         start::{Start, StartOptions, start},
     },
     mesh::extensions,
@@ -36,6 +37,15 @@ pub struct MeshArgs {
     /// A built-in set of resins (`lumislice material list`) or a material file, for a mesh.
     #[arg(long, value_name = "SET|FILE", value_parser = materials, help_heading = "Mesh")]
     pub materials: Option<PathBuf>,
+    /// What to write for a mesh, as gcvf or png,stl; default png. Pictures with a report come with it.
+    #[arg(long, value_name = "FORMATS", value_delimiter = ',', value_parser = format, help_heading = "Mesh")]
+    pub formats: Vec<OutputFormat>,
+}
+
+fn format(text: &str) -> Result<OutputFormat, String> {
+    let known = OutputFormat::ALL.iter().find(|(name, _)| *name == text.trim());
+    let names = || OutputFormat::ALL.map(|(name, _)| name).join(", ");
+    known.map(|(_, format)| *format).ok_or_else(|| format!("found `{text}`, expected one of {}", names()))
 }
 
 fn printer(text: &str) -> Result<String, String> {
@@ -66,8 +76,8 @@ fn materials(text: &str) -> Result<PathBuf, String> {
 
 impl MeshArgs {
     fn options(&self) -> StartOptions {
-        let Self { printer, height_mm, look, materials } = self.clone();
-        StartOptions { printer, height_mm, look, materials }
+        let Self { printer, height_mm, look, materials, formats } = self.clone();
+        StartOptions { printer, height_mm, look, materials, formats }
     }
 
     /// The first flag that is given.
@@ -77,6 +87,7 @@ impl MeshArgs {
             ("--height-mm", self.height_mm.is_some()),
             ("--look", self.look.is_some()),
             ("--materials", self.materials.is_some()),
+            ("--formats", !self.formats.is_empty()),
         ];
         flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
     }

@@ -19,6 +19,7 @@ use glam::DVec3;
 
 use crate::{
     appearance::MeasuredMedium,
+    job::file::OutputFormat,
     mesh::{LoadOptions, Loaded, MeshError, TriangleMesh, Unit, bounds, load},
     optics::MaterialSet,
     voxel::Printer,
@@ -36,6 +37,8 @@ pub struct StartOptions {
     pub look: Option<String>,
     /// A built-in set of resins, or a material file; `None`: a set that does for its colours.
     pub materials: Option<PathBuf>,
+    /// What to write, `preview` beside it always; none: `png`.
+    pub formats: Vec<OutputFormat>,
 }
 
 /// A job to begin with.
@@ -97,7 +100,17 @@ pub fn start(mesh: &Path, options: &StartOptions) -> Result<Start, MeshError> {
     line(&mut text, "\n[target]", "");
     looks.target(&mut text, options);
     line(&mut text, "\n[output]", "");
-    line(&mut text, "formats = [\"png\", \"preview\"]", "slices for GrabCAD Voxel Print, and pictures with a report");
+    let asked = options.formats.iter().filter(|format| **format != OutputFormat::Preview);
+    let mut names: Vec<_> = asked.map(|format| format.name()).collect();
+    let why = match names.is_empty() {
+        true => "slices for GrabCAD Voxel Print, and pictures with a report",
+        false => "as asked for, and pictures with a report",
+    };
+    if names.is_empty() {
+        names.push(OutputFormat::Png.name());
+    }
+    names.push(OutputFormat::Preview.name());
+    line(&mut text, &format!("formats = [\"{}\"]", names.join("\", \"")), why);
     Ok(Start { toml: text, notes })
 }
 
@@ -296,12 +309,16 @@ impl Looks {
                 line(text, "mean-free-path-mm = 0.5", "how far light travels between two events");
             }
         }
-        // Many greys keep their ratios; what has one albedo, or is dark enough, keeps that.
-        match options.materials.is_none() && !self.is_colourful && self.is_bright {
-            true => {
-                line(text, &format!("max-albedo = {GREYS}"), "the brightest that 5 mm of white on black can do is 0.63")
-            }
-            false => line(text, "gamut-map = true", "what the resins cannot do is brought smoothly to what they can"),
+        // The built-in greys are the default's, named or not. Many albedos keep their ratios; one, or those that are
+        // dark enough, stay as they are.
+        let greys = match &options.materials {
+            None => !self.is_colourful,
+            Some(given) => given.as_os_str() == "synthetic",
+        };
+        if greys && self.is_bright {
+            line(text, &format!("max-albedo = {GREYS}"), "the brightest that 5 mm of white on black can do is 0.63");
+        } else if !greys {
+            line(text, "gamut-map = true", "what the resins cannot do is brought smoothly to what they can");
         }
     }
 }

@@ -82,6 +82,20 @@ pub enum MeshError {
         /// [`super::MAX_CAP_FRACTION`] in percent.
         limit_percent: f64,
     },
+    /// An open piece beside others that faces inwards.
+    #[error(
+        "an open piece of {triangles} triangles faces inwards, and closing it takes {percent:.1}% of its surface area, \
+         expected at most {limit_percent:.0}%: whether it is the wall of a hole or a body turned inside out cannot be \
+            told: join its rims with what it belongs to, or close it in a modeller"
+    )]
+    Facing {
+        /// Its triangles.
+        triangles: usize,
+        /// Cap area in percent of its own.
+        percent: f64,
+        /// [`super::MAX_CAP_FRACTION`] in percent.
+        limit_percent: f64,
+    },
     /// A closed surface around nothing.
     #[error(
         "the mesh encloses {volume_mm3:.3} mm³ under {area_mm2:.3} mm² of surface, expected a solid: is it a flat or \

@@ -8,9 +8,10 @@
 //! use lumislice::mesh::{LoadOptions, Placement, Size, close, load, place};
 //!
 //! let loaded = load("rabbit.glb".as_ref(), &LoadOptions::default())?;
-//! let (mesh, mesh_to_lattice) = place(loaded.mesh, &Placement { size: Size::HeightMm(30.0), ..Placement::default() })?;
-//! let file_to_lattice = mesh_to_lattice * loaded.file_to_mesh;
-//! let solid = close(mesh)?;
+//! let placement = Placement { size: Size::HeightMm(30.0), ..Placement::default() };
+//! let (mesh, mesh_to_lattice) = place(loaded.mesh, &placement)?;
+//! let mut solid = close(mesh)?;
+//! let file_to_lattice = solid.settle(&placement) * mesh_to_lattice * loaded.file_to_mesh;
 //! # Ok::<(), lumislice::mesh::MeshError>(())
 //! ```
 
@@ -200,9 +201,15 @@ pub struct HealthReport {
     /// Corners joined with others that they missed by rounding.
     #[serde(skip_serializing_if = "is_zero")]
     pub joined_corners: usize,
+    /// Open edges split at corners of other pieces that lie on them.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub split_edges: usize,
     /// Sheets without thickness that were dropped from beside a solid.
     #[serde(skip_serializing_if = "is_zero")]
     pub dropped_sheets: usize,
+    /// What those sheets would hold if they were closed, mm³.
+    #[serde(skip_serializing_if = "is_nothing")]
+    pub dropped_sheet_volume_mm3: f64,
     /// Triangles of those sheets.
     #[serde(skip_serializing_if = "is_zero")]
     pub dropped_sheet_triangles: usize,
@@ -220,8 +227,17 @@ pub struct HealthReport {
     pub turned_shells: usize,
     /// Pieces that face inwards and were too many to decide whether they are cavities.
     pub unjudged_shells: usize,
-    /// Pieces that are open sheets by themselves.
+    /// Pieces that are open by more than [`MAX_CAP_FRACTION`], but for those below.
     pub open_shells: usize,
+    /// Open pieces that sit on others: their openings are buried.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub seated_shells: usize,
+    /// Pieces whose rims run along those of others, with which they are one body.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub joint_shells: usize,
+    /// How far such rims are apart at most, mm.
+    #[serde(skip_serializing_if = "is_nothing")]
+    pub rim_gap_mm: f64,
     /// Enclosed volume in mm³, positive.
     pub volume_mm3: f64,
     /// Surface area in mm².

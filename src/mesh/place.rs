@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DMat4, DVec3};
 
-use super::{MAX_EXTENT_MM, MIN_EXTENT_MM, MeshError, TriangleMesh, bounds};
+use super::{MAX_EXTENT_MM, MIN_EXTENT_MM, MeshError, Solid, TriangleMesh, bounds};
 
 /// How large an object becomes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -90,6 +90,41 @@ pub fn place(mut mesh: TriangleMesh, placement: &Placement) -> Result<(TriangleM
     }
     let transform = DMat4::from_translation(position_mm - low) * DMat4::from_mat3(linear);
     Ok((mesh, transform))
+}
+
+impl Solid {
+    /// Places anew what was measured with sheets and triangles without area that closing has dropped since: the size and
+    /// the position are of what is left. The 4×4 maps the former positions to those now.
+    pub fn settle(&mut self, placement: &Placement) -> DMat4 {
+        /// Corners that closing joined may have moved by less than this share of the extent.
+        const MOVED: f64 = 1e-5;
+        let (low, high) = self.mesh.corner_bounds();
+        let height = high.z - low.z;
+        let scale = match placement.size {
+            Size::HeightMm(wanted) if (wanted - height).abs() > MOVED * wanted => wanted / height,
+            _ => 1.0,
+        };
+        let is_off = (low - placement.position_mm).abs().max_element() > MOVED * (high - low).max_element();
+        if self.health.dropped_sheet_triangles + self.health.degenerate_triangles == 0 || !is_off && scale == 1.0 {
+            return DMat4::IDENTITY;
+        }
+        let move_to = |p: &mut DVec3| *p = (*p - low) * scale + placement.position_mm;
+        self.mesh.positions.iter_mut().for_each(move_to);
+        self.caps.iter_mut().chain(self.whole.iter_mut().flatten()).flatten().for_each(move_to);
+        for path in self.mesh.materials.iter_mut().filter_map(|material| material.mean_free_path_mm.as_mut()) {
+            *path = path.map(|length| length * scale);
+        }
+        let health = &mut self.health;
+        health.volume_mm3 *= scale.powi(3);
+        health.dropped_sheet_volume_mm3 *= scale.powi(3);
+        for area in [&mut health.area_mm2, &mut health.cap_area_mm2, &mut health.buried_area_mm2] {
+            *area *= scale * scale;
+        }
+        health.rim_gap_mm *= scale;
+        DMat4::from_translation(placement.position_mm)
+            * DMat4::from_scale(DVec3::splat(scale))
+            * DMat4::from_translation(-low)
+    }
 }
 
 impl TriangleMesh {

@@ -8,6 +8,8 @@
 //! How the damped equations are solved and what keeps x in bounds is the caller's: one has limits on every parameter,
 //! another sums that may not grow. Here stands when to try, to take, and to stop.
 
+use super::positive_definite;
+
 /// How a descent starts and ends.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Descent {
@@ -86,6 +88,18 @@ pub(crate) fn gradient(slopes: &[Vec<f64>], residuals: &[f64]) -> Vec<f64> {
     slopes.iter().map(|slope| dot(slope, residuals)).collect()
 }
 
+/// Share of the mean curvature that a parameter without any gets, so that the curvature can be inverted.
+const FLOOR: f64 = 1e-9;
+
+/// (JᵀJ + damping · diag)⁻¹; `None` where the parameters' effects cannot be told apart.
+pub(crate) fn damped_inverse(slopes: &[Vec<f64>], damping: f64) -> Option<Vec<Vec<f64>>> {
+    let n = slopes.len();
+    let mut matrix = curvature(slopes);
+    let mean = (0..n).map(|i| matrix[i][i]).sum::<f64>() / n as f64;
+    (0..n).for_each(|i| matrix[i][i] += damping * matrix[i][i] + FLOOR * mean);
+    positive_definite::inverse(matrix)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -133,5 +147,18 @@ mod tests {
         let stays = DESCENT.run(Budget::Steps(5), 1.0, |x: &f64| *x, |_| (), |x, (), _| Some(x + 1.0));
         assert_eq!(stays, 1.0);
         assert_eq!(DESCENT.run(Budget::Steps(5), 1.0, |x: &f64| *x, |_| (), |_, (), _| None), 1.0);
+    }
+
+    #[test]
+    fn an_inverse_is_one() {
+        let slopes = [vec![1.0, 2.0, 0.5], vec![-0.3, 0.7, 1.0], vec![0.2, 0.0, -2.0]];
+        let (matrix, inverse) = (curvature(&slopes), damped_inverse(&slopes, 0.0).unwrap());
+        for (i, row) in matrix.iter().enumerate() {
+            for j in 0..3 {
+                let product: f64 = (0..3).map(|k| row[k] * inverse[k][j]).sum();
+                assert!((product - f64::from(u8::from(i == j))).abs() < 1e-6, "{i}, {j}: {product}");
+            }
+        }
+        assert!(damped_inverse(&[vec![0.0], vec![f64::NAN]], 0.0).is_none());
     }
 }

@@ -60,6 +60,10 @@ fn a_cord_that_breaks_into_beads_is_said_and_drawn() {
     let warnings = bench.manifest("out")["warnings"].to_string();
     assert!(warnings.contains("break into beads"), "{warnings}");
     bench.run(["verify", "out"]).exits(0);
+    // Who wants the printer's files only is told as well.
+    bench.job_with("[\"png\", \"masks\"]", "[\"png\"]");
+    let ran = bench.run(["slice", "job.toml", "-o", "slices"]).exits(0);
+    assert!(ran.stderr.contains("break into beads"), "{}", ran.stderr);
 }
 
 #[test]

@@ -50,13 +50,21 @@ fn init_writes_a_job_that_says_what_was_guessed() {
 #[test]
 fn dark_greys_stay_dark_and_bright_ones_keep_their_ratios() {
     let bench = Bench::new();
-    for (colour, line) in [("0.3 0.3 0.3", "gamut-map = true"), ("0.9 0.9 0.9", "max-albedo = 0.6")] {
+    // The default's name changes nothing.
+    let cases: [(&str, bool, &[&str]); 4] = [
+        ("0.3 0.3 0.3", false, &[]),
+        ("0.9 0.9 0.9", true, &[]),
+        ("0.3 0.3 0.3", false, &["--materials", "synthetic"]),
+        ("0.9 0.9 0.9", true, &["--materials", "synthetic"]),
+    ];
+    for (colour, scaled, flags) in cases {
         // Every corner its own grey.
         let text = String::from_utf8(obj(colour)).unwrap().replacen(colour, "0.2 0.2 0.2", 1);
         bench.write("grey.obj", text.as_bytes());
-        bench.run(["init", "grey.obj"]).exits(0);
+        bench.run(["init", "grey.obj"].iter().chain(flags)).exits(0);
         let job = fs::read_to_string(bench.path("grey.toml")).unwrap();
-        assert!(job.contains("set = \"synthetic\"") && job.contains(line), "{job}");
+        assert!(job.contains("set = \"synthetic\"") && !job.contains("gamut-map"), "{job}");
+        assert_eq!(job.contains("max-albedo = 0.6"), scaled, "{job}");
         fs::remove_file(bench.path("grey.toml")).unwrap();
     }
 }
@@ -88,9 +96,15 @@ fn units_colours_and_heights_are_guessed() {
     // What was measured stays as dark, and as coloured, as it is.
     let espresso = job("small.stl", &["--look", "espresso"]);
     for (text, set) in [(skin, "inks-rgb-7"), (espresso, "synthetic")] {
-        assert!(text.contains(&format!("set = \"{set}\"")) && text.contains("gamut-map = true"), "{text}");
+        assert!(text.contains(&format!("set = \"{set}\"")), "{text}");
+        assert_eq!(text.contains("gamut-map = true"), set == "inks-rgb-7", "{text}");
         assert!(!text.contains("max-albedo"), "{text}");
     }
+    let gcvf = job("small.stl", &["--formats", "gcvf,stl"]);
+    assert!(gcvf.contains("formats = [\"gcvf\", \"stl\", \"preview\"]"), "{gcvf}");
+    bench.run(["init", "small.stl", "--formats", "gvcf"]).refuses(2, &["--formats", "gvcf", "png, masks"]);
+    let typo = bench.run(["init", "small.stl", "--materials", "synthetik"]);
+    typo.refuses(2, &["--materials", "did you mean `synthetic`?"]);
     // A house does not fit.
     bench.write("house.stl", &stl(&cube(9000.0)));
     let house = job("house.stl", &["--materials", "inks-rgb"]);

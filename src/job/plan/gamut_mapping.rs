@@ -21,7 +21,10 @@ impl TargetContext<'_> {
         let gamut = Gamut::explored(self.materials, &options, self.watch, self.job.search_cache.as_ref());
         let gamut = gamut.map_err(|fault| self.search_fault(fault))?;
         let map = GamutMap::new(&gamut, &wanted.targets, &wanted.shares, &self.materials.grid);
-        warnings.push(format!("object {}: gamut-map: {}", self.object + 1, map_in_words(&map, &wanted.shares)));
+        // Of targets that the resins reach there is nothing to tell.
+        if map.moved() > 0 || map.moves.iter().any(|moved| !moved.inside) {
+            warnings.push(format!("object {}: gamut-map: {}", self.object + 1, map_in_words(&map, &wanted.shares)));
+        }
         Ok(Some(map))
     }
 

@@ -5,6 +5,11 @@
 //! Every texel has a place there, and so has every node that stands in for texels where the texture is too coarse, repeats
 //! itself or is not there at all. What is laid at a texel is told by its cluster, by one of a ladder of thicknesses and by
 //! one of a fine ladder of factors for each channel; each combination that occurs is a label of its own.
+//!
+//! A factor makes up for two things: for how the print looks there, and for what the texel's own albedo differs from its
+//! cluster's by. A hundred clusters are few for the colours of a photograph: in three channels they lie a quarter apart.
+//! Between two steps of a ladder fine texels take either, as often as they are near it, so that over some of them what is
+//! wanted is laid on the mean, and no step shows as an edge.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -43,10 +48,16 @@ const THICKEST_MM: f64 = 4.8;
 const THICKNESS_STEP: f64 = std::f64::consts::SQRT_2;
 /// Thinner parts are as good as this: light comes in from all sides, and no layers fit.
 const THINNEST_MM: f64 = 0.15;
-/// Logarithm of the step between factors; wider where there would be too many labels.
+/// Logarithm of the step between factors; wider, by so much at a time, where there would be too many labels.
 const FACTOR_STEP: f64 = 0.02;
+const WIDER: f64 = 1.25;
+/// Albedos below this have wider steps, alike in lightness; below the second, which counts as black, none of their own.
+const DARK: f64 = 0.1;
+const BLACK: f64 = 0.002;
 /// Most labels beside the clusters' own: each is a row of a table that is read at every voxel.
 const MOST_LABELS: usize = 4096;
+/// Texels of pages as fine as this, mm, share out what lies between two steps.
+const FINE_MM: f64 = 0.2;
 
 /// One object whose layers depend on where they lie.
 #[derive(Debug)]
@@ -59,6 +70,8 @@ pub(in crate::job) struct ObjectPlan {
     atlas: Atlas,
     clusters: Vec<LabelMap>,
     sites: Vec<TexelSite>,
+    /// Pages whose texels share out what lies between two steps.
+    shared_out: Vec<bool>,
     /// Points that its surface is known at.
     pub points: SurfacePoints,
     half_ln: Vec<f64>,
@@ -115,7 +128,8 @@ impl ObjectPlan {
         };
         let Some(closest) = Closest::new(&solid.mesh) else { return Ok(None) };
         context.watch.stage("surface", 0);
-        let spacing = node_spacing(&solid.mesh, &atlas);
+        let (spacing, texel_mm) = node_spacing(&solid.mesh, &atlas);
+        let mut shared_out: Vec<bool> = texel_mm.iter().map(|mm| *mm <= FINE_MM).collect();
         let mut wanted = vec![false; atlas.pages().len()];
         for (place, spacing) in atlas.places().iter().zip(&spacing) {
             wanted[usize::from(place.page)] |= spacing.is_none();
@@ -124,6 +138,7 @@ impl ObjectPlan {
         let before = solid.mesh.uvs.clone();
         let old_places = atlas.places().to_vec();
         let nodes = atlas.lay_nodes(&mut solid.mesh, &spacing);
+        shared_out.resize(atlas.pages().len(), false);
         clusters
             .extend(atlas.pages()[clusters.len()..].iter().map(|page| LabelMap(vec![ClusterId(0); page.source.len()])));
         // What a node's place asked for by the texture that it had.
@@ -152,7 +167,20 @@ impl ObjectPlan {
         context.watch.go_on()?;
         let channels = context.materials.channels.len();
         let (object, has_uvs) = (context.object, context.has_uvs);
-        Ok(Some(Self { object, kind, has_uvs, solid, atlas, clusters, sites, points, half_ln, answers, channels }))
+        Ok(Some(Self {
+            object,
+            kind,
+            has_uvs,
+            solid,
+            atlas,
+            clusters,
+            sites,
+            shared_out,
+            points,
+            half_ln,
+            answers,
+            channels,
+        }))
     }
 
     /// The solid, with the texture coordinates of its nodes.
@@ -180,8 +208,15 @@ impl ObjectPlan {
         if self.channels <= CHANNELS { self.channels } else { 1 }
     }
 
-    /// Labels of all texels where thickness counts, if it does, and factors are as `ln_factors` says at the points.
-    pub fn lay(&self, by_thickness: bool, ln_factors: &[[f64; CHANNELS]], watch: &dyn Watch) -> Result<Laid, RunError> {
+    /// Labels of all texels where thickness counts, if it does, factors are as `ln_factors` says at the points, and each
+    /// asks for what it does in `asked`.
+    pub fn lay(
+        &self,
+        by_thickness: bool,
+        ln_factors: &[[f64; CHANNELS]],
+        asked: &AskedMap,
+        watch: &dyn Watch,
+    ) -> Result<Laid, RunError> {
         let known: Vec<Known> = self
             .half_ln
             .iter()
@@ -190,12 +225,20 @@ impl ObjectPlan {
             .collect();
         let corners: Vec<_> = self.solid.mesh.corners().collect();
         let normals: Vec<_> = corners.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).normalize_or_zero()).collect();
+        let starts = self.atlas.starts();
         let at_sites: Vec<Known> = self
             .sites
             .par_iter()
             .map(|site| {
                 let triangle = site.triangle as usize;
-                self.points.interpolate(site.position(&corners[triangle]), normals[triangle], &known)
+                let mut known = self.points.interpolate(site.position(&corners[triangle]), normals[triangle], &known);
+                let texel = starts[usize::from(site.page)] + site.texel as usize;
+                let own = asked.ln_own(texel, self.cluster(site), BLACK);
+                // One factor for all is of their mean.
+                let each = own.len() / self.factors();
+                let own = own.chunks(each.max(1)).map(|own| own.iter().sum::<f64>() / own.len() as f64);
+                own.zip(&mut known[1..]).for_each(|(own, ln)| *ln += own);
+                known
             })
             .collect();
         watch.go_on()?;
@@ -214,13 +257,16 @@ impl ObjectPlan {
             if distinct.len() <= MOST_LABELS {
                 break (keys, distinct);
             }
-            step *= 1.5;
+            step *= WIDER;
         };
         let question = |key: &Key| Question {
             cluster: usize::from(key.cluster),
             half_mm: (key.thickness != THICK).then(|| thickness_mm(key.thickness)),
             ln_factor: (0..self.channels)
-                .map(|channel| f64::from(key.factors[if self.channels <= CHANNELS { channel } else { 0 }]) * step)
+                .map(|channel| {
+                    let factor = if self.channels <= CHANNELS { channel } else { 0 };
+                    f64::from(key.factors[factor]) * self.step(usize::from(key.cluster), factor, step)
+                })
                 .collect(),
         };
         let questions: Vec<Question> = distinct.iter().map(question).collect();
@@ -233,16 +279,40 @@ impl ObjectPlan {
         Ok(Laid { labels, questions, answers })
     }
 
+    fn cluster(&self, site: &TexelSite) -> ClusterId {
+        self.clusters[usize::from(site.page)].0[site.texel as usize]
+    }
+
+    /// Logarithm of the step between a cluster's factors, where lighter ones have `step`.
+    fn step(&self, cluster: usize, factor: usize, step: f64) -> f64 {
+        let albedo = self.answers.asked(cluster).get(factor).copied().unwrap_or(DARK).max(BLACK);
+        step * libm::cbrt(DARK / albedo).max(1.0)
+    }
+
     fn key(&self, site: &TexelSite, known: &Known, by_thickness: bool, step: f64) -> Key {
-        let cluster = self.clusters[usize::from(site.page)].0[site.texel as usize];
+        let cluster = self.cluster(site);
+        let page = usize::from(site.page);
+        // One threshold for all ladders: of the corners of a cell no more than one more than there are ladders are used.
+        let threshold = if self.shared_out[page] { threshold(site.texel, self.atlas.pages()[page].width) } else { 0.5 };
+        let on_ladder = |steps: f64| steps.floor() + if steps - steps.floor() > threshold { 1.0 } else { 0.0 };
         let half_mm = libm::exp(known[0]);
         let thin = by_thickness && half_mm < self.answers.thickness_mm(cluster.index()).min(THICKEST_MM);
         let mut factors = [0; CHANNELS];
-        for (factor, ln) in factors.iter_mut().zip(&known[1..=self.factors()]) {
-            *factor = (ln / step).round().clamp(-9999.0, 9999.0) as i16;
+        for (n, (factor, ln)) in factors.iter_mut().zip(&known[1..=self.factors()]).enumerate() {
+            *factor = on_ladder(ln / self.step(cluster.index(), n, step)).clamp(-9999.0, 9999.0) as i16;
         }
-        Key { cluster: cluster.0, thickness: if thin { thickness_step(half_mm) } else { THICK }, factors }
+        let thickness =
+            if thin { on_ladder(thickness_steps(half_mm)).clamp(0.0, f64::from(THICK - 1)) as u8 } else { THICK };
+        Key { cluster: cluster.0, thickness, factors }
     }
+}
+
+/// From 0 to 1, as evenly spread among any neighbouring texels as can be: Roberts' additive recurrence in two dimensions
+/// (*The unreasonable effectiveness of quasirandom sequences*, 2018).
+fn threshold(texel: u32, width: u32) -> f64 {
+    const PLASTIC: f64 = 1.324_717_957_244_746;
+    let (x, y) = (f64::from(texel % width), f64::from(texel / width));
+    (0.5 + x / PLASTIC + y / (PLASTIC * PLASTIC)).fract()
 }
 
 impl Key {
@@ -252,10 +322,9 @@ impl Key {
     }
 }
 
-/// The step of the ladder nearest to half a thickness, mm.
-fn thickness_step(half_mm: f64) -> u8 {
-    let steps = libm::log(THICKEST_MM / half_mm) / libm::log(THICKNESS_STEP);
-    steps.round().clamp(0.0, f64::from(THICK - 1)) as u8
+/// Where on the ladder half a thickness lies, mm.
+fn thickness_steps(half_mm: f64) -> f64 {
+    libm::log(THICKEST_MM / half_mm) / libm::log(THICKNESS_STEP)
 }
 
 fn thickness_mm(step: u8) -> f64 {
@@ -263,8 +332,8 @@ fn thickness_mm(step: u8) -> f64 {
 }
 
 /// Distance of nodes for every triangle whose texels will not do; `None` for those whose texels are as fine as nodes and
-/// lie on one place of the surface each.
-fn node_spacing(mesh: &TriangleMesh, atlas: &Atlas) -> Vec<Option<f64>> {
+/// lie on one place of the surface each. And the length of the texels of every page, mm.
+fn node_spacing(mesh: &TriangleMesh, atlas: &Atlas) -> (Vec<Option<f64>>, Vec<f64>) {
     let pages = atlas.pages().len();
     let (mut mm2, mut texels) = (vec![0.0; pages], vec![0.0; pages]);
     let areas = || mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length());
@@ -275,16 +344,16 @@ fn node_spacing(mesh: &TriangleMesh, atlas: &Atlas) -> Vec<Option<f64>> {
         mm2[page] += area;
         texels[page] += 0.5 * (b - a).perp_dot(c - a).abs() * size;
     }
+    let texel_mm: Vec<f64> = (0..pages).map(|page| (mm2[page] / texels[page].max(f64::MIN_POSITIVE)).sqrt()).collect();
     let of_page: Vec<Option<f64>> = (0..pages)
         .map(|page| {
             let covered = atlas.pages()[page].covered().count() as f64;
             let coarse = mm2[page] / covered.max(1.0) > NODE_MM * NODE_MM;
             let repeats = !(texels[page] <= OVERLAP * covered);
-            let texel_mm = (mm2[page] / texels[page].max(f64::MIN_POSITIVE)).sqrt();
-            (coarse || repeats).then(|| texel_mm.clamp(FINEST_NODE_MM, NODE_MM))
+            (coarse || repeats).then(|| texel_mm[page].clamp(FINEST_NODE_MM, NODE_MM))
         })
         .collect();
-    atlas.places().iter().map(|place| of_page[usize::from(place.page)]).collect()
+    (atlas.places().iter().map(|place| of_page[usize::from(place.page)]).collect(), texel_mm)
 }
 
 impl Laid {

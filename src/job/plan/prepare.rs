@@ -178,7 +178,7 @@ impl Prepared {
             object: plan.object,
             watch,
         };
-        let laid = plan.lay(self.job.thin_parts(), ln_factors, watch)?;
+        let laid = plan.lay(self.job.thin_parts(), ln_factors, &self.objects[plan.object].asked, watch)?;
         let entries = self.objects[plan.object].stackings.stackings.clone();
         let (layers, report) = context.laid(plan, &laid, entries)?;
         let short = laid.short();
@@ -223,16 +223,18 @@ impl Prepared {
     fn check_colors(&self) -> Result<(), RunError> {
         let used: std::collections::BTreeSet<_> =
             self.objects.iter().flat_map(|object| object.stackings.materials()).collect();
-        let printed = self.printed().filter(|(id, _)| used.contains(id)).count();
+        let printed = self.printed().filter(|(id, _)| used.contains(id));
+        let names: Vec<_> = printed.map(|(_, resin)| self.materials[resin].name.as_str()).collect();
         match self.job.printer.max_colors {
-            Some(most) if printed > most => Err(self
-                .job
-                .refuse(
-                    "printer",
-                    format!("{printed} resins in the stackings"),
-                    format!("at most {most} for {}", self.job.printer.name),
-                )
-                .into()),
+            Some(most) if names.len() > most => {
+                let found = format!("{} resins in the stackings ({})", names.len(), names.join(", "));
+                let expected = format!(
+                    "at most {most} for {}: a set of fewer resins, or a [[stacking.limit]] whose min-depth-mm is \
+                     beyond max-thickness-mm for each that is to be left out",
+                    self.job.printer.name
+                );
+                Err(self.job.refuse("printer", found, expected).into())
+            }
             _ => Ok(()),
         }
     }
@@ -379,9 +381,10 @@ fn load_solid(
         let found = format!("an object from ({}, {}, {}) mm", low.x, low.y, low.z);
         return Err(job.refuse(&key, found, "a position on the tray, 0 or more in x, y and z").into());
     }
-    let solid = mesh::close(placed).map_err(in_file)?;
+    let mut solid = mesh::close(placed).map_err(in_file)?;
+    let settled = solid.settle(&placement);
     solid.health.warnings().into_iter().for_each(&mut warn);
-    Ok((solid, to_lattice * loaded.file_to_mesh, loaded.companions))
+    Ok((solid, settled * to_lattice * loaded.file_to_mesh, loaded.companions))
 }
 
 /// Gives a mesh without texture coordinates some, for nothing varies within a page then and any will do; whether it had

@@ -72,7 +72,7 @@ pub(super) fn object_layers(
         if let Some(plan) = plan {
             let context = TargetContext { solid: plan.solid(), ..*context };
             let none = vec![[0.0; CHANNELS]; plan.points.points().len()];
-            let laid = plan.lay(context.job.thin_parts(), &none, context.watch)?;
+            let laid = plan.lay(context.job.thin_parts(), &none, &asked, context.watch)?;
             let (layers, report) = context.laid(&plan, &laid, entries)?;
             return Ok(ObjectLayers { layers, report, asked, plan: Some(plan) });
         }

@@ -167,11 +167,12 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     if counts[1..].iter().all(|&voxels| voxels == 0) {
         warnings.push("no voxel's centre lies inside an object: nothing will be printed".to_owned());
     }
-    if slices == (0..prepared.lattice.dims[2]) {
+    let whole = slices == (0..prepared.lattice.dims[2]);
+    if whole {
         warnings.extend(prepared.lost_volume(counts[1..].iter().sum()));
     }
-    // Pictures take longer than this; slices alone are not kept waiting.
-    let checked = pictures.is_some().then(|| prepared.printable(watch)).transpose()?;
+    // Whatever is written will be printed; who slices by parts is told by one dry run.
+    let checked = (whole || pictures.is_some()).then(|| prepared.printable(watch)).transpose()?;
     warnings.extend(checked.iter().flat_map(Printable::warnings));
     let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
     let mut manifest = Manifest::new(prepared, outcome);

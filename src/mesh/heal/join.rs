@@ -20,13 +20,24 @@ pub(super) const GAP: f64 = 4e-6;
 /// Joins corners; says whether any were.
 pub(super) fn join(mesh: &mut TriangleMesh, edges: &Edges, health: &mut HealthReport) -> bool {
     let open = |edges: &Edges| edges.iter().filter(|edge| edge.half_edges.len() == 1).count();
+    let Some((triangles, count)) = renamed(mesh, edges) else { return false };
+    if open(&Edges::new(mesh.positions.len(), &triangles)) >= open(edges) {
+        return false;
+    }
+    mesh.triangles = triangles;
+    health.joined_corners = count;
+    true
+}
+
+/// The triangles with corners on open edges joined, and how many were; `None` where none were.
+pub(super) fn renamed(mesh: &TriangleMesh, edges: &Edges) -> Option<(Vec<[u32; 3]>, usize)> {
     let mut rim: Vec<u32> = edges.iter().filter(|edge| edge.half_edges.len() == 1).flat_map(|edge| edge.ends).collect();
     rim.sort_unstable();
     rim.dedup();
     let (low, high) = bounds(&mesh.positions);
     let gap = GAP * (high - low).max_element();
     if rim.is_empty() || !(gap > 0.0) {
-        return false;
+        return None;
     }
     let mut clusters = DisjointSets::new(rim.len());
     let cell = |p: DVec3| ((p - low) / gap).floor().as_i64vec3();
@@ -50,15 +61,7 @@ pub(super) fn join(mesh: &mut TriangleMesh, edges: &Edges, health: &mut HealthRe
             target.insert(v, rim[root as usize]);
         }
     }
-    if target.is_empty() {
-        return false;
-    }
     let renamed = |v: u32| target.get(&v).copied().unwrap_or(v);
-    let joined: Vec<[u32; 3]> = mesh.triangles.iter().map(|triangle| triangle.map(renamed)).collect();
-    if open(&Edges::new(mesh.positions.len(), &joined)) >= open(edges) {
-        return false;
-    }
-    mesh.triangles = joined;
-    health.joined_corners = target.len();
-    true
+    let triangles = mesh.triangles.iter().map(|triangle| triangle.map(renamed)).collect();
+    (!target.is_empty()).then_some((triangles, target.len()))
 }

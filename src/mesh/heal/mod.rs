@@ -1,8 +1,9 @@
 //! From a mesh as it was drawn to a solid: clean, orient, cap, judge.
 //!
 //! 1. [`clean`]: triangles without area and doubled ones go; [`join`]: corners that miss each other by rounding are
-//!    one.
-//! 2. [`orient`]: neighbours are made to agree; [`sheets`]: what has no thickness beside a solid goes.
+//!    one; [`split`]: edges are split at corners of other pieces that lie on them.
+//! 2. [`orient`]: neighbours are made to agree; [`sheets`]: what has no thickness beside a solid goes, but not what
+//!    sits on it ([`seat`]) or belongs to it ([`rims`]).
 //! 3. [`boundary`] and [`fill`]: what is open is capped, so that mesh and caps together have no boundary. The
 //!    generalised winding number (Jacobson, Kavan, Sorkine-Hornung, *Robust inside-outside segmentation*, SIGGRAPH
 //!    2013, eq. 5) of such a surface is an integer everywhere off it.
@@ -19,7 +20,10 @@ mod join;
 mod nesting;
 mod orient;
 mod report;
+mod rims;
+mod seat;
 mod sheets;
+mod split;
 mod union;
 
 use glam::DVec3;
@@ -52,7 +56,8 @@ const NEEDLE_ASPECT: f64 = 1e-12;
 ///
 /// # Errors
 /// No surface is left ([`MeshError::NoSurface`]), closing it takes more than [`MAX_CAP_FRACTION`] of its area
-/// ([`MeshError::OpenSheet`]), or it holds no volume ([`MeshError::NoVolume`]).
+/// ([`MeshError::OpenSheet`]), an open piece beside others faces inwards ([`MeshError::Facing`]), or it holds no volume
+/// ([`MeshError::NoVolume`]).
 pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     let mut health = HealthReport { triangles: mesh.triangles.len(), ..HealthReport::default() };
     clean::clean(&mut mesh, &mut health);
@@ -67,18 +72,25 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
         }
         edges = Edges::new(mesh.positions.len(), &mesh.triangles);
     }
+    if split::split(&mut mesh, &edges, &mut health) {
+        clean::clean(&mut mesh, &mut health);
+        edges = Edges::new(mesh.positions.len(), &mesh.triangles);
+    }
     edges = orient::orient(&mut mesh, edges, &mut health);
     let mut shells = nesting::Shells::new(&mesh, &edges);
     let mut holes = boundary::loops(&mesh, &edges, &shells.of_triangle);
     let mut caps = fill::fill(&mesh.positions, &holes);
     shells.measure(&mesh, &caps);
-    if sheets::drop(&mut mesh, &edges, &shells, &mut health) {
+    let dropped = sheets::drop(&mut mesh, &edges, &shells, &mut health);
+    if dropped.changed {
         edges = Edges::new(mesh.positions.len(), &mesh.triangles);
         shells = nesting::Shells::new(&mesh, &edges);
         holes = boundary::loops(&mesh, &edges, &shells.of_triangle);
         caps = fill::fill(&mesh.positions, &holes);
         shells.measure(&mesh, &caps);
     }
+    shells.seat(&dropped.seated);
+    let bodies = rims::Bodies::new(&mesh, &shells, &holes);
     health.shells = shells.len();
     health.open_edges = edges.iter().filter(|edge| edge.half_edges.len() == 1).count();
     health.non_manifold_edges = edges.iter().filter(|edge| edge.half_edges.len() > 2).count();
@@ -86,8 +98,16 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     drop(edges);
     health.area_mm2 = shells.all.iter().map(|shell| shell.area).sum();
     health.cap_area_mm2 = shells.all.iter().map(|shell| shell.cap_area).sum();
-    health.open_shells = shells.all.iter().filter(|shell| shell.cap_area > MAX_CAP_FRACTION * shell.area).count();
-    if health.cap_area_mm2 > MAX_CAP_FRACTION * health.area_mm2 {
+    health.seated_shells = shells.all.iter().filter(|shell| shell.is_seated).count();
+    health.joint_shells = bodies.joint();
+    health.rim_gap_mm = bodies.miss.iter().copied().fold(0.0, f64::max);
+    let is_guess =
+        |shell: usize| shells.all[shell].is_open() && !shells.all[shell].is_seated && !bodies.is_joint(shell);
+    health.open_shells = (0..shells.len()).filter(|&shell| is_guess(shell)).count();
+    // What is buried is no guess, nor is what closes one curve twice.
+    let is_sure = |&shell: &usize| shells.all[shell].is_seated || bodies.is_met[shell];
+    let sure: f64 = (0..shells.len()).filter(is_sure).map(|shell| shells.all[shell].cap_area).sum();
+    if health.cap_area_mm2 - sure > MAX_CAP_FRACTION * health.area_mm2 {
         return Err(MeshError::OpenSheet {
             holes: health.holes,
             open_edges: health.open_edges,
@@ -95,7 +115,7 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
             limit_percent: 100.0 * MAX_CAP_FRACTION,
         });
     }
-    let mut caps = shells.turn_outwards(&mut mesh, caps, &mut health);
+    let mut caps = shells.turn_outwards(&mut mesh, caps, &bodies, &mut health)?;
     health.volume_mm3 = shells.all.iter().map(|shell| shell.volume).sum();
     if health.volume_mm3 <= MIN_COMPACTNESS * libm::pow(health.area_mm2, 1.5) {
         return Err(MeshError::NoVolume { volume_mm3: health.volume_mm3, area_mm2: health.area_mm2 });
@@ -114,7 +134,7 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     if mesh.triangles.is_empty() {
         return Err(MeshError::NoVolume { volume_mm3: health.volume_mm3, area_mm2: health.area_mm2 });
     }
-    if mesh.triangles.len() < health.triangles || health.joined_corners > 0 {
+    if mesh.triangles.len() < health.triangles || health.joined_corners + health.split_edges > 0 {
         super::read::weld(&mut mesh.positions, &mut mesh.triangles);
     }
     Ok(Solid { mesh, caps, whole, health })
@@ -140,7 +160,7 @@ impl TriangleMesh {
     }
 
     /// Corners of the box around the triangles.
-    fn corner_bounds(&self) -> (DVec3, DVec3) {
+    pub(super) fn corner_bounds(&self) -> (DVec3, DVec3) {
         let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         self.corners().flatten().fold(start, |(low, high), p| (low.min(p), high.max(p)))
     }

@@ -1,16 +1,18 @@
 //! Shells: connected pieces, which way each faces, and which are cavities.
 //!
-//! A shell is what edges connect. If the shells together hold a negative volume, all turn. A shell that then still
-//! holds a negative volume is a cavity if others surround it (their winding number at one of its vertices is positive)
-//! and stays; else it faces inwards by mistake and turns. Larger shells are judged before the smaller ones they may
-//! hold.
+//! A shell is what edges connect; shells whose rims run along each other are one body ([`super::rims`]), and judged as
+//! one. If the shells together hold a negative volume, all turn. A body that then still holds a negative volume is a
+//! cavity if others surround it (their winding number at one of its vertices is positive) and stays; else it faces
+//! inwards by mistake and turns. Larger bodies are judged before the smaller ones they may hold. Which way a shell faces
+//! that is open by more than [`MAX_CAP_FRACTION`], nobody can tell: it is refused where it would have to turn.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::edges::{Edges, triangle_of};
 use super::fill::Cap;
-use super::{HealthReport, MIN_COMPACTNESS, TriangleMesh, area};
+use super::rims::Bodies;
+use super::{HealthReport, MAX_CAP_FRACTION, MIN_COMPACTNESS, MeshError, TriangleMesh, area};
 use crate::{disjoint_sets::DisjointSets, mesh::bounds};
 
 /// Solid angles that the cavity test may compute: about a second on two cores.
@@ -18,6 +20,9 @@ const BUDGET: usize = 50_000_000;
 
 /// Solid angles summed by one task; fixed, so that sums do not depend on the thread count.
 const CHUNK: usize = 1 << 14;
+
+/// Share of the volume that an open piece may hold and be turned without more ado: debris of scans does.
+const NEGLIGIBLE: f64 = 1e-3;
 
 /// Connected pieces of a mesh.
 pub(super) struct Shells {
@@ -33,6 +38,9 @@ pub(super) struct Shell {
     pub(super) cap_area: f64,
     /// Signed, caps included.
     pub(super) volume: f64,
+    pub(super) triangles: usize,
+    /// Whether its rim lies in or on the others, so that nothing of its caps shows.
+    pub(super) is_seated: bool,
     low: DVec3,
     high: DVec3,
     /// A triangle of it.
@@ -56,7 +64,16 @@ impl Shells {
                 if name[root] == UNNAMED {
                     name[root] = all.len() as u32;
                     let (low, high) = bounds(&[]);
-                    all.push(Shell { area: 0.0, cap_area: 0.0, volume: 0.0, low, high, first: t });
+                    all.push(Shell {
+                        area: 0.0,
+                        cap_area: 0.0,
+                        volume: 0.0,
+                        triangles: 0,
+                        is_seated: false,
+                        low,
+                        high,
+                        first: t,
+                    });
                 }
                 name[root]
             })
@@ -78,6 +95,7 @@ impl Shells {
             let shell = &mut self.all[shell as usize];
             shell.area += area(corners);
             shell.volume += volume(corners);
+            shell.triangles += 1;
             for p in corners {
                 (shell.low, shell.high) = (shell.low.min(p), shell.high.max(p));
             }
@@ -89,41 +107,73 @@ impl Shells {
         }
     }
 
-    /// Turns shells that face inwards by mistake, in the mesh and the caps.
+    /// Notes which shells are seated, by their triangles; none are where the list is empty.
+    pub(super) fn seat(&mut self, seated: &[bool]) {
+        let mut count = vec![0; self.len()];
+        for (&shell, _) in self.of_triangle.iter().zip(seated).filter(|(_, seated)| **seated) {
+            count[shell as usize] += 1;
+        }
+        self.all.iter_mut().zip(count).for_each(|(shell, count)| shell.is_seated = count == shell.triangles);
+    }
+
+    /// Turns bodies that face inwards by mistake, in the mesh and the caps.
+    ///
+    /// # Errors
+    /// An open shell would have to turn.
     pub(super) fn turn_outwards(
         &mut self,
         mesh: &mut TriangleMesh,
         caps: Vec<Cap>,
+        bodies: &Bodies,
         health: &mut HealthReport,
-    ) -> Vec<[DVec3; 3]> {
+    ) -> Result<Vec<[DVec3; 3]>, MeshError> {
         let total: f64 = self.all.iter().map(|shell| shell.volume).sum();
         let mut turned = vec![total < 0.0; self.len()];
         if total < 0.0 {
             self.all.iter_mut().for_each(|shell| shell.volume = -shell.volume);
         }
-        let mut negative: Vec<usize> = (0..self.len()).filter(|&s| self.all[s].volume < 0.0).collect();
+        let mut volume = vec![0.0; self.len()];
+        let mut parts = vec![0; self.len()];
+        for (shell, &body) in self.all.iter().zip(&bodies.of_shell) {
+            volume[body as usize] += shell.volume;
+            parts[body as usize] += 1;
+        }
+        let mut negative: Vec<usize> = (0..self.len()).filter(|&body| volume[body] < 0.0).collect();
         // A stable sort: equal volumes keep their order.
-        negative.sort_by(|&a, &b| self.all[a].volume.total_cmp(&self.all[b].volume));
+        negative.sort_by(|&a, &b| volume[a].total_cmp(&volume[b]));
         let mut members = None;
         let mut spent = 0;
-        for s in negative {
-            let point = mesh.positions[mesh.triangles[self.all[s].first][0] as usize];
-            let around: Vec<usize> = (0..self.len()).filter(|&o| o != s && self.all[o].contains(point)).collect();
+        for body in negative {
+            let is_own = |shell: usize| bodies.of_shell[shell] as usize == body;
+            let point = mesh.positions[mesh.triangles[self.all[body].first][0] as usize];
+            let around: Vec<usize> = (0..self.len()).filter(|&o| !is_own(o) && self.all[o].contains(point)).collect();
             let winding = if around.is_empty() {
                 0
             } else {
                 let members: &Vec<Vec<[DVec3; 3]>> = members.get_or_insert_with(|| self.members(mesh, &caps));
                 let cost: usize = around.iter().map(|&o| members[o].len()).sum();
                 if spent + cost > BUDGET {
-                    health.unjudged_shells += 1;
+                    health.unjudged_shells += parts[body];
                     continue;
                 }
                 spent += cost;
                 around.iter().map(|&o| winding(&members[o], point) * if turned[o] { -1 } else { 1 }).sum()
             };
-            if winding <= 0 {
-                turned[s] = !turned[s];
-                self.all[s].volume = -self.all[s].volume;
+            if winding > 0 {
+                continue;
+            }
+            let alone = &self.all[body];
+            let matters = -alone.volume > NEGLIGIBLE * total.abs();
+            if parts[body] == 1 && self.len() > 1 && alone.is_open() && !alone.is_seated && matters {
+                return Err(MeshError::Facing {
+                    triangles: alone.triangles,
+                    percent: 100.0 * alone.cap_area / alone.area,
+                    limit_percent: 100.0 * MAX_CAP_FRACTION,
+                });
+            }
+            for shell in (body..self.len()).filter(|&shell| is_own(shell)) {
+                turned[shell] = !turned[shell];
+                self.all[shell].volume = -self.all[shell].volume;
             }
         }
         for t in 0..mesh.triangles.len() {
@@ -132,9 +182,8 @@ impl Shells {
             }
         }
         health.turned_shells = turned.iter().filter(|&&turned| turned).count();
-        caps.into_iter()
-            .map(|Cap { shell, corners: [a, b, c] }| if turned[shell as usize] { [a, c, b] } else { [a, b, c] })
-            .collect()
+        let turn = |Cap { shell, corners: [a, b, c] }| if turned[shell as usize] { [a, c, b] } else { [a, b, c] };
+        Ok(caps.into_iter().map(turn).collect())
     }
 
     /// Whether the boxes of any two come as near as `touch`.
@@ -166,6 +215,11 @@ impl Shell {
     /// Whether it holds next to nothing.
     pub(super) fn is_flat(&self) -> bool {
         self.volume.abs() <= MIN_COMPACTNESS * libm::pow(self.area, 1.5)
+    }
+
+    /// Whether what closes it is more than mending.
+    pub(super) fn is_open(&self) -> bool {
+        self.cap_area > MAX_CAP_FRACTION * self.area
     }
 
     fn contains(&self, p: DVec3) -> bool {

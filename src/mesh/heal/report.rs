@@ -3,6 +3,9 @@
 use super::HealthReport;
 use crate::words::{counted, is_are, was_were};
 
+/// Share of the volume from which on it is said that what was left out is not flat.
+const BULGING: f64 = 1e-3;
+
 impl HealthReport {
     /// What a user should know, one sentence with counts for each finding; empty for a sound mesh.
     pub fn warnings(&self) -> Vec<String> {
@@ -20,11 +23,23 @@ impl HealthReport {
             ),
         );
         say(
+            self.split_edges,
+            format!("{} split at corners of other pieces that lie on them.", was_were(self.split_edges, "open edge")),
+        );
+        say(
             self.dropped_sheets,
             format!(
                 "Left out beside the solid: {} without thickness, of {}.",
                 counted(self.dropped_sheets, "sheet"),
                 counted(self.dropped_sheet_triangles, "triangle")
+            ),
+        );
+        say(
+            usize::from(self.dropped_sheet_volume_mm3 > BULGING * self.volume_mm3),
+            format!(
+                "What was left out would hold {:.2} mm³ if it were closed; it hangs open beside the solid. If that is a \
+                 part of it, let its rim reach into what it sits on.",
+                self.dropped_sheet_volume_mm3
             ),
         );
         say(
@@ -73,9 +88,22 @@ impl HealthReport {
         say(
             self.open_shells,
             format!(
-                "{} of {} open sheets rather than solids; they enclose next to nothing.",
+                "{} of {} open by more than a tenth of their surface: what closes them is a guess.",
                 self.open_shells,
-                counted(self.shells, "shell")
+                counted(self.shells, "piece")
+            ),
+        );
+        say(
+            self.seated_shells,
+            format!("{} open where they sit on others, and closed within them.", is_are(self.seated_shells, "piece")),
+        );
+        say(
+            self.joint_shells,
+            format!(
+                "The rims of {} run along each other, up to {:.4} mm apart: they are taken for one body, without the \
+                 gap between them.",
+                counted(self.joint_shells, "piece"),
+                self.rim_gap_mm
             ),
         );
         say(

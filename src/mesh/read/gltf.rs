@@ -13,12 +13,12 @@ use gltf::mesh::{Mode, Primitive};
 use gltf::{Document, Node, Semantic};
 
 use super::gltf_container::{resolve, split};
-use super::gltf_material::{BaseColor, Materials};
+use super::gltf_material::{BaseColor, Materials, name_of};
 use super::gltf_shape::{self, Pose};
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::support::{self, Fate};
 use super::text::decoded;
-use super::{MAX_TRIANGLES, Source, accessor, gltf_instances, gltf_interior};
+use super::{MAX_TRIANGLES, Source, accessor, gltf_instances, gltf_interior, gltf_tidy};
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::{counted, one_line};
 
@@ -27,14 +27,9 @@ const MAX_DEPTH: usize = 512;
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let (json, blob) = split(source.bytes)?;
-    let mut root = gltf::json::deserialize::from_slice::<gltf::json::Root>(&decoded(json))
-        .map_err(|error| Fault::new("the JSON part", one_line(error), "a glTF 2.0 document"))?;
     let mut raw = RawMesh::new(1000.0);
     raw.y_up = true;
-    check_extensions(&mut root, &mut raw)?;
-    check_position_accessors(&root)?;
-    let document = Document::from_json(root)
-        .map_err(|error| Fault::new("the JSON part", one_line(error), "a valid glTF 2.0 document"))?;
+    let document = document(&decoded(json), &mut raw)?;
     let buffers = document
         .buffers()
         .map(|buffer| {
@@ -72,6 +67,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         };
         raw.add_material(|| "materials".to_owned(), looks)?;
     }
+    name_colors_elsewhere(&document, &mut raw);
     let mut walk = Walk {
         document: &document,
         globals: gltf_shape::globals(&document),
@@ -79,11 +75,29 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         raw,
         default_material: None,
         visited: vec![false; document.nodes().len()],
-        skipped: [0; 3],
+        skipped: [0; 4],
     };
     let scene = document.default_scene().or_else(|| document.scenes().next());
     match scene {
-        Some(scene) => scene.nodes().try_for_each(|node| walk.node(&node, DMat4::IDENTITY, 0))?,
+        Some(scene) => {
+            scene.nodes().try_for_each(|node| walk.node(&node, DMat4::IDENTITY, 0))?;
+            let is_new = |node: Node| !walk.visited[node.index()];
+            let others = document.scenes().filter(|other| other.nodes().any(is_new)).count();
+            if others > 0 {
+                let what = if others == 1 { "is" } else { "are" };
+                walk.raw
+                    .warnings
+                    .push(format!("{} besides the first to be shown {what} left out", counted(others, "scene")));
+            }
+        }
+        None if document.nodes().len() > 0 => {
+            let mut has_parent = vec![false; document.nodes().len()];
+            document.nodes().flat_map(|node| node.children().collect::<Vec<_>>()).for_each(|child| {
+                has_parent[child.index()] = true;
+            });
+            let mut roots = document.nodes().filter(|node| !has_parent[node.index()]);
+            roots.try_for_each(|node| walk.node(&node, DMat4::IDENTITY, 0))?;
+        }
         None => {
             for mesh in document.meshes() {
                 walk.mesh(&mesh, None, mesh.weights(), DMat4::IDENTITY)?;
@@ -93,9 +107,28 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     Ok(walk.finish())
 }
 
+/// The document, of whose JSON only what concerns a shape has to be right.
+fn document(json: &[u8], raw: &mut RawMesh) -> Parsed<Document> {
+    type Read = Result<gltf::json::Root, gltf::json::Error>;
+    let mut checked = |read: Read| -> Parsed<Document> {
+        let mut root = read.map_err(|error| Fault::new("the JSON part", one_line(error), "a glTF 2.0 document"))?;
+        let warnings = check_extensions(&mut root)?;
+        check_position_accessors(&root)?;
+        let document = Document::from_json(root)
+            .map_err(|error| Fault::new("the JSON part", one_line(error), "a valid glTF 2.0 document"))?;
+        raw.warnings.extend(warnings);
+        Ok(document)
+    };
+    let document = checked(gltf::json::deserialize::from_slice(json));
+    match document.is_err().then(|| gltf_tidy::tidied(json)).flatten() {
+        Some(tidied) => checked(gltf::json::deserialize::from_value(tidied)),
+        None => document,
+    }
+}
+
 /// Refuses what is required and not read, by its exact name, and names what is in use, changes shape or colour and is
 /// not read.
-fn check_extensions(root: &mut gltf::json::Root, raw: &mut RawMesh) -> Parsed<()> {
+fn check_extensions(root: &mut gltf::json::Root) -> Parsed<Vec<String>> {
     let fate = |name: &str| support::fate("glTF", name).unwrap_or(Fate::Warned);
     let refused = root.extensions_required.iter().find(|name| matches!(fate(name), Fate::Warned | Fate::Refused));
     if let Some(name) = refused {
@@ -108,12 +141,42 @@ fn check_extensions(root: &mut gltf::json::Root, raw: &mut RawMesh) -> Parsed<()
     }
     // All that is left is ours to answer for.
     root.extensions_required.clear();
-    for name in root.extensions_used.iter().filter(|name| fate(name) == Fate::Warned) {
+    let unread = root.extensions_used.iter().filter(|name| fate(name) == Fate::Warned);
+    let said = |name: &String| {
         let name = quote(name.as_bytes());
-        raw.warnings
-            .push(format!("extension {name} is in use and not read: what it says of shape or colour is missing"));
+        format!("extension {name} is in use and not read: what it says of shape or colour is missing")
+    };
+    Ok(unread.map(said).collect())
+}
+
+/// Warns of colours where none are looked for: in what glows, where the base colour is black or white all over, and by
+/// instance.
+fn name_colors_elsewhere(document: &Document, raw: &mut RawMesh) {
+    let primitives = document.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
+    let plain: BTreeSet<usize> = primitives
+        .filter(|primitive| primitive.get(&Semantic::Colors(0)).is_none())
+        .filter_map(|primitive| primitive.material().index())
+        .collect();
+    let glows = |material: &gltf::Material| {
+        let base = BaseColor::of(material);
+        let rgb = &base.factor[..3];
+        let is_plain = base.texture.is_none() && (rgb == [0.0; 3] || rgb == [1.0; 3]);
+        let glow = material.emissive_factor();
+        // White light alone is a lamp.
+        let is_colored = glow != [0.0; 3] && (material.emissive_texture().is_some() || glow != [glow[0]; 3]);
+        is_plain && is_colored && material.index().is_some_and(|index| plain.contains(&index))
+    };
+    let names: Vec<String> = document.materials().filter(glows).map(|m| format!("`{}`", name_of(&m))).collect();
+    if !names.is_empty() {
+        raw.lose_color(format!("the colour of what glows is not read: material {}", names.join(", ")));
     }
-    Ok(())
+    let has_colors = |node: &Node| {
+        let instancing = node.extension_value("EXT_mesh_gpu_instancing");
+        instancing.and_then(|value| value.get("attributes")?.get("_COLOR_0")).is_some()
+    };
+    if document.nodes().any(|node| has_colors(&node)) {
+        raw.lose_color("the colours of instances (_COLOR_0) are not read".to_owned());
+    }
 }
 
 /// gltf-json 1.4.1 validates everything but looks positions up before it has checked their index, and panics.
@@ -139,13 +202,14 @@ struct Walk<'a> {
     /// Index into `raw.materials` of the material of primitives without.
     default_material: Option<u16>,
     visited: Vec<bool>,
-    skipped: [usize; 3],
+    skipped: [usize; 4],
 }
 
 /// Slots of `Walk::skipped`.
 const POINTS_OR_LINES: usize = 0;
 const HIDDEN: usize = 1;
 const UNPAINTED: usize = 2;
+const OFF_UNIT: usize = 3;
 
 impl Walk<'_> {
     fn node(&mut self, node: &Node, parent: DMat4, depth: usize) -> Parsed<()> {
@@ -161,6 +225,7 @@ impl Walk<'_> {
             self.skipped[HIDDEN] += 1;
             return Ok(());
         }
+        self.skipped[OFF_UNIT] += usize::from(gltf_shape::is_off_unit(node));
         let transform = parent * gltf_shape::local(node);
         if let Some(mesh) = node.mesh() {
             let pose = node.skin().map(|skin| Pose::new(&skin, &self.globals, self.buffers)).transpose()?;
@@ -292,8 +357,9 @@ impl Walk<'_> {
             "of points or lines skipped",
             "with all that hangs on it hidden and left out",
             "without a material: white",
+            "with a rotation that is not of unit length, which was made so",
         ];
-        let nouns = ["primitive", "node", "primitive"];
+        let nouns = ["primitive", "node", "primitive", "node"];
         for ((count, noun), what) in self.skipped.into_iter().zip(nouns).zip(what).filter(|((count, _), _)| *count > 0)
         {
             self.raw.warnings.push(format!("{} {what}", counted(count, noun)));

@@ -23,7 +23,10 @@ pub(super) fn split(bytes: &[u8]) -> Parsed<(&[u8], Option<&[u8]>)> {
         let found = format!("{:?} bytes claimed in a file of {}", word(12).unwrap_or(0), bytes.len());
         Fault::new("byte 12", found, "a whole JSON chunk")
     })?;
-    let next = (20 + json.len()).next_multiple_of(4);
+    // Chunks begin at multiples of 4; where a writer padded none, the next follows at once.
+    let end = 20 + json.len();
+    let next = if bytes.get(end + 4..end + 8) == Some(b"BIN\0") { end } else { end.next_multiple_of(4) };
+    let json = &json[..json.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1)];
     let bin = chunk(next, b"BIN\0");
     if bin.is_none() && bytes.get(next + 4..next + 8) == Some(b"BIN\0") {
         let found = format!("{} bytes claimed in a file of {}", word(next).unwrap_or(0), bytes.len());
@@ -34,9 +37,9 @@ pub(super) fn split(bytes: &[u8]) -> Parsed<(&[u8], Option<&[u8]>)> {
 
 /// The bytes behind a URI: embedded, or a file beside this one.
 pub(super) fn resolve(source: &Source, uri: &str) -> Result<Vec<u8>, String> {
-    if let Some(data) = uri.strip_prefix("data:") {
+    if let Some(data) = uri.get(..5).filter(|scheme| scheme.eq_ignore_ascii_case("data:")).map(|_| &uri[5..]) {
         let (kind, payload) = data.split_once(',').ok_or("a data URI without comma")?;
-        if !kind.ends_with(";base64") {
+        if !kind.to_ascii_lowercase().ends_with(";base64") {
             return Ok(percent_decode(payload));
         }
         return base64(payload.as_bytes()).ok_or_else(|| "bad base64".to_owned());

@@ -26,7 +26,14 @@ pub(super) fn read(node: &Node, document: &Document, buffers: &[Vec<u8>]) -> Par
     let rotations = attribute("ROTATION")?.map(|a| accessor::vectors::<4>(&a, buffers)).transpose()?;
     let scales = attribute("SCALE")?.map(|a| accessor::vectors::<3>(&a, buffers)).transpose()?;
     let counts = [translations.as_ref().map(Vec::len), rotations.as_ref().map(Vec::len), scales.as_ref().map(Vec::len)];
-    let mut given = counts.into_iter().flatten();
+    // Where nothing moves them, attributes of the application's own tell how many there are.
+    let names = extension.get("attributes").and_then(|attributes| attributes.as_object());
+    let own = names.into_iter().flatten().map(|(name, _)| name).find(|name| name.starts_with('_'));
+    let own = match own.filter(|_| counts == [None; 3]) {
+        Some(name) => attribute(name)?.map(|accessor| accessor.count()),
+        None => None,
+    };
+    let mut given = counts.into_iter().chain([own]).flatten();
     let Some(count) = given.next() else {
         return Err(Fault::new(place(), "no TRANSLATION, ROTATION or SCALE", "one of them"));
     };

@@ -190,7 +190,7 @@ impl<'a> Materials<'a> {
 }
 
 /// The name of a material, or its number.
-fn name_of(material: &Material) -> String {
+pub(super) fn name_of(material: &Material) -> String {
     let number = || material.index().map_or_else(|| "default".to_owned(), |index| index.to_string());
     material.name().filter(|name| !name.is_empty()).map_or_else(number, str::to_owned)
 }

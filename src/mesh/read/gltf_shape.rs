@@ -1,16 +1,35 @@
 //! What moves glTF's vertices before any animation: nodes, default morph weights, joints.
 
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DQuat, DVec3};
 use gltf::mesh::Primitive;
+use gltf::scene::Transform;
 use gltf::{Document, Node, Semantic, Skin};
 
 use super::accessor;
 use super::gltf::one_each;
 use crate::mesh::error::{Fault, Parsed};
 
-/// A node's own transform.
+/// A node's own transform. A rotation that is no unit quaternion by more than rounding is made one; the length of it
+/// would scale.
 pub(super) fn local(node: &Node) -> DMat4 {
+    if let (true, Transform::Decomposed { translation, rotation, scale }) = (is_off_unit(node), node.transform()) {
+        let rotation = DQuat::from_array(rotation.map(f64::from)).normalize();
+        // A rotation of no length turns nothing.
+        let rotation = if rotation.is_finite() { rotation } else { DQuat::IDENTITY };
+        let [scale, translation] = [scale, translation].map(|v| DVec3::from(v.map(f64::from)));
+        return DMat4::from_scale_rotation_translation(scale, rotation, translation);
+    }
     DMat4::from_cols_array_2d(&node.transform().matrix().map(|column| column.map(f64::from)))
+}
+
+/// Whether a node's rotation is no unit quaternion by more than rounding.
+pub(super) fn is_off_unit(node: &Node) -> bool {
+    match node.transform() {
+        Transform::Matrix { .. } => false,
+        Transform::Decomposed { rotation, .. } => {
+            (DQuat::from_array(rotation.map(f64::from)).length_squared() - 1.0).abs() > 1e-3
+        }
+    }
 }
 
 /// Transforms of all nodes to the scene. Nodes that are their own ancestors, which no walk reaches, keep the identity.

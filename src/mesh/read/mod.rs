@@ -27,6 +27,7 @@ mod gltf_instances;
 mod gltf_interior;
 mod gltf_material;
 mod gltf_shape;
+mod gltf_tidy;
 mod mtl;
 mod obj;
 mod ply;

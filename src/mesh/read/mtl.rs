@@ -33,11 +33,16 @@ const MAP_OPTIONS: [(&str, usize); 12] = [
     ("-texres", 1),
 ];
 
+/// Statements by which a material that has no colour else may be given one.
+const ELSEWHERE: [&str; 3] = ["Ke", "map_Ka", "map_Ke"];
+
 /// A material as a library defines it.
 pub(super) struct Definition {
     pub(super) material: SurfaceMaterial,
     /// Whether it states a diffuse colour or a texture of it.
     pub(super) has_color: bool,
+    /// Another statement that gives it a colour and is not read.
+    pub(super) elsewhere: Option<&'static str>,
     /// How the texture lies: uv′ = scale · uv + offset, v upwards.
     pub(super) scale: DVec2,
     pub(super) offset: DVec2,
@@ -64,6 +69,7 @@ pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, r
             ("newmtl", _) => materials.push(Definition {
                 material: super::raw::plain(rest, [1.0; 4]),
                 has_color: false,
+                elsewhere: None,
                 scale: DVec2::ONE,
                 offset: DVec2::ZERO,
             }),
@@ -114,6 +120,11 @@ pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, r
                             plain",
                         definition.material.name
                     )),
+                }
+            }
+            (keyword @ ("ke" | "map_ka" | "map_ke"), Some(definition)) if known => {
+                if keyword != "ke" || color(rest).is_some_and(|rgb| rgb != [0.0; 3]) {
+                    definition.elsewhere = ELSEWHERE.into_iter().find(|known| known.eq_ignore_ascii_case(keyword));
                 }
             }
             (keyword, Some(Definition { material, .. }))

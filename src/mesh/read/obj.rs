@@ -17,6 +17,7 @@ use super::Source;
 use super::mtl::{self, Definition};
 use super::raw::{NO_UV as NO_COORDINATE, RawMesh, WHITE, finite, plain, uv_or_zero};
 use super::support::{self, Fate};
+use super::surface::full_value;
 use super::text::{POLYPAINT, Statements, decoded, without_comment};
 use crate::colour::srgb_to_linear;
 use crate::mesh::error::{Fault, Parsed, quote};
@@ -253,7 +254,7 @@ impl<'a> Reader<'a> {
 
     /// Replaces the materials' names by what the libraries say of them.
     fn define_materials(&mut self) {
-        let (mut missing, mut colorless) = (Vec::new(), Vec::new());
+        let (mut missing, mut colorless, mut emissive) = (Vec::new(), Vec::new(), Vec::new());
         let mut placements = Vec::new();
         let named: HashMap<&str, &Definition> =
             self.library.iter().map(|defined| (without_comment(&defined.material.name), defined)).collect();
@@ -268,6 +269,12 @@ impl<'a> Reader<'a> {
                 Some(defined) => {
                     if !defined.has_color {
                         colorless.push(material.name.clone());
+                    }
+                    let rgb = &defined.material.base_color[..3];
+                    let is_plain =
+                        defined.material.base_color_texture.is_none() && (rgb == [0.0; 3] || rgb == [1.0; 3]);
+                    if let Some(elsewhere) = defined.elsewhere.filter(|_| is_plain) {
+                        emissive.push(format!("`{}` ({elsewhere})", material.name));
                     }
                     *material = defined.material.clone();
                     placements.pop();
@@ -286,6 +293,10 @@ impl<'a> Reader<'a> {
                 };
                 *uvs = uvs.map(place);
             }
+        }
+        if self.colors.is_empty() && !emissive.is_empty() {
+            let emissive = emissive.join(", ");
+            self.raw.lose_color(format!("colours that stand elsewhere than in Kd and map_Kd are not read: {emissive}"));
         }
         // Vertex colours stand in for what a material leaves open.
         if self.colors.is_empty() && !colorless.is_empty() {
@@ -306,14 +317,14 @@ impl<'a> Reader<'a> {
     /// Gives the vertices' colours to the corners.
     fn apply_colors(&mut self) -> Parsed<()> {
         self.sevens.settle(&mut self.colors);
-        let greatest = self.colors.iter().flatten().copied().fold(0.0, f32::max);
-        // Some writers give bytes.
-        let full = if greatest > 1.0 { 255.0 } else { 1.0 };
+        let full = full_value(self.colors.iter().flatten().copied());
         if self.colors.iter().flatten().all(|&c| c == full || c.is_nan()) {
             return Ok(());
         }
         let linear_of = |position: u32| match self.colors.get(position as usize) {
-            Some(rgb) if rgb.iter().all(|c| c.is_finite()) => Some(rgb.map(|c| srgb_to_linear(c.max(0.0) / full))),
+            Some(rgb) if rgb.iter().all(|c| c.is_finite()) => {
+                Some(rgb.map(|c| srgb_to_linear(c.clamp(0.0, full) / full)))
+            }
             _ => None,
         };
         if self.raw.materials.is_empty() {
@@ -353,6 +364,10 @@ impl<'a> Reader<'a> {
     fn resolve_corners(&mut self) -> Parsed<()> {
         let positions = self.raw.positions.len();
         let uvs = self.texture_coordinates.len();
+        if uvs == 0 {
+            // Writers that fill in indices all the same.
+            self.corner_uvs.fill([NO_UV; 3]);
+        }
         for ((triangle, uv), line) in self.raw.triangles.iter().zip(&self.corner_uvs).zip(&self.lines) {
             if let Some(i) = triangle.iter().find(|&&i| i as usize >= positions) {
                 let found = format!("position {}", u64::from(*i) + 1);

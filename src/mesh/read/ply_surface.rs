@@ -5,6 +5,7 @@
 
 use super::ply_header::{Kind, Property, Scalar};
 use super::raw::{RawMesh, WHITE, plain};
+use super::surface::full_value;
 use super::{Source, texture};
 use crate::colour::srgb_to_linear;
 use crate::mesh::error::{Fault, Parsed};
@@ -139,10 +140,9 @@ impl ColorProperties {
     }
 }
 
-/// Encoded colours to linear; floats beyond 1 are bytes written as floats.
+/// Encoded colours to linear.
 pub(super) fn linear_colors(colors: &mut [[f32; 3]]) {
-    let greatest = colors.iter().flatten().copied().fold(0.0, f32::max);
-    let full = if greatest > 1.0 { 255.0 } else { 1.0 };
+    let full = full_value(colors.iter().flatten().copied());
     for c in colors.iter_mut().flatten() {
         *c = if c.is_finite() { srgb_to_linear(c.clamp(0.0, full) / full) } else { 0.0 };
     }

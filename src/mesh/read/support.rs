@@ -54,13 +54,13 @@ pub(super) const ROWS: &[Row] = &[
         Fate::Read,
         &["v", "vt", "f", "fo", "usemtl", "mtllib", "#MRGB"],
         "keywords in any case; polygons, concave ones too; vertex colours (`v x y z r g b`, sRGB), which stand in \
-         for Kd where there is no map_Kd",
+         for Kd where there is no map_Kd; of whole numbers beyond 10 they are bytes, else cut at 1",
     ),
     row(
         "OBJ",
         Fate::Ignored,
         &["vn", "vp", "g", "o", "s", "l", "p"],
-        "homogeneous weights; vertex colours under a texture, with a warning",
+        "homogeneous weights; vertex colours under a texture, with a warning; indices of `vt` where there are none",
     ),
     row(
         "OBJ",
@@ -79,7 +79,7 @@ pub(super) const ROWS: &[Row] = &[
     row(
         "MTL",
         Fate::Ignored,
-        &["ka", "ks", "ke", "ns", "ni", "tf", "tr", "illum", "map_ka", "map_ks", "bump", "disp"],
+        &["ka", "ks", "ke", "ns", "ni", "tf", "tr", "illum", "map_ka", "map_ke", "map_ks", "bump", "disp"],
         "the other options of map_Kd",
     ),
     row("MTL", Fate::Warned, &["map_d"], "a Kd of black with map_Kd, which stays black"),
@@ -87,7 +87,8 @@ pub(super) const ROWS: &[Row] = &[
         "MTL",
         Fate::Lost,
         &["kd spectral", "kd xyz"],
-        "the options -mm and -t of map_Kd; materials with neither Kd nor map_Kd",
+        "the options -mm and -t of map_Kd; materials with neither Kd nor map_Kd; colours that stand in Ke, map_Ka or \
+         map_Ke alone",
     ),
     row(
         "glTF",
@@ -105,7 +106,8 @@ pub(super) const ROWS: &[Row] = &[
             "KHR_node_visibility",
             "KHR_texture_transform",
         ],
-        "the default scene's nodes; triangles, strips, fans; sparse accessors; base or diffuse colour, texture with \
+        "the default scene's nodes, the first one's where none is named, all where there are no scenes; triangles, \
+         strips, fans; sparse accessors; base or diffuse colour, texture with \
          its wrap modes, COLOR_0 (linear; multiplies); default morph weights; skins in the pose of their joints; \
          texels that a mask cuts out take the nearest one's colour, with a warning",
     ),
@@ -150,7 +152,8 @@ pub(super) const ROWS: &[Row] = &[
             "MSFT_packing_occlusionRoughnessMetallic",
             "MSFT_texture_dds",
         ],
-        "points, lines, cameras, animations, other textures; a texture in another codec counts as lost where no PNG \
+        "points, lines, cameras, animations, other textures; attributes that begin with `_`; a texture in another \
+         codec counts as lost where no PNG \
          or JPEG stands beside it",
     ),
     row(
@@ -158,13 +161,14 @@ pub(super) const ROWS: &[Row] = &[
         Fate::Warned,
         &["KHR_materials_variants"],
         "every extension in use that is not in this table; refused where required. Primitives without a material \
-         are white",
+         are white; other scenes are left out; rotations that are not of unit length are made so",
     ),
     row(
         "glTF",
         Fate::Lost,
         &["KHR_materials_cmnBlinnPhong", "KHR_materials_common", "KHR_techniques_webgl"],
-        "missing or unreadable images; a texture without TEXCOORD",
+        "missing or unreadable images; a texture without TEXCOORD; colours that only glow (emissive), and those of \
+         instances (`_COLOR_0`)",
     ),
     row(
         "glTF",
@@ -195,7 +199,7 @@ pub(super) const ROWS: &[Row] = &[
             "blue",
         ],
         "text, binary of both byte orders; x y z, u v (s t, `texture_u` `texture_v`); colours of vertices or faces, \
-         sRGB, where there is no texture; several textures",
+         sRGB, where there is no texture, in numbers as in OBJ; several textures",
     ),
     row("PLY", Fate::Ignored, &[], "other elements and properties; vertex colours under a texture, with a warning"),
     row(
@@ -227,23 +231,24 @@ pub(super) const ROWS: &[Row] = &[
     row(
         "3MF",
         Fate::Warned,
-        &["beamlattice", "slicestack"],
+        &["beamlattice", "slicestack", "volumedata"],
         "objects of type support, solidsupport, surface and other, items with `printable=\"0\"`, modifiers, support \
-         enforcers and blockers of PrusaSlicer, Bambu Studio, OrcaSlicer and Cura: left out",
+         enforcers and blockers of Slic3r, PrusaSlicer, Bambu Studio, OrcaSlicer and Cura: left out",
     ),
     row(
         "3MF",
         Fate::Lost,
         &["compositematerials", "multiproperties", "mmu_segmentation", "paint_color"],
-        "missing properties and textures; a tile style of none where the coordinates leave the texture. A file \
+        "missing properties and textures; colours of volumetric data; a tile style of none where the coordinates \
+         leave the texture. A file \
          without any colour has no base colour",
     ),
     row(
         "3MF",
         Fate::Refused,
         &["booleanshape", "levelset", "displacementmesh", "implicitfunction"],
-        "negative volumes; meshes that stand in for slices of higher resolution (`meshresolution=\"lowres\"`); \
-         required extensions other than those read",
+        "negative volumes; objects of slices (`slicestackid`, but for `meshresolution=\"fullres\"`); shapes bounded by \
+         volumetric data; parts of which there are two of one name; required extensions other than those read",
     ),
 ];
 

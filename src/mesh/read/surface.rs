@@ -5,6 +5,20 @@ use glam::Vec2;
 use super::raw::{RawMesh, WHITE};
 use crate::words::counted;
 
+/// Full value of encoded colours that are written as numbers of any kind: 255 where they are bytes, else 1. One value
+/// beyond 1 is rounding, or light; bytes are whole numbers well beyond, or, where averages were taken, mostly beyond.
+pub(super) fn full_value(values: impl Iterator<Item = f32>) -> f32 {
+    const SURELY_BYTES: f32 = 10.0;
+    let (mut greatest, mut all, mut beyond, mut whole) = (0.0f32, 0usize, 0usize, true);
+    for value in values.filter(|value| value.is_finite() && *value > 0.0) {
+        greatest = greatest.max(value);
+        all += 1;
+        beyond += usize::from(value > 1.0);
+        whole &= value.fract() == 0.0;
+    }
+    if greatest > SURELY_BYTES && (whole || 2 * beyond > all) { 255.0 } else { 1.0 }
+}
+
 /// Settles coordinates and colours once all triangles and materials are known.
 pub(super) fn settle(raw: &mut RawMesh) {
     if !raw.corner_colors.is_empty() {

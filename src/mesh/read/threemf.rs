@@ -9,8 +9,8 @@ use glam::{DMat4, Vec2};
 
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::threemf_model::{Instance, Model, Object, Properties, TextureResource, Triangle};
-use super::threemf_package::{Package, absolute};
-use super::threemf_parts::{Parts, Role};
+use super::threemf_package::Package;
+use super::threemf_parts::{MODIFIERS, Parts, Role};
 use super::{MAX_TRIANGLES, Source, texture};
 use crate::mesh::SurfaceMaterial;
 use crate::mesh::error::{Fault, Parsed, quote};
@@ -42,6 +42,9 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         instances: 0,
     };
     build.raw.warnings = models.values().flat_map(|model| model.warnings.clone()).collect();
+    for lost in models.values().filter_map(|model| model.lost) {
+        build.raw.lose_color(lost.to_owned());
+    }
     if models.values().any(|model| model.mm_per_unit != models[&root].mm_per_unit) {
         build.raw.warnings.push("parts differ in unit; the root model's counts".to_owned());
     }
@@ -84,7 +87,10 @@ struct Look {
 
 impl<'a> Build<'a> {
     fn place(&mut self, part: &str, instance: &Instance, parent: DMat4, depth: usize) -> Parsed<()> {
-        let part = instance.part.as_deref().map_or_else(|| part.to_owned(), absolute);
+        let part = match instance.part.as_deref() {
+            Some(named) => self.package.spelled(named),
+            None => part.to_owned(),
+        };
         let place = || format!("{part}, object {}", instance.object);
         self.instances += 1;
         if depth > MAX_DEPTH || self.instances > MAX_INSTANCES {
@@ -143,7 +149,9 @@ impl<'a> Build<'a> {
         for &p in &object.positions {
             self.raw.positions.push(finite(transform.transform_point3(p), place)?);
         }
-        let ranges = if part == self.root { self.parts.ranges(id).to_vec() } else { Vec::new() };
+        let mut ranges = if part == self.root { self.parts.ranges(id).to_vec() } else { Vec::new() };
+        let modifiers = object.modifiers.iter().map(|&(first, last)| (first, last, Role::Helper(MODIFIERS)));
+        ranges.extend(modifiers);
         for (first, last, role) in &ranges {
             match role {
                 Role::Printed => {}

@@ -1,7 +1,8 @@
 //! The XML of one 3MF model part (3MF core specification 1.3; materials and properties extension 1.2).
 //!
-//! Elements are told by their local names: the extensions read here reuse none of the core's. Attributes that must be
-//! there and are not, or are no numbers, are errors with their line.
+//! Elements are told by their local names: the extensions read here reuse none of the core's. Those of other namespaces
+//! may, and are not taken for them. Attributes that must be there and are not, or are no numbers, are errors with their
+//! line.
 
 use std::collections::BTreeMap;
 
@@ -9,6 +10,7 @@ use glam::{DMat4, DVec3, DVec4, Vec2};
 use quick_xml::Reader;
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::name::QName;
 
 use super::raw::{finite, plain};
 use super::support::{self, Fate};
@@ -26,6 +28,8 @@ pub(super) struct Model {
     pub(super) properties: BTreeMap<u32, Properties>,
     pub(super) textures: BTreeMap<u32, TextureResource>,
     pub(super) warnings: Vec<String>,
+    /// Colours that are given in ways not read, a sentence.
+    pub(super) lost: Option<&'static str>,
 }
 
 #[derive(Default)]
@@ -37,6 +41,8 @@ pub(super) struct Object {
     pub(super) left_out: Option<String>,
     /// What its shape is made of besides the mesh, which therefore cannot stand for it.
     pub(super) unread_shape: Option<&'static str>,
+    /// First and last triangle of parts that Slic3r takes for modifiers.
+    pub(super) modifiers: Vec<(u32, u32)>,
     /// The attribute that holds colours painted in a slicer.
     pub(super) painted: Option<&'static str>,
     /// Property group of triangles without their own, and its entry.
@@ -90,7 +96,8 @@ pub(super) struct TextureResource {
 pub(super) fn parse(part: &str, text: &str) -> Parsed<Model> {
     let mut reader = Reader::from_str(text);
     let model = Model { mm_per_unit: 1.0, ..Model::default() };
-    let mut builder = Builder { model, object: None, group: None, setting: None };
+    let mut builder =
+        Builder { model, object: None, group: None, setting: None, foreign: Vec::new(), is_bounded_by_volume: false };
     let mut start = 0;
     let mut is_model = false;
     loop {
@@ -103,7 +110,9 @@ pub(super) fn parse(part: &str, text: &str) -> Parsed<Model> {
                 is_model |= tag.local_name().as_ref() == "model";
                 builder.open(&Tag { tag: &tag, place: &|| at(start) })?;
             }
-            Ok(Event::End(tag)) if tag.local_name().as_ref() == "object" => builder.close_object(|| at(start))?,
+            Ok(Event::End(tag)) if tag.local_name().as_ref() == "object" && !builder.is_foreign(tag.name()) => {
+                builder.close_object(|| at(start))?;
+            }
             Ok(Event::End(_)) => builder.setting = None,
             Ok(Event::Text(text)) => builder.setting_is(&text),
             Ok(Event::Eof) => break,
@@ -218,6 +227,10 @@ struct Builder {
     group: Option<u32>,
     /// The slicer's setting of an object whose value follows.
     setting: Option<&'static str>,
+    /// Prefixes of namespaces that are not read.
+    foreign: Vec<String>,
+    /// Whether volumetric data of the resources bounds what refers to it.
+    is_bounded_by_volume: bool,
 }
 
 /// Attributes of triangles in which slicers keep colours that were painted.
@@ -235,7 +248,14 @@ const NOT_PRINTED: [&str; 4] = ["support", "solidsupport", "surface", "other"];
 const UNREAD_SHAPES: [&str; 4] = ["booleanshape", "levelset", "displacementmesh", "implicitfunction"];
 
 impl Builder {
+    fn is_foreign(&self, name: QName) -> bool {
+        name.prefix().is_some_and(|prefix| self.foreign.iter().any(|foreign| foreign == prefix.as_ref()))
+    }
+
     fn open(&mut self, tag: &Tag) -> Parsed<()> {
+        if self.is_foreign(tag.tag.name()) {
+            return self.open_foreign(tag);
+        }
         match tag.tag.local_name().as_ref() {
             "model" => self.model_tag(tag)?,
             "object" => self.open_object(tag)?,
@@ -262,6 +282,17 @@ impl Builder {
             "metadata" if self.object.is_some() => {
                 let name = tag.text("name")?.unwrap_or_default();
                 self.setting = CURA_HELPERS.into_iter().find(|helper| name == *helper);
+            }
+            // Of Cura up to 4.0.
+            "setting" if self.object.is_some() => {
+                let key = tag.text("key")?.unwrap_or_default();
+                self.setting = CURA_HELPERS.into_iter().find(|helper| helper.strip_prefix("cura:") == Some(&key));
+            }
+            "mesh" => {
+                let has_volume = tag.text("volumeid")?.is_some();
+                if let (true, true, Some((_, object))) = (has_volume, self.is_bounded_by_volume, &mut self.object) {
+                    object.unread_shape = Some("volumedata");
+                }
             }
             "basematerials" => self.open_group(tag, Properties::Materials(Vec::new()))?,
             "colorgroup" => self.open_group(tag, Properties::Colors(Vec::new()))?,
@@ -299,8 +330,33 @@ impl Builder {
             }
             "compositematerials" => self.open_group(tag, Properties::Unread("composite materials"))?,
             "multiproperties" => self.open_group(tag, Properties::Unread("multi-properties"))?,
+            _ => self.open_foreign(tag)?,
+        }
+        Ok(())
+    }
+
+    /// What extensions add that are not read.
+    fn open_foreign(&mut self, tag: &Tag) -> Parsed<()> {
+        match tag.tag.local_name().as_ref() {
             "beamlattice" => self.warn("beam lattices are not read, only the mesh beside them"),
             "slicestack" => self.warn("slice stacks are not read, only the mesh beside them"),
+            "boundary" => match &mut self.object {
+                Some((_, object)) => object.unread_shape = Some("volumedata"),
+                None => self.is_bounded_by_volume = true,
+            },
+            "volumedata" => self.warn("volumetric data is not read, only the mesh it belongs to"),
+            "color" | "composite" if self.is_foreign(tag.tag.name()) => {
+                self.model.lost = Some("colours of volumetric data are not read");
+            }
+            // Of Slic3r: first and last triangle.
+            "volume" => {
+                let is_modifier = tag.text("modifier")?.as_deref() == Some("1");
+                let (first, last) = (tag.optional("ts")?, tag.optional("te")?);
+                if let (true, Some(first), Some(last), Some((_, object))) = (is_modifier, first, last, &mut self.object)
+                {
+                    object.modifiers.push((first, last));
+                }
+            }
             // Shapes by boolean operations, implicit functions and the like, which a mesh at most stands in for.
             other => {
                 let unread = UNREAD_SHAPES.into_iter().find(|shape| *shape == other);
@@ -332,6 +388,13 @@ impl Builder {
                 return tag.fault(found, "micron, millimeter, centimeter, inch, foot or meter");
             }
         };
+        for attribute in tag.tag.attributes().with_checks(false).flatten() {
+            let Some(prefix) = attribute.key.as_ref().strip_prefix("xmlns:") else { continue };
+            let namespace = tag.text_of_namespace(prefix)?.unwrap_or_default();
+            if support::fate("3MF", &namespace) != Some(Fate::Read) {
+                self.foreign.push(prefix.to_owned());
+            }
+        }
         for prefix in tag.text("requiredextensions")?.unwrap_or_default().split_whitespace() {
             let namespace = tag.text_of_namespace(prefix)?.unwrap_or_default();
             if support::fate("3MF", &namespace) != Some(Fate::Read) {
@@ -351,8 +414,13 @@ impl Builder {
         let property = group.zip(tag.optional("pindex")?);
         let kind = tag.text("type")?.unwrap_or_default();
         let left_out = NOT_PRINTED.contains(&kind.as_str()).then(|| format!("objects of type `{kind}`"));
-        let is_stand_in = tag.text("meshresolution")?.as_deref() == Some("lowres");
-        let unread_shape = is_stand_in.then_some("slices of higher resolution");
+        let resolution = tag.text("meshresolution")?;
+        let unread_shape = match (resolution.as_deref(), tag.text("slicestackid")?) {
+            (Some("lowres"), _) => Some("slices of higher resolution"),
+            // By the specification the mesh would count; in files it is no more than the box around the slices.
+            (None, Some(_)) => Some("slices (slicestackid)"),
+            _ => None,
+        };
         let object = Object { left_out, unread_shape, group, property, ..Object::default() };
         self.object = Some((tag.number("id")?, object));
         Ok(())

@@ -2,7 +2,7 @@
 //!
 //! Part names are told apart without case; a target may be relative, and escape characters with `%`.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::{Cursor, Read};
 
 use quick_xml::events::Event;
@@ -23,23 +23,35 @@ pub(super) struct Package<'a> {
     zip: ZipArchive<Cursor<&'a [u8]>>,
     /// Entries by the name that all spellings share.
     entries: HashMap<String, usize>,
+    /// Names that several entries have.
+    doubled: HashSet<String>,
+    /// Names by which parts were first referred to, by the name that all spellings share.
+    spellings: HashMap<String, String>,
 }
 
 impl<'a> Package<'a> {
     pub(super) fn open(bytes: &'a [u8]) -> Parsed<Self> {
         match ZipArchive::new(Cursor::new(bytes)) {
             Ok(zip) => {
-                let mut entries = HashMap::new();
+                let (mut entries, mut doubled) = (HashMap::new(), HashSet::new());
                 for i in 0..zip.len() {
                     // An entry whose name cannot be read is none that anything refers to.
-                    if let Some(Ok(name)) = zip.name_for_index(i) {
-                        entries.insert(key(&name), i);
+                    if let Some(Ok(name)) = zip.name_for_index(i)
+                        && !name.ends_with('/')
+                        && entries.insert(key(&name), i).is_some()
+                    {
+                        doubled.insert(key(&name));
                     }
                 }
-                Ok(Self { zip, entries })
+                Ok(Self { zip, entries, doubled, spellings: HashMap::new() })
             }
             Err(error) => Err(Fault::new("the package", one_line(error), "a zip archive")),
         }
+    }
+
+    /// A part's name from the root, in the spelling that was first seen.
+    pub(super) fn spelled(&mut self, part: &str) -> String {
+        self.spellings.entry(key(part)).or_insert_with(|| absolute(part)).clone()
     }
 
     fn has(&self, name: &str) -> bool {
@@ -52,6 +64,9 @@ impl<'a> Package<'a> {
         let Some(&index) = self.entries.get(&key(name)) else {
             return Err(Fault::new(place(), "specified file not found in archive", "that part"));
         };
+        if self.doubled.contains(&key(name)) {
+            return Err(Fault::new(place(), "two entries of that name", "names used once, whatever their case"));
+        }
         let file = self.zip.by_index(index).map_err(|error| Fault::new(place(), one_line(error), "that part"))?;
         let mut bytes = Vec::new();
         file.take(MAX_PART_BYTES + 1)
@@ -86,7 +101,7 @@ impl<'a> Package<'a> {
     /// The model that the package's relationships name as its start, or the customary one.
     pub(super) fn root_part(&mut self) -> Parsed<String> {
         const CUSTOMARY: &str = "/3D/3dmodel.model";
-        let Ok(rels) = self.xml("_rels/.rels") else { return Ok(CUSTOMARY.to_owned()) };
+        let Ok(rels) = self.xml("_rels/.rels") else { return Ok(self.spelled(CUSTOMARY)) };
         let mut reader = quick_xml::Reader::from_str(&rels);
         loop {
             match reader.read_event() {
@@ -94,10 +109,10 @@ impl<'a> Package<'a> {
                     let is_model = attribute(&tag, "Type").is_some_and(|kind| kind.ends_with("/3dmodel"));
                     let is_inside = attribute(&tag, "TargetMode").is_none_or(|mode| mode != "External");
                     if let Some(target) = attribute(&tag, "Target").filter(|_| is_model && is_inside) {
-                        return Ok(absolute(&target));
+                        return Ok(self.spelled(&target));
                     }
                 }
-                Ok(Event::Eof) => return Ok(CUSTOMARY.to_owned()),
+                Ok(Event::Eof) => return Ok(self.spelled(CUSTOMARY)),
                 Ok(_) => {}
                 Err(error) => return Err(Fault::new("_rels/.rels", one_line(error), "well-formed XML")),
             }
@@ -115,7 +130,8 @@ impl<'a> Package<'a> {
             let model = threemf_model::parse(&name, &self.xml(&name)?)?;
             let items = model.items.iter().map(|item| &item.instance);
             let instances = items.chain(model.objects.values().flat_map(|object| &object.components));
-            wanted.extend(instances.filter_map(|instance| instance.part.as_deref()).map(absolute));
+            let parts = instances.filter_map(|instance| instance.part.as_deref());
+            wanted.extend(parts.map(|part| self.spelled(part)));
             models.insert(name, model);
         }
         Ok(models)
@@ -130,7 +146,7 @@ impl<'a> Package<'a> {
 }
 
 /// A part's name from the root, `.` and `..` resolved.
-pub(super) fn absolute(part: &str) -> String {
+fn absolute(part: &str) -> String {
     let mut folders = Vec::new();
     for step in part.split(['/', '\\']).filter(|step| !step.is_empty() && *step != ".") {
         if step == ".." {

@@ -15,6 +15,9 @@ use crate::words::one_line;
 pub(super) const RANGES_PART: &str = "/Metadata/Slic3r_PE_model.config";
 pub(super) const COMPONENTS_PART: &str = "/Metadata/model_settings.config";
 
+/// What changes how others are printed.
+pub(super) const MODIFIERS: &str = "modifier volumes";
+
 /// What a part of an object is for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Role {
@@ -30,7 +33,7 @@ impl Role {
     fn named(name: &str) -> Self {
         match name {
             "ModelPart" | "normal_part" => Self::Printed,
-            "ParameterModifier" | "modifier_part" => Self::Helper("modifier volumes"),
+            "ParameterModifier" | "modifier_part" => Self::Helper(MODIFIERS),
             "SupportEnforcer" | "support_enforcer" => Self::Helper("support enforcers"),
             "SupportBlocker" | "support_blocker" => Self::Helper("support blockers"),
             other => Self::Unread(other.to_owned()),

@@ -14,13 +14,10 @@ use super::{
     shape::Shape,
 };
 use crate::{
-    numeric::least_squares::{dot, gradient},
+    numeric::least_squares::{damped_inverse, dot, gradient},
     search::{
         SearchOptions,
-        refine::{
-            fit::{Residuals, damped_inverse},
-            polytope::Polytope,
-        },
+        refine::{fit::Residuals, polytope::Polytope},
     },
 };
 

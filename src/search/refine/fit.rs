@@ -1,10 +1,7 @@
 //! Thicknesses of one sequence of resins: Levenberg and Marquardt's method with linear constraints.
 
 use super::polytope::Polytope;
-use crate::numeric::{
-    least_squares::{Budget, Descent, curvature, dot, gradient},
-    positive_definite,
-};
+use crate::numeric::least_squares::{Budget, Descent, damped_inverse, dot, gradient};
 
 /// Residuals √w (R̂ − R̂_t) and their slopes per mm, layer after layer.
 pub(in crate::search) struct Residuals {
@@ -27,8 +24,6 @@ pub(in crate::search) struct Fit {
 
 /// Damping is a share of H's diagonal.
 const DESCENT: Descent = Descent { first_damping: 1e-3, most_damping: 1e6, least_gain: 1e-3 };
-/// Share of the mean curvature that a layer without any gets, so that H can be inverted.
-const FLOOR: f64 = 1e-9;
 
 /// Lowers the objective from `mm`, brought within the constraints first, by at most `steps` evaluations. `None` where
 /// nothing keeps the constraints.
@@ -63,15 +58,6 @@ impl Residuals {
         let inverse = damped_inverse(&self.per_mm, 0.0)?;
         Some(mm.iter().enumerate().map(|(i, h)| h * h / inverse[i][i]).collect())
     }
-}
-
-/// (JᵀJ + damping · diag)⁻¹; `None` where the layers' effects cannot be told apart.
-pub(in crate::search) fn damped_inverse(per_mm: &[Vec<f64>], damping: f64) -> Option<Vec<Vec<f64>>> {
-    let n = per_mm.len();
-    let mut matrix = curvature(per_mm);
-    let mean = (0..n).map(|i| matrix[i][i]).sum::<f64>() / n as f64;
-    (0..n).for_each(|i| matrix[i][i] += damping * matrix[i][i] + FLOOR * mean);
-    positive_definite::inverse(matrix)
 }
 
 #[cfg(test)]

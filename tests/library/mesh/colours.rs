@@ -694,3 +694,85 @@ fn a_mean_free_path_has_the_size_of_its_mesh() {
     let smaller = Placement { size: Size::Scale(-0.04), ..Placement::default() };
     is(place(loaded.mesh, &smaller).unwrap().0.materials[0].mean_free_path_mm, 0.04);
 }
+
+/// One value a little beyond 1 is rounding, or light; it turns no fractions into bytes.
+#[test]
+fn values_beyond_1_do_not_make_bytes_of_fractions() {
+    let named = "property float red\nproperty float green\nproperty float blue\n";
+    for beyond in ["1.000001", "1.5", "3", "10"] {
+        // Seven corners red, one red beyond its full value.
+        let behind =
+            |i: usize| if i == 6 { format!("{beyond} 0.156863 0.156863") } else { "1 0.156863 0.156863".into() };
+        let expected = [([255, 40, 40], 1.0)];
+        assert_shares(&read(&[("a.obj", obj("", behind, None)), ("a.mtl", Vec::new())]), &expected);
+        let none = ("", &(|_| String::new()) as &dyn Fn(usize) -> String);
+        assert_shares(&read(&[("a.ply", ply("", (named, &behind), none))]), &expected);
+    }
+    for bytes in ["200 40 40", "200.5 40.25 40", "200 1 0"] {
+        let loaded = read(&[("a.obj", obj("", |_| bytes.to_owned(), None)), ("a.mtl", Vec::new())]);
+        let (red, share) = shares(&loaded).into_iter().next().unwrap();
+        assert!((200..202).contains(&red[0]) && red[1] < 41 && share > 0.99, "{red:?}");
+    }
+}
+
+/// A colour that stands where none is read is said to be lost; a shade of what has a colour of its own is not.
+#[test]
+fn colours_in_other_places_are_said_to_be_lost() {
+    for (mtl, part) in [
+        ("Kd 0 0 0\nKe 1 0 0", "`m` (Ke)"),
+        ("Kd 0 0 0\nmap_Ke half.png", "`m` (map_Ke)"),
+        ("Kd 1 1 1\nKa 1 0 0\nmap_Ka half.png", "`m` (map_Ka)"),
+        ("Kd 0.5 0.2 0.2\nKe 1 0 0\nmap_Ka half.png", ""),
+        ("Kd 1 1 1\nmap_Kd half.png\nmap_Ke half.png", ""),
+        ("Kd 0 0 0\nKe 0 0 0", ""),
+    ] {
+        let loaded = plain_obj(&format!("newmtl m\n{mtl}\n"), Some(WHOLE));
+        assert!(
+            lost(&loaded).contains(part) && lost(&loaded).is_empty() == part.is_empty(),
+            "{mtl}: {}",
+            lost(&loaded)
+        );
+    }
+    let glow = |base: Value, factor: [f64; 3], textured: bool| {
+        let mut gltf = Gltf::new([0.0, 1.0]);
+        gltf.image(&halves());
+        gltf.json["materials"][0]["pbrMetallicRoughness"] = base;
+        gltf.json["materials"][0]["emissiveFactor"] = json!(factor);
+        if textured {
+            gltf.json["materials"][0]["emissiveTexture"] = json!({"index": 0});
+        }
+        lost(&gltf.read()).to_owned()
+    };
+    let black = json!({"baseColorFactor": [0, 0, 0, 1]});
+    for (base, factor, textured, is_lost) in [
+        (black.clone(), [1.0; 3], true, true),
+        (json!({}), [1.0; 3], true, true),
+        (black.clone(), [1.0, 0.0, 0.0], false, true),
+        (json!({}), [1.0; 3], false, false),
+        (black, [0.0; 3], true, false),
+        (json!({"baseColorFactor": [0.5, 0, 0, 1]}), [1.0; 3], true, false),
+        (json!({"baseColorTexture": {"index": 0}}), [1.0; 3], true, false),
+    ] {
+        let lost = glow(base.clone(), factor, textured);
+        assert_eq!(
+            lost.contains("what glows") && lost.contains("`m`"),
+            is_lost,
+            "{base} {factor:?} {textured}: {lost}"
+        );
+    }
+    let mut gltf = Gltf::new([0.0, 1.0]);
+    let colors = gltf.floats("VEC3", &[1.0, 0.0, 0.0]);
+    gltf.json["nodes"][0]["extensions"] =
+        json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": colors, "_COLOR_0": colors}}});
+    assert!(lost(&gltf.read()).contains("_COLOR_0"));
+}
+
+#[test]
+fn colours_of_volumes_are_said_to_be_lost() {
+    let loaded = threemf(
+        "<v:volumedata xmlns:v='http://schemas.microsoft.com/3dmanufacturing/volumetric/2022/01' id='9'/>",
+        "",
+        "",
+    );
+    assert!(said(&loaded, "volumetric data"), "{:?}", loaded.warnings);
+}

@@ -197,3 +197,13 @@ fn threemf_parts_in_any_case_and_utf_16() {
     }
     assert_eq!(read("a.3mf", threemf_of(&model, &writers::png(&sample()))).warnings.len(), 0);
 }
+
+#[test]
+fn texture_coordinates_that_are_named_and_nowhere_given() {
+    let named = CUBE.lines().map(|line| match line.strip_prefix("f ") {
+        Some(corners) => format!("f {}\n", corners.split(' ').map(|i| format!("{i}/1/1 ")).collect::<String>()),
+        None => format!("{line}\n"),
+    });
+    let loaded = read("a.obj", named.collect::<String>());
+    assert!((volume(loaded.clone()) - 1.0).abs() < 1e-12 && loaded.mesh.uvs.is_empty());
+}

@@ -7,6 +7,7 @@ mod colours;
 mod encodings;
 mod formats;
 mod fuzz;
+mod joints;
 mod painted;
 mod placing;
 mod printed;

@@ -79,3 +79,39 @@ fn senseless_parameters_are_refused_by_name() {
     let flat = mesh_of(&[[DVec3::ZERO, DVec3::X, DVec3::Y]]);
     assert!(place(flat, &Placement { size: Size::HeightMm(5.0), ..normal }).is_err());
 }
+
+/// What closing drops counts for nothing: neither for the size nor for the position.
+#[test]
+fn what_is_dropped_is_not_measured() {
+    let cube = box_triangles(DVec3::splat(20.0), DVec3::splat(24.0));
+    let [a, b, c, d] = [[-6.0, 0.0, 0.0], [-6.0, 4.0, 0.0], [-6.0, 4.0, 50.0], [-6.0, 0.0, 50.0]].map(DVec3::from);
+    let flat = box_triangles(DVec3::ZERO, DVec3::new(0.0, 4.0, 70.0));
+    let strays = [
+        ("a point", vec![[DVec3::ZERO; 3]]),
+        ("a sliver", vec![[DVec3::ZERO, 1e-9 * DVec3::X, 1e-9 * DVec3::Y]]),
+        ("a needle", vec![[DVec3::ZERO, DVec3::Z * 90.0, DVec3::Z * 40.0]]),
+        ("a sheet", vec![[a, b, c], [a, c, d]]),
+        ("a flat shell", flat),
+    ];
+    for (name, stray) in strays {
+        for (size, expected) in [(Size::Scale(1.0), 4.0), (Size::Scale(-1.0), 4.0), (Size::HeightMm(8.0), 8.0)] {
+            let position_mm = DVec3::new(1.0, 2.0, 0.0);
+            let placement = Placement { size, position_mm, ..Placement::default() };
+            let before = mesh_of(&[cube.clone(), stray.clone()].concat());
+            let corner = if size == Size::Scale(-1.0) { DVec3::splat(24.0) } else { DVec3::splat(20.0) };
+            let (placed, matrix) = place(before, &placement).unwrap();
+            let mut solid = close(placed).unwrap();
+            let matrix = solid.settle(&placement) * matrix;
+            let (low, high) = bounds(&solid.mesh.positions);
+            assert!((low - position_mm).length() < 1e-9, "{name} {size:?}: {low}");
+            assert!((high - low - DVec3::splat(expected)).length() < 1e-9, "{name} {size:?}: {low} {high}");
+            assert!((matrix.transform_point3(corner) - position_mm).length() < 1e-9, "{name} {size:?}");
+            assert!((solid.health.volume_mm3 / expected.powi(3) - 1.0).abs() < 1e-9, "{name} {size:?}");
+            assert!((solid.health.area_mm2 / (6.0 * expected * expected) - 1.0).abs() < 1e-9, "{name} {size:?}");
+            assert!(solid.outline().flatten().all(|p| p.cmpge(low - 1e-9).all() && p.cmple(high + 1e-9).all()));
+        }
+    }
+    // A sound mesh is not touched.
+    let mut solid = close(mesh_of(&cube)).unwrap();
+    assert_eq!(solid.settle(&Placement::default()), glam::DMat4::IDENTITY);
+}

@@ -370,3 +370,185 @@ fn shapes_that_are_not_meshes_are_refused_by_name() {
     let message = threemf(slices, &object, "<item objectid='1'/>", &[]).unwrap_err().to_string();
     assert!(message.contains("required extension `s`"), "{message}");
 }
+
+#[test]
+fn shapes_by_slices_and_volumes_are_refused() {
+    let cube = box_xml(&[(0.0, 2.0)]);
+    let volume = "xmlns:v='http://schemas.microsoft.com/3dmanufacturing/volumetric/2022/01'";
+    let slices = "xmlns:s='http://schemas.microsoft.com/3dmanufacturing/slice/2015/07'";
+    let stack = "<s:slicestack id='9' zbottom='0'><s:slice ztop='2'><s:vertices><s:vertex x='0' y='0'/></s:vertices>\
+                 </s:slice></s:slicestack>";
+    let bounded = cube.replace("</mesh>", "<v:volumedata><v:boundary functionid='3'/></v:volumedata></mesh>");
+    for (attributes, resources, part) in [
+        (slices, format!("{stack}<object id='1' s:slicestackid='9'>{cube}</object>"), "slicestackid"),
+        (volume, format!("<object id='1'>{bounded}</object>"), "volumedata"),
+        (
+            volume,
+            format!(
+                "<v:volumedata id='9'><v:boundary functionid='3'/></v:volumedata><object id='1'>{}</object>",
+                cube.replace("<mesh>", "<mesh volumeid='9'>")
+            ),
+            "volumedata",
+        ),
+    ] {
+        let message = threemf(attributes, &resources, "<item objectid='1'/>", &[]).unwrap_err().to_string();
+        assert!(message.contains(part) && message.contains("object 1"), "{message}");
+    }
+    // Where the mesh is said to be as fine as the slices it counts.
+    let fine = format!("{stack}<object id='1' s:slicestackid='9' s:meshresolution='fullres'>{cube}</object>");
+    let loaded = threemf(slices, &fine, "<item objectid='1'/>", &[]).unwrap();
+    assert!(near(solid(&loaded).0, 8.0) && said(&loaded, "slice stacks"));
+}
+
+#[test]
+fn helpers_of_older_slicers() {
+    let slic3r = "xmlns:slic3r='http://schemas.slic3r.org/3mf/2017/06'";
+    let both = box_xml(&[(0.0, 2.0), (5.0, 2.0)]);
+    let with = |last: &str| {
+        let volumes = format!(
+            "<slic3r:volumes><slic3r:volume ts='0' te='11' modifier='0'/><slic3r:volume ts='12' te='23' \
+             modifier='{last}'/></slic3r:volumes></mesh>"
+        );
+        let object = format!(
+            "<object id='1'><slic3r:object type='fill_density' config='20%'/>{}</object>",
+            both.replace("</mesh>", &volumes)
+        );
+        threemf(slic3r, &object, "<item objectid='1'/>", &[]).unwrap()
+    };
+    assert!(near(solid(&with("1")).0, 8.0) && said(&with("1"), "modifier"));
+    assert!(near(solid(&with("0")).0, 16.0) && with("0").warnings.iter().all(|said| !said.contains("modifier")));
+    let cura = |key: &str, value: &str| {
+        let resources = format!(
+            "<object id='1'>{}</object><object id='2'><cura:settings><setting key='{key}'>{value}</setting>\
+             </cura:settings>{}</object>",
+            box_xml(&[(0.0, 2.0)]),
+            box_xml(&[(5.0, 2.0)])
+        );
+        let cura = "xmlns:cura='http://software.ultimaker.com/xml/cura/3mf/2015/10'";
+        solid(&threemf(cura, &resources, "<item objectid='1'/><item objectid='2'/>", &[]).unwrap()).0
+    };
+    for key in ["support_mesh", "anti_overhang_mesh", "infill_mesh", "cutting_mesh"] {
+        assert!(near(cura(key, "True"), 8.0) && near(cura(key, "False"), 16.0), "{key}");
+    }
+    assert!(near(cura("wall_line_count", "True"), 16.0));
+}
+
+/// Roles hold however the root's name is spelled.
+#[test]
+fn a_root_in_another_case_is_the_root() {
+    for (target, path) in [
+        ("/3d/3DModel.Model", "/3D/3dmodel.model"),
+        ("/3D/3dmodel.model", "/3D/3DModel.MODEL"),
+        ("3D/3dmodel.model", ""),
+    ] {
+        let path = if path.is_empty() { String::new() } else { format!("p:path='{path}'") };
+        let model = format!(
+            "<model><resources><object id='1'>{}</object><object id='2'>{}</object><object id='3'><components><component \
+             objectid='1'/><component objectid='2'/></components></object></resources><build><item objectid='3' {path}/>\
+             </build></model>",
+            box_xml(&[(0.0, 2.0)]),
+            box_xml(&[(5.0, 2.0)])
+        );
+        let config = "<config><object id='3'><part id='1' subtype='normal_part'/><part id='2' \
+                      subtype='modifier_part'/></object></config>";
+        let parts = [
+            ("_rels/.rels", rels(target).into_bytes()),
+            ("3D/3dmodel.model", model.into_bytes()),
+            ("Metadata/model_settings.config", config.as_bytes().to_vec()),
+        ];
+        let loaded = try_read("a.3mf", threemf_parts(&parts)).unwrap();
+        assert!(near(solid(&loaded).0, 8.0), "{target} {path}");
+    }
+}
+
+#[test]
+fn a_name_used_twice_is_refused() {
+    let model = |side: f64| {
+        format!(
+            "<model><resources><object id='1'>{}</object></resources><build><item objectid='1'/></build></model>",
+            box_xml(&[(0.0, side)])
+        )
+        .into_bytes()
+    };
+    let parts = [
+        ("_rels/.rels", rels("/3D/3dmodel.model").into_bytes()),
+        ("3D/3dmodel.model", model(2.0)),
+        ("3D/3DMODEL.model", model(3.0)),
+    ];
+    let message = try_read("a.3mf", threemf_parts(&parts)).unwrap_err().to_string();
+    assert!(message.contains("two entries of that name"), "{message}");
+}
+
+#[test]
+fn rotations_that_are_no_unit_quaternions_turn_and_do_not_scale() {
+    for (rotation, is_off) in [
+        (json!([0, 0, 1, 1]), true),
+        (json!([0, 0, 0, 0]), true),
+        (json!([0, 0, 0.2, 0.2]), true),
+        (json!([0, 0, 0.707_106_77, 0.707_106_77]), false),
+    ] {
+        let loaded = read_gltf(|json, _| json["nodes"][0]["rotation"] = rotation.clone());
+        assert!(near(solid(&loaded).0, 1e9), "{rotation}: {}", solid(&loaded).0);
+        assert_eq!(said(&loaded, "not of unit length"), is_off, "{rotation}: {:?}", loaded.warnings);
+    }
+}
+
+#[test]
+fn nodes_without_scenes_and_other_scenes() {
+    let two = |json: &mut Value| {
+        json["nodes"] = json!([{"mesh": 0, "scale": [2, 2, 2]}, {"mesh": 0, "translation": [5, 0, 0]}]);
+    };
+    let loaded = read_gltf(|json, _| {
+        two(json);
+        let root = json.as_object_mut().unwrap();
+        root.remove("scene");
+        root.remove("scenes");
+    });
+    assert!(near(solid(&loaded).0, 9e9), "{}", solid(&loaded).0);
+    let loaded = read_gltf(|json, _| {
+        two(json);
+        json["scenes"] = json!([{"nodes": [0]}, {"nodes": [1]}]);
+    });
+    assert!(near(solid(&loaded).0, 8e9) && said(&loaded, "1 scene besides"), "{:?}", loaded.warnings);
+}
+
+#[test]
+fn what_says_nothing_of_a_shape_does_not_refuse_it() {
+    for name in ["_BATCHID", "_FEATURE_ID_0", "_foo"] {
+        let loaded = read_gltf(|json, add| {
+            let values = add(json, "VEC2", &[1.0; 72]);
+            json["meshes"][0]["primitives"][0]["attributes"][name] = values.into();
+        });
+        assert!(near(solid(&loaded).0, 1e9) && !said(&loaded, name), "{name}: {:?}", loaded.warnings);
+    }
+    let loaded = read_gltf(|json, _| {
+        json["animations"] = json!([{"channels": [{"sampler": 0, "target": {"path": "pointer", "extensions":
+            {"KHR_animation_pointer": {"pointer": "/nodes/0/scale"}}}}], "samplers": [{"input": 0, "output": 0}]}]);
+        json["accessors"][0].as_object_mut().unwrap().remove("min");
+    });
+    assert!(near(solid(&loaded).0, 1e9));
+    let loaded = read_gltf(|json, add| {
+        let ids = add(json, "VEC2", &[0.0; 4]);
+        json["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": {"attributes": {"_ID": ids}}});
+    });
+    assert_eq!(loaded.mesh.triangles.len(), 24);
+    // What is wrong besides is still said.
+    let bytes = gltf(|json, _| {
+        json["meshes"][0]["primitives"][0]["attributes"] = json!({"POSITION": 0, "_ID": 0, "FOO": 0});
+    });
+    assert!(try_read("a.glb", bytes).unwrap_err().to_string().contains("semantic"));
+}
+
+/// A JSON chunk that its writer did not pad, or padded with zeros.
+#[test]
+fn chunks_that_are_not_padded() {
+    let bytes = gltf(|_, _| ());
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let (json, rest) = (&bytes[20..20 + length], &bytes[20 + length..]);
+    let json = json.trim_ascii_end();
+    for padding in [&b""[..], b" ", b"  ", b"   ", b"\0", b"\0\0\0"] {
+        let length = (json.len() + padding.len()) as u32;
+        let bytes = [&bytes[..12], &length.to_le_bytes(), b"JSON", json, padding, rest].concat();
+        assert!(near(solid(&try_read("a.glb", bytes).unwrap()).0, 1e9), "{padding:?}");
+    }
+}

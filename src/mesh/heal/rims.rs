@@ -1,0 +1,160 @@
+//! Shells whose rims run along each other: the wall of a hole and the plate around it, a boss and what it stands on,
+//! drawn by a program that splits the curve between them differently for each. Each alone is open and may face either
+//! way; together they are one body. What their caps enclose cancels out, for two caps lie on each other face to face,
+//! but for the hairline between the rims.
+
+use glam::DVec3;
+use obvhs::BvhBuildParams;
+use obvhs::bvh2::builder::build_bvh2;
+
+use super::TriangleMesh;
+use super::boundary::Hole;
+use super::nesting::Shells;
+use super::union::outer_box;
+use crate::{disjoint_sets::DisjointSets, mesh::bounds};
+
+/// Rims this far apart, in diagonals of the box around the shorter one, may be one curve. A circle of eight chords
+/// leaves one of sixteen by 0.027.
+const HAIRLINE: f64 = 0.03;
+/// Rims as near as this, in the same measure, are on each other.
+const MEETING: f64 = 1e-5;
+/// Share of a rim that another has to run along.
+const COVERED: f64 = 0.9;
+/// Cosine of the angle between edges that run against each other.
+const AGAINST: f64 = -0.5;
+
+/// Bodies: shells by the rims that they have in common.
+pub(super) struct Bodies {
+    /// Body of every shell: the lowest of its shells.
+    pub(super) of_shell: Vec<u32>,
+    /// How far rims of a body's shells miss each other at most; 0 for a shell alone.
+    pub(super) miss: Vec<f64>,
+    /// How many shells each has.
+    sizes: Vec<usize>,
+    /// For every shell: whether each of its rims meets others that run along it.
+    pub(super) is_met: Vec<bool>,
+}
+
+impl Bodies {
+    /// Every shell a body of its own, but for those that holes connect.
+    pub(super) fn new(mesh: &TriangleMesh, shells: &Shells, holes: &[Hole]) -> Self {
+        let mut sets = DisjointSets::new(shells.len());
+        let mut misses = Vec::new();
+        let mut unmet = vec![0usize; shells.len()];
+        holes.iter().for_each(|hole| unmet[hole.shell as usize] += 1);
+        for Neighbour { shell, others, miss, meets } in neighbours(&mesh.positions, holes) {
+            others.iter().for_each(|&other| sets.join(shell, other));
+            misses.push((shell, miss));
+            unmet[shell as usize] -= usize::from(meets);
+        }
+        let of_shell: Vec<u32> = (0..shells.len() as u32).map(|shell| sets.root(shell)).collect();
+        let mut miss = vec![0.0; shells.len()];
+        for (shell, far) in misses {
+            let body = &mut miss[of_shell[shell as usize] as usize];
+            *body = far.max(*body);
+        }
+        let mut sizes = vec![0; shells.len()];
+        of_shell.iter().for_each(|&body| sizes[body as usize] += 1);
+        let is_met = (0..shells.len()).map(|s| sizes[of_shell[s] as usize] > 1 && unmet[s] == 0).collect();
+        Self { of_shell, miss, sizes, is_met }
+    }
+
+    /// How many shells have rims in common with others.
+    pub(super) fn joint(&self) -> usize {
+        (0..self.of_shell.len()).filter(|&shell| self.is_joint(shell)).count()
+    }
+
+    /// Whether a shell has a rim in common with others.
+    pub(super) fn is_joint(&self, shell: usize) -> bool {
+        self.sizes[self.of_shell[shell] as usize] > 1
+    }
+
+    /// For every shell: whether its rim runs along that of another, and both together hold more than the gap between
+    /// them does.
+    pub(super) fn hold(&self, shells: &Shells) -> Vec<bool> {
+        let mut sums = vec![(0.0, 0.0); shells.len()];
+        for (shell, &body) in shells.all.iter().zip(&self.of_shell) {
+            let (volume, area) = &mut sums[body as usize];
+            (*volume, *area) = (*volume + shell.volume, *area + shell.area);
+        }
+        let holds = |&body: &u32| {
+            let (volume, area): (f64, f64) = sums[body as usize];
+            self.sizes[body as usize] > 1 && volume.abs() > self.miss[body as usize] * area
+        };
+        self.of_shell.iter().map(holds).collect()
+    }
+}
+
+/// An edge of a rim, as its cap runs along it.
+struct Segment {
+    hole: usize,
+    ends: [DVec3; 2],
+}
+
+/// What runs along a hole's rim.
+struct Neighbour {
+    shell: u32,
+    /// Shells of the rims along it.
+    others: Vec<u32>,
+    /// How far they are apart at most.
+    miss: f64,
+    /// Whether they are on each other somewhere, as lines are that stand for one curve.
+    meets: bool,
+}
+
+/// All holes whose rims others run along.
+fn neighbours(positions: &[DVec3], holes: &[Hole]) -> Vec<Neighbour> {
+    if holes.iter().all(|hole| hole.shell == holes[0].shell) {
+        return Vec::new();
+    }
+    let rim = |hole: &Hole| hole.vertices.iter().map(|&v| positions[v as usize]).collect::<Vec<_>>();
+    let mut segments = Vec::new();
+    for (h, hole) in holes.iter().enumerate() {
+        let rim = rim(hole);
+        segments.extend((0..rim.len()).map(|i| Segment { hole: h, ends: [rim[i], rim[(i + 1) % rim.len()]] }));
+    }
+    let boxes: Vec<_> = segments.iter().map(|Segment { ends: [a, b], .. }| outer_box(&[*a, *b, *b], 0.0)).collect();
+    let bvh = build_bvh2(&boxes, BvhBuildParams::very_fast_build(), &mut Default::default());
+    let mut found = Vec::new();
+    let mut of_hole = segments.chunk_by(|a, b| a.hole == b.hole);
+    for hole in holes {
+        let own = of_hole.next().unwrap_or_default();
+        let (low, high) = bounds(&rim(hole));
+        let far = HAIRLINE * (high - low).length();
+        let (mut others, mut covered, mut miss, mut least) = (Vec::new(), 0, 0.0f64, f64::INFINITY);
+        let samples = own.iter().flat_map(|Segment { ends: [a, b], .. }| [(*a, *b - *a), (0.5 * (*a + *b), *b - *a)]);
+        for (p, along) in samples {
+            let mut nearest = (far, None);
+            bvh.aabb_traverse(outer_box(&[p; 3], far), |bvh, node| {
+                let node = &bvh.nodes[node as usize];
+                let leaf = node.first_index as usize..(node.first_index + node.prim_count) as usize;
+                for &other in &bvh.primitive_indices[leaf] {
+                    let Segment { hole: of, ends: [a, b] } = &segments[other as usize];
+                    let (shell, way) = (holes[*of].shell, *b - *a);
+                    let is_against = way.dot(along) <= AGAINST * way.length() * along.length();
+                    if shell == hole.shell || !is_against || way == DVec3::ZERO {
+                        continue;
+                    }
+                    let at = ((p - *a).dot(way) / way.length_squared()).clamp(0.0, 1.0);
+                    let distance = p.distance(*a + at * way);
+                    if (distance, Some(shell)) < nearest || nearest.1.is_none() && distance <= nearest.0 {
+                        nearest = (distance, Some(shell));
+                    }
+                }
+                true
+            });
+            if let (distance, Some(shell)) = nearest {
+                covered += 1;
+                others.push(shell);
+                (miss, least) = (miss.max(distance), least.min(distance));
+            }
+        }
+        if covered as f64 >= COVERED * (2 * own.len()) as f64 {
+            others.sort_unstable();
+            others.dedup();
+            let meets = least <= MEETING * (high - low).length();
+            found.push(Neighbour { shell: hole.shell, others, miss, meets });
+        }
+    }
+    found
+}

@@ -1,0 +1,113 @@
+//! Whether an open patch sits on a body: its rim in or on it, and some of it outside.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::nesting::solid_angle;
+use crate::mesh::bounds;
+
+/// Corners of a patch that are asked, of its rim and of all of it.
+const SAMPLES: usize = 24;
+/// Solid angles that all patches together may compute: about a second on two cores.
+const BUDGET: usize = 50_000_000;
+/// A rim lies on a body at this distance, in diagonals of the box around it.
+const TOUCH: f64 = 5e-3;
+
+/// The closed surface of bodies.
+pub(super) struct Ground {
+    surface: Vec<[DVec3; 3]>,
+    spent: usize,
+}
+
+impl Ground {
+    pub(super) fn new(surface: Vec<[DVec3; 3]>) -> Self {
+        Self { surface, spent: 0 }
+    }
+
+    /// Adds a closed body.
+    pub(super) fn add(&mut self, body: impl Iterator<Item = [DVec3; 3]>, is_inwards: bool) {
+        self.surface.extend(body.map(|[a, b, c]| if is_inwards { [a, c, b] } else { [a, b, c] }));
+    }
+
+    /// Whether all of a rim lies in or on the bodies, and some corner of the patch is outside.
+    pub(super) fn holds(&mut self, rim: &[DVec3], corners: &[DVec3]) -> bool {
+        let (low, high) = bounds(rim);
+        let touch = TOUCH * (high - low).length();
+        let (ground_low, ground_high) = bounds(self.surface.as_flattened());
+        let near = low.cmpge(ground_low - touch).all() && high.cmple(ground_high + touch).all();
+        if rim.is_empty() || !near {
+            return false;
+        }
+        self.spent += 2 * SAMPLES * self.surface.len();
+        if self.spent > BUDGET {
+            return false;
+        }
+        let place = |p: &DVec3| self.place(*p, touch);
+        let is_outside = |p: &DVec3| place(p) == Place::Outside;
+        !some_of(rim).any(|p| is_outside(p)) && some_of(corners).any(|p| is_outside(p))
+    }
+
+    fn place(&self, p: DVec3, touch: f64) -> Place {
+        const CHUNK: usize = 1 << 14;
+        let chunk = |chunk: &[[DVec3; 3]]| {
+            let near = chunk.iter().any(|&t| distance_squared(t, p) <= touch * touch);
+            (near, chunk.iter().map(|&t| solid_angle(t, p)).sum::<f64>())
+        };
+        let parts: Vec<(bool, f64)> = self.surface.par_chunks(CHUNK).map(chunk).collect();
+        if parts.iter().any(|(near, _)| *near) {
+            return Place::On;
+        }
+        let winding = parts.iter().map(|(_, angle)| angle).sum::<f64>() / (4.0 * std::f64::consts::PI);
+        if winding.abs() > 0.5 { Place::Inside } else { Place::Outside }
+    }
+}
+
+#[derive(PartialEq, Eq)]
+enum Place {
+    Inside,
+    On,
+    Outside,
+}
+
+/// Up to [`SAMPLES`] of them, evenly spread.
+fn some_of(points: &[DVec3]) -> impl Iterator<Item = &DVec3> {
+    let count = points.len().min(SAMPLES);
+    (0..count).map(move |i| &points[i * points.len() / count])
+}
+
+/// Squared distance of a point from a triangle (Ericson, *Real-Time Collision Detection*, 2005, section 5.1.5).
+fn distance_squared([a, b, c]: [DVec3; 3], p: DVec3) -> f64 {
+    let (ab, ac, normal) = (b - a, c - a, (b - a).cross(c - a));
+    let area = normal.length_squared();
+    if area > 0.0 {
+        let v = normal.dot((p - a).cross(ac)) / area;
+        let w = normal.dot(ab.cross(p - a)) / area;
+        if v >= 0.0 && w >= 0.0 && v + w <= 1.0 {
+            return (p - a).dot(normal).powi(2) / area;
+        }
+    }
+    let to_edge = |from: DVec3, to: DVec3| {
+        let along = to - from;
+        let at = ((p - from).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        p.distance_squared(from + at * along)
+    };
+    to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_to_face_edge_and_corner() {
+        let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        for (p, expected) in [
+            (DVec3::new(0.25, 0.25, 3.0), 9.0),
+            (DVec3::new(0.5, -2.0, 0.0), 4.0),
+            (DVec3::new(1.0, 1.0, 0.0), 0.5),
+            (DVec3::new(3.0, 0.0, 0.0), 4.0),
+        ] {
+            assert!((distance_squared(triangle, p) - expected).abs() < 1e-12, "{p}");
+        }
+    }
+}

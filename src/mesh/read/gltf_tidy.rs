@@ -1,0 +1,36 @@
+//! Documents that the gltf crate refuses for what says nothing of a shape: application-specific attributes, which begin
+//! with `_` (glTF 2.0, section 3.7.2.1), animations of targets that extensions bring, accessors whose bounds are missing.
+
+use std::collections::HashSet;
+
+use serde_json::{Map, Value};
+
+/// The document without them; `None` where it has none, or is no JSON.
+pub(super) fn tidied(json: &[u8]) -> Option<Value> {
+    let mut document: Value = serde_json::from_slice(json).ok()?;
+    let root = document.as_object_mut()?;
+    let mut changed = root.remove("animations").is_some();
+    let mut positions = HashSet::new();
+    for primitive in items(root, "meshes").flat_map(|mesh| items(mesh, "primitives")) {
+        let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) else { continue };
+        let before = attributes.len();
+        attributes.retain(|name, _| !name.starts_with('_'));
+        changed |= attributes.len() < before;
+        positions.extend(attributes.get("POSITION").and_then(Value::as_u64));
+    }
+    // Nothing here is measured by them.
+    for (_, accessor) in (0..).zip(items(root, "accessors")).filter(|(i, _)| positions.contains(i)) {
+        for bound in ["min", "max"] {
+            if !accessor.contains_key(bound) {
+                accessor.insert(bound.to_owned(), Value::from(vec![0.0; 3]));
+                changed = true;
+            }
+        }
+    }
+    changed.then_some(document)
+}
+
+/// Objects of a list.
+fn items<'a>(of: &'a mut Map<String, Value>, name: &str) -> impl Iterator<Item = &'a mut Map<String, Value>> {
+    of.get_mut(name).and_then(Value::as_array_mut).into_iter().flatten().filter_map(Value::as_object_mut)
+}
