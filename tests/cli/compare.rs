@@ -154,20 +154,23 @@ fn a_dataset_and_two_jobs_are_compared() {
 fn objects_are_compared_with_their_job() {
     let bench = uniform();
     let with = |more: &[&'static str]| {
-        let common = ["--job", "job.toml", "--map", "factored", "--size", "48", "--samples", "32", "--view", "-60,60"];
+        let common = ["--job", "job.toml", "--map", "factored", "--size", "48", "--samples", "32", "--view", "-60,90"];
         [&["compare"], more, &common].concat()
     };
     let found = bench.run(with(&["-o", "sheet", "--json"])).exits(0).json();
     assert_eq!(found["lights"], serde_json::json!(["sky", "edge", "behind", "spot"]));
-    assert_eq!(found["view_deg"], serde_json::json!([-60.0, 60.0]));
+    assert_eq!(found["view_deg"], serde_json::json!([-60.0, 90.0]));
     let names: Vec<_> = found["stages"].as_array().unwrap().iter().map(|stage| &stage["name"]).collect();
     assert_eq!(names, ["clustered", "predicted", "printed"]);
-    // Seen from above under a sky most of what shows is the flat top, which prints as it was predicted, and what was
-    // predicted is spread over the mesh as what was asked for is.
+    // Seen from straight above all that shows is the top. Under the sky it is somewhat darker than predicted of a slab
+    // without end: 4 × 2 mm lose light by their sides, which show the core. Under the edge it is bright and dark where it
+    // should be.
     let printed = &stage(&found, "printed")["against"][0];
     assert_eq!(printed[0], "predicted");
-    let [bias, rms, noise] = ["bias", "rms", "noise"].map(|key| printed[1][0][key].as_f64().unwrap());
-    assert!(bias.abs() < 0.05 && rms < 0.1 && noise > 0.0, "{printed}");
+    let [sky, edge] = [&printed[1][0], &printed[1][1]];
+    let [bias, rms, noise] = ["bias", "rms", "noise"].map(|key| sky[key].as_f64().unwrap());
+    assert!((-0.15..0.0).contains(&bias) && rms < 0.15 && noise > 0.0, "{printed}");
+    assert!(edge["correlation"].as_f64().unwrap() > 0.9, "{printed}");
     let files: Vec<_> = bench.files("sheet").into_keys().collect();
     assert!(!files.contains(&"edge.png".to_owned()) && files.contains(&"sheet.html".to_owned()), "{files:?}");
     let places = fs::read_to_string(bench.path("sheet/places.csv")).unwrap();

@@ -1,8 +1,9 @@
-//! A map wrapped on an object of any shape: what its print shows, beside what the map's profiles show on the same surface.
+//! A map wrapped on an object of any shape: what its print shows, beside what the map's profiles show on the same
+//! surface.
 //!
-//! Pictures are a camera's, under the four lamps of a look. What lies on the surface is spread by equation 7 over the mesh
-//! ([`crate::job::look`]); what is printed goes through the voxels by the walker of every look. The 4D data and the profiles
-//! of single texels know a flat patch only and are left out.
+//! Pictures are a camera's, under the four lamps of a look. What lies on the surface is spread by equation 7 over the
+//! mesh ([`crate::job::look`]); what is printed goes through the voxels by the walker of every look. The 4D data and the
+//! profiles of single texels know a flat patch only and are left out.
 
 use std::path::Path;
 
@@ -106,6 +107,9 @@ fn promised(prepared: &Prepared) -> Result<Vec<Vec<Vec<Vec<f64>>>>, CompareError
     prepared.objects.iter().map(of_object).collect()
 }
 
+/// Mean and variance of every pixel.
+type Image = (Vec<f32>, Vec<f32>);
+
 /// Clustered, predicted and printed; pixels without a surface are 0 and do not count.
 fn stages(light: &ObjectLight, channels: usize) -> (Stage, Stage, Stage) {
     let shown: Vec<bool> = light.surface.iter().map(Option::is_some).collect();
@@ -115,8 +119,8 @@ fn stages(light: &ObjectLight, channels: usize) -> (Stage, Stage, Stage) {
         };
         (0..channels).map(|channel| (0..LAMPS).map(|lamp| value(channel, lamp)).collect()).collect()
     };
-    let counted = |of: &dyn Fn(&(Vec<f32>, Vec<f32>)) -> Vec<f32>| -> Vec<Vec<Vec<f32>>> {
-        let masked = |image: &(Vec<f32>, Vec<f32>)| {
+    let counted = |of: &dyn Fn(&Image) -> Vec<f32>| -> Vec<Vec<Vec<f32>>> {
+        let masked = |image: &Image| {
             of(image).iter().zip(&shown).map(|(value, shown)| if *shown { *value } else { 0.0 }).collect()
         };
         light.printed.iter().map(|lamps| lamps.iter().map(masked).collect()).collect()
