@@ -44,7 +44,7 @@ impl Ground {
         }
         let place = |p: &DVec3| self.place(*p, touch);
         let is_outside = |p: &DVec3| place(p) == Place::Outside;
-        !some_of(rim).any(|p| is_outside(p)) && some_of(corners).any(|p| is_outside(p))
+        !some_of(rim).any(&is_outside) && some_of(corners).any(is_outside)
     }
 
     fn place(&self, p: DVec3, touch: f64) -> Place {

@@ -123,9 +123,9 @@ pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, r
                 }
             }
             (keyword @ ("ke" | "map_ka" | "map_ke"), Some(definition)) if known => {
-                if keyword != "ke" || color(rest).is_some_and(|rgb| rgb != [0.0; 3]) {
-                    definition.elsewhere = ELSEWHERE.into_iter().find(|known| known.eq_ignore_ascii_case(keyword));
-                }
+                let shows = keyword != "ke" || color(rest).is_some_and(|rgb| rgb != [0.0; 3]);
+                let found = || ELSEWHERE.into_iter().find(|known| known.eq_ignore_ascii_case(keyword));
+                definition.elsewhere = if shows { found() } else { definition.elsewhere };
             }
             (keyword, Some(Definition { material, .. }))
                 if known && support::fate("MTL", keyword) == Some(Fate::Warned) =>
