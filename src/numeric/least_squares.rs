@@ -86,39 +86,6 @@ pub(crate) fn gradient(slopes: &[Vec<f64>], residuals: &[f64]) -> Vec<f64> {
     slopes.iter().map(|slope| dot(slope, residuals)).collect()
 }
 
-/// Share of the mean curvature that a parameter without any gets, so that the curvature can be inverted.
-const FLOOR: f64 = 1e-9;
-
-/// (JᵀJ + damping · diag)⁻¹ by Gauss and Jordan's elimination with pivots on the diagonal: the matrix is positive
-/// definite. `None` where it is not.
-pub(crate) fn damped_inverse(slopes: &[Vec<f64>], damping: f64) -> Option<Vec<Vec<f64>>> {
-    let n = slopes.len();
-    let mut matrix = curvature(slopes);
-    let mean = (0..n).map(|i| matrix[i][i]).sum::<f64>() / n as f64;
-    let mut inverse: Vec<Vec<f64>> = vec![vec![0.0; n]; n];
-    for i in 0..n {
-        matrix[i][i] += damping * matrix[i][i] + FLOOR * mean;
-        inverse[i][i] = 1.0;
-    }
-    for column in 0..n {
-        let pivot = matrix[column][column];
-        if !(pivot.is_finite() && pivot > 0.0) {
-            return None;
-        }
-        for values in [&mut matrix[column], &mut inverse[column]] {
-            values.iter_mut().for_each(|value| *value /= pivot);
-        }
-        let (pivot_row, inverse_row) = (matrix[column].clone(), inverse[column].clone());
-        for row in (0..n).filter(|&row| row != column) {
-            let factor = matrix[row][column];
-            for (values, pivots) in [(&mut matrix[row], &pivot_row), (&mut inverse[row], &inverse_row)] {
-                values.iter_mut().zip(pivots).for_each(|(value, pivot)| *value -= factor * pivot);
-            }
-        }
-    }
-    Some(inverse)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -166,18 +133,5 @@ mod tests {
         let stays = DESCENT.run(Budget::Steps(5), 1.0, |x: &f64| *x, |_| (), |x, (), _| Some(x + 1.0));
         assert_eq!(stays, 1.0);
         assert_eq!(DESCENT.run(Budget::Steps(5), 1.0, |x: &f64| *x, |_| (), |_, (), _| None), 1.0);
-    }
-
-    #[test]
-    fn an_inverse_is_one() {
-        let slopes = [vec![1.0, 2.0, 0.5], vec![-0.3, 0.7, 1.0], vec![0.2, 0.0, -2.0]];
-        let (matrix, inverse) = (curvature(&slopes), damped_inverse(&slopes, 0.0).unwrap());
-        for (i, row) in matrix.iter().enumerate() {
-            for j in 0..3 {
-                let product: f64 = (0..3).map(|k| row[k] * inverse[k][j]).sum();
-                assert!((product - f64::from(u8::from(i == j))).abs() < 1e-6, "{i}, {j}: {product}");
-            }
-        }
-        assert!(damped_inverse(&[vec![0.0], vec![f64::NAN]], 0.0).is_none());
     }
 }

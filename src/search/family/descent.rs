@@ -6,8 +6,11 @@
 //! which leads back.
 
 use crate::{
-    numeric::least_squares::{curvature, damped_inverse, dot, gradient},
-    search::refine::{fit::Residuals, polytope::Polytope},
+    numeric::least_squares::{curvature, dot, gradient},
+    search::refine::{
+        fit::{Residuals, damped_inverse},
+        polytope::Polytope,
+    },
 };
 
 /// Where a descent ended.

@@ -14,10 +14,13 @@ use super::{
     shape::Shape,
 };
 use crate::{
-    numeric::least_squares::{damped_inverse, dot, gradient},
+    numeric::least_squares::{dot, gradient},
     search::{
         SearchOptions,
-        refine::{fit::Residuals, polytope::Polytope},
+        refine::{
+            fit::{Residuals, damped_inverse},
+            polytope::Polytope,
+        },
     },
 };
 

@@ -1,7 +1,7 @@
 //! Thicknesses of one sequence of resins: Levenberg and Marquardt's method with linear constraints.
 
 use super::polytope::Polytope;
-use crate::numeric::least_squares::{Budget, Descent, damped_inverse, dot, gradient};
+use crate::numeric::least_squares::{Budget, Descent, curvature, dot, gradient};
 
 /// Residuals √w (R̂ − R̂_t) and their slopes per mm, layer after layer.
 pub(in crate::search) struct Residuals {
@@ -24,6 +24,8 @@ pub(in crate::search) struct Fit {
 
 /// Damping is a share of H's diagonal.
 const DESCENT: Descent = Descent { first_damping: 1e-3, most_damping: 1e6, least_gain: 1e-3 };
+/// Share of the mean curvature that a layer without any gets, so that H can be inverted.
+const FLOOR: f64 = 1e-9;
 
 /// Lowers the objective from `mm`, brought within the constraints first, by at most `steps` evaluations. `None` where
 /// nothing keeps the constraints.
@@ -58,6 +60,36 @@ impl Residuals {
         let inverse = damped_inverse(&self.per_mm, 0.0)?;
         Some(mm.iter().enumerate().map(|(i, h)| h * h / inverse[i][i]).collect())
     }
+}
+
+/// (JᵀJ + damping · diag)⁻¹ by Gauss and Jordan's elimination with pivots on the diagonal: the matrix is positive
+/// definite.
+pub(in crate::search) fn damped_inverse(per_mm: &[Vec<f64>], damping: f64) -> Option<Vec<Vec<f64>>> {
+    let n = per_mm.len();
+    let mut matrix = curvature(per_mm);
+    let mean = (0..n).map(|i| matrix[i][i]).sum::<f64>() / n as f64;
+    let mut inverse: Vec<Vec<f64>> = vec![vec![0.0; n]; n];
+    for i in 0..n {
+        matrix[i][i] += damping * matrix[i][i] + FLOOR * mean;
+        inverse[i][i] = 1.0;
+    }
+    for column in 0..n {
+        let pivot = matrix[column][column];
+        if !(pivot.is_finite() && pivot > 0.0) {
+            return None;
+        }
+        for values in [&mut matrix[column], &mut inverse[column]] {
+            values.iter_mut().for_each(|value| *value /= pivot);
+        }
+        let (pivot_row, inverse_row) = (matrix[column].clone(), inverse[column].clone());
+        for row in (0..n).filter(|&row| row != column) {
+            let factor = matrix[row][column];
+            for (values, pivots) in [(&mut matrix[row], &pivot_row), (&mut inverse[row], &inverse_row)] {
+                values.iter_mut().zip(pivots).for_each(|(value, pivot)| *value -= factor * pivot);
+            }
+        }
+    }
+    Some(inverse)
 }
 
 #[cfg(test)]
