@@ -37,7 +37,7 @@ pub use cache::SearchCache;
 pub use family::{Family, FamilyAnswer, PartTarget};
 pub use gamut::{Boundary, ChannelGamut, Gamut, GamutMap, GamutPoint, Move, Side, place_of};
 pub use matcher::{Found, Judge, Judged, MatchOptions, Matcher};
-pub(crate) use objective::{BLACK_RMS, ColourError};
+pub(crate) use objective::BLACK_RMS;
 pub use objective::{Norm, Objective};
 pub use options::{Match, SearchError, SearchOptions, SearchTarget};
 pub use refine::{RefineOptions, Refined};

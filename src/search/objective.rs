@@ -71,11 +71,6 @@ pub(crate) struct ColourError {
 const STEP: f64 = 1e-5;
 
 impl ColourError {
-    /// Of an albedo of its own, in units of CIEDE2000.
-    pub fn of(asked: [f64; 3]) -> Self {
-        Self { asked, root: 1.0 }
-    }
-
     /// Three residuals of an albedo, the sum of whose squares is its part of the objective.
     pub fn residuals(&self, albedo: [f64; 3]) -> [f64; 3] {
         difference_parts(lab(self.asked), lab(albedo)).map(|part| self.root * part)

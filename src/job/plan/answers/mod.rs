@@ -7,11 +7,11 @@
 //! comes back is what the whole, symmetric plate reflects and lets through. Where the layers are thicker than H they are
 //! squeezed into it first, so that each still counts.
 //!
-//! Where a job allows mixtures, the top layer takes in more or less of the other resins too. All of these numbers move as
-//! little as makes up for what is missing ([`nearest`]): thicknesses relative to what they are, shares in units of
-//! [`SHARE`].
+//! Where a job allows mixtures, the top layer takes in more or less of the other resins too. All of these numbers move by
+//! the least change that makes up for what is missing, in each channel, by Newton's rule with differences for slopes:
+//! thicknesses relative to what they are, shares in units of [`SHARE`].
 
-mod nearest;
+mod newton;
 #[cfg(test)]
 mod tests;
 
@@ -21,9 +21,9 @@ use super::context::TargetContext;
 use crate::{
     job::RunError,
     optics::{
-        Base as Bottom, Grains, LayeredReflection, Mixed, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients,
+        Base as Bottom, Grains, LayeredReflection, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients,
     },
-    search::{Norm, ResinLimit, SearchTarget},
+    search::{ResinLimit, SearchTarget},
     watch::{Stopped, Watch},
 };
 
@@ -60,8 +60,6 @@ pub(in crate::job) struct Answers {
     min_layer_mm: f64,
     /// Resins that the top layer may take in.
     inks: Vec<ResinId>,
-    /// Whether three channels are a colour, and errors of their albedos those of that.
-    colour: bool,
 }
 
 /// Transport in stacks of one order of layers, by channel.
@@ -96,8 +94,6 @@ const LONGEST: f64 = 0.7;
 const MOST_SHARES: f64 = 3.0;
 /// A share of the top layer that matters as much as its thickness once over.
 const SHARE: f64 = 0.05;
-/// Step of derivatives in shares.
-const STEP: f64 = 1e-5;
 /// Most of the top layer that may be other than what it mostly is.
 const MIXED: f64 = 0.8;
 /// Part of a thin place that squeezed layers take.
@@ -128,7 +124,6 @@ impl Answers {
             core: context.core()?,
             min_layer_mm: context.job.layer_options(context.object).min_layer_mm,
             inks: if context.may_mix() { context.printed_resins() } else { Vec::new() },
-            colour: materials.channels.len() == 3 && context.job.stacking.objective.norm == Norm::Natural,
         };
         for (stacking, target) in found.iter().zip(targets) {
             let layers: Vec<_> = stacking.pairs().map(|(mixture, mm)| (mixture.clone(), mm)).collect();
@@ -224,7 +219,7 @@ impl Answers {
             let mut from = first.clone();
             let mut slopes = None;
             for n in order {
-                let (numbers, answer) = self.nearest(base, half, &from, &run[n].ln_factor, &mut slopes);
+                let (numbers, answer) = self.solve(base, half, &from, &run[n].ln_factor, &mut slopes);
                 answers[n] = Some(answer);
                 if n == middle {
                     first = numbers.clone();
@@ -275,39 +270,25 @@ impl Answers {
 
     /// Albedo per channel of layers over the core, or cut off at half the thickness of a part over its mirror image.
     fn albedo(&self, base: &Base, numbers: &[f64], half: Option<f64>) -> Vec<f64> {
-        let (models, mm) = (&self.models[base.model].of(half), base.cut(numbers, half));
+        let model = &self.models[base.model];
+        let mut mm: Vec<f64> = numbers[..base.layers.len()].to_vec();
+        if let Some(half) = half {
+            let mut left = half;
+            for mm in &mut mm {
+                *mm = mm.min(left);
+                left -= *mm;
+            }
+            mm.push(left);
+        } else if mm.is_empty() {
+            mm.push(0.0);
+        }
         let top = base.top.is_some().then(|| base.mixtures(numbers).next()).flatten();
+        let models = if half.is_some() { &model.thin } else { &model.thick };
         let in_channel = |(model, volumes): (&LayeredReflection, &Vec<VolumeCoefficients>)| {
             let mixed: Vec<_> = top.iter().map(|mixture| mixed_volume(self.grains, mixture, volumes)).collect();
             model.reflection(&mm, &mixed)[0]
         };
         models.iter().zip(&self.volumes).map(in_channel).collect()
-    }
-
-    /// By what the albedo changes with every number, in its unit: channel, number.
-    fn albedo_slopes(&self, base: &Base, numbers: &[f64], half: Option<f64>) -> Vec<Vec<f64>> {
-        let (models, mm) = (&self.models[base.model].of(half), base.cut(numbers, half));
-        // In a thin part what grows takes room from the last layer that there is.
-        let last = half.and_then(|_| mm.iter().rposition(|mm| *mm > 0.0));
-        let in_channel = |(model, volumes): (&LayeredReflection, &Vec<VolumeCoefficients>)| {
-            let mixed: Vec<Mixed> = base.mixed(numbers, volumes, self.grains).into_iter().collect();
-            let slope = model.slope(&mm, &mixed);
-            let of_layer = |layer: usize| {
-                let room = last.map_or(0.0, |last| slope.per_mm[last][0]);
-                let within = last.is_none_or(|last| layer < last);
-                if within { numbers[layer] * (slope.per_mm[layer][0] - room) } else { 0.0 }
-            };
-            let along = slope.along.iter().flatten().map(|along| SHARE * along[0]);
-            (0..base.layers.len()).map(of_layer).chain(along).collect()
-        };
-        models.iter().zip(&self.volumes).map(in_channel).collect()
-    }
-}
-
-impl Model {
-    /// Per channel, of a part of half thickness `half`.
-    fn of(&self, half: Option<f64>) -> &[LayeredReflection] {
-        if half.is_some() { &self.thin } else { &self.thick }
     }
 }
 
@@ -341,52 +322,6 @@ impl Base {
             .into_iter()
             .chain(self.top.is_none().then(|| self.layers.first().map(|layer| layer.0.clone())).flatten());
         first.chain(self.layers.iter().skip(1).map(|layer| layer.0.clone()))
-    }
-
-    /// Thicknesses of the layers as a model takes them, mm: of a part of half thickness `half` as far as they fit, with what
-    /// they leave to the core.
-    fn cut(&self, numbers: &[f64], half: Option<f64>) -> Vec<f64> {
-        let mut mm: Vec<f64> = numbers[..self.layers.len()].to_vec();
-        if let Some(half) = half {
-            let mut left = half;
-            for mm in &mut mm {
-                *mm = mm.min(left);
-                left -= *mm;
-            }
-            mm.push(left);
-        } else if mm.is_empty() {
-            mm.push(0.0);
-        }
-        mm
-    }
-
-    /// The top layer in one channel where it may be mixed, with the changes that each share makes.
-    fn mixed(&self, numbers: &[f64], volumes: &[VolumeCoefficients], grains: Grains) -> Option<Mixed> {
-        let (carrier, others) = self.top.as_ref()?;
-        let shares = &numbers[self.layers.len()..];
-        let with = |more: Option<usize>, by: f64| {
-            let parts = others.iter().zip(shares).enumerate();
-            let parts = parts.map(|(n, (resin, share))| (*resin, share + if more == Some(n) { by } else { 0.0 }));
-            let parts: Vec<(ResinId, f64)> = parts.collect();
-            let rest = 1.0 - parts.iter().map(|part| part.1).sum::<f64>();
-            let there = parts.into_iter().chain([(*carrier, rest)]).filter(|part| part.1 != 0.0);
-            grains.mixed(&there.map(|(resin, share)| (volumes[resin.0], share)).collect::<Vec<_>>())
-        };
-        let tangent = |n: usize| {
-            let [more, less] = [STEP, -STEP].map(|by| with(Some(n), by));
-            let slope = |more: f64, less: f64| (more - less) / (2.0 * STEP);
-            [slope(more.sigma_s, less.sigma_s), slope(more.sigma_a, less.sigma_a), slope(more.g, less.g)]
-        };
-        Some(Mixed { tangents: (0..others.len()).map(tangent).collect(), volume: with(None, 0.0) })
-    }
-
-    /// How far numbers are from others, in their units.
-    fn apart<'a>(&'a self, numbers: &'a [f64], others: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        numbers.iter().zip(others).enumerate().map(|(n, (number, other))| match n < self.layers.len() {
-            true if *number > 0.0 && *other > 0.0 => libm::log(number / other),
-            true => 0.0,
-            false => (number - other) / SHARE,
-        })
     }
 
     /// Moves a number by `step`: a thickness by a factor, a share by so many of its unit.

@@ -1,14 +1,12 @@
 //! Answers keep what they promise, by the whole model.
 
-use super::*;
+use super::{newton::CLOSE, *};
 use crate::{
     optics::{FrequencyGrid, Light, MaterialSet, Transport},
     watch::Unwatched,
 };
 
 const WHITE: ResinId = ResinId(0);
-/// Errors of ln albedo that are met.
-const CLOSE: f64 = 0.004;
 
 /// White over support over black, or grey over support over white, that asks for what it has.
 fn answers(set: &MaterialSet, layers: &[(Mixture, f64)], mixes: bool) -> Answers {
@@ -21,7 +19,6 @@ fn answers(set: &MaterialSet, layers: &[(Mixture, f64)], mixes: bool) -> Answers
         limits: Vec::new(),
         core: set.resin("black").unwrap().0,
         min_layer_mm: 0.03,
-        colour: set.channels.len() == 3,
         inks: if mixes { set.ids().filter(|id| !set[*id].print_as_background).collect() } else { Vec::new() },
     };
     let top = answers.top(layers);

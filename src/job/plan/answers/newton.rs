@@ -1,0 +1,130 @@
+//! Newton's rule: the numbers of a stacking that make its albedo what is asked for.
+
+use super::{Answer, Answers, BLACK, Base};
+use crate::{
+    numeric::{positive_definite, rounding::rounded},
+    optics::{Mixture, Stack},
+};
+
+/// Slopes are taken anew where a step leaves more than this of the square of what was missing.
+const STALE: f64 = 0.25;
+/// Newton's steps, and the error of ln albedo that ends them.
+const STEPS: usize = 12;
+pub(super) const CLOSE: f64 = 0.004;
+/// Change of ln thickness, or of shares in their unit, that slopes are taken over.
+const DIFFERENCE: f64 = 0.04;
+/// Against slopes so flat that a step would be without end.
+const DAMPING: f64 = 1e-4;
+
+impl Answers {
+    /// The numbers that make the albedo what a factor asks for, from `start` on; `slopes` are those of an answer nearby,
+    /// and then of this one.
+    pub(super) fn solve(
+        &self,
+        base: &Base,
+        half: Option<f64>,
+        start: &[f64],
+        ln_factor: &[f64],
+        slopes: &mut Option<Vec<Vec<f64>>>,
+    ) -> (Vec<f64>, Answer) {
+        // A flat slab without a factor is what was found; a thin part is asked for what the target is.
+        let from = if half.is_some() { &base.asked } else { &base.promised };
+        let goal: Vec<f64> =
+            from.iter().zip(ln_factor).map(|(albedo, ln)| albedo.max(BLACK) * libm::exp(*ln)).collect();
+        let missing = |albedo: &[f64]| -> Vec<f64> {
+            goal.iter().zip(albedo).map(|(goal, albedo)| libm::log(goal / albedo.max(BLACK))).collect()
+        };
+        let size = |missing: &[f64]| missing.iter().map(|ln| ln * ln).sum::<f64>();
+        let mut numbers = start.to_vec();
+        let mut albedo = self.albedo(base, &numbers, half);
+        let mut off = missing(&albedo);
+        for _ in 0..STEPS {
+            if off.iter().all(|ln| ln.abs() < CLOSE) {
+                break;
+            }
+            let (known, fresh) = match slopes.take() {
+                Some(known) => (known, false),
+                None => (self.slopes(base, half, &numbers, &albedo), true),
+            };
+            match self.stepped(base, half, (&numbers, &off, &known), &missing, &size) {
+                Some(better) => {
+                    *slopes = (size(&better.2) < STALE * size(&off)).then_some(known);
+                    (numbers, albedo, off) = better;
+                }
+                None if fresh => break,
+                None => {}
+            }
+        }
+        numbers.iter_mut().chain(&mut albedo).for_each(|value| *value = rounded(*value));
+        off = missing(&albedo);
+        let layers = numbers.iter().zip(base.mixtures(&numbers)).map(|(mm, mixture)| (mixture, *mm));
+        let stacking = Stack::new(layers).over(Mixture::from(self.core));
+        (numbers, Answer { stacking, albedo, short: off })
+    }
+
+    /// What ln albedo changes by with every number, in its unit.
+    fn slopes(&self, base: &Base, half: Option<f64>, numbers: &[f64], albedo: &[f64]) -> Vec<Vec<f64>> {
+        let of = |n: usize| {
+            let mut moved = numbers.to_vec();
+            base.shift(&mut moved, n, DIFFERENCE);
+            let moved = self.albedo(base, &moved, half);
+            let slope = |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
+            moved.iter().zip(albedo).map(slope).collect()
+        };
+        (0..numbers.len()).map(of).collect()
+    }
+
+    /// A step of Newton's rule that misses less than `here`: numbers, by how much they miss, and slopes; `None` where
+    /// none was found.
+    fn stepped(
+        &self,
+        base: &Base,
+        half: Option<f64>,
+        (numbers, off, slopes): (&[f64], &[f64], &[Vec<f64>]),
+        missing: &dyn Fn(&[f64]) -> Vec<f64>,
+        size: &dyn Fn(&[f64]) -> f64,
+    ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
+        // What cannot move the way it should is left out, and the others make up for it.
+        let mut slopes = slopes.to_vec();
+        let mut step = least_step(&slopes, off);
+        for _ in 0..numbers.len() {
+            let mut probe = numbers.to_vec();
+            (0..probe.len()).for_each(|n| base.shift(&mut probe, n, 1e-3 * step[n]));
+            let wanted = probe.clone();
+            self.keep_limits(base, &mut probe);
+            let mut left_out = false;
+            for n in 0..numbers.len() {
+                if step[n] != 0.0 && (probe[n] - wanted[n]).abs() > 1e-6 * wanted[n].abs().max(1e-6) {
+                    slopes[n].fill(0.0);
+                    left_out = true;
+                }
+            }
+            if !left_out {
+                break;
+            }
+            step = least_step(&slopes, off);
+        }
+        for shorter in [1.0, 0.5, 0.2] {
+            let mut next = numbers.to_vec();
+            (0..next.len()).for_each(|n| base.shift(&mut next, n, shorter * step[n]));
+            self.keep_limits(base, &mut next);
+            let there = self.albedo(base, &next, half);
+            let left = missing(&there);
+            if size(&left) < 0.98 * size(off) {
+                return Some((next, there, left));
+            }
+        }
+        None
+    }
+}
+
+/// The least change x of ln thicknesses with slopesᵀ x = off: slopes (slopesᵀ slopes + damping)⁻¹ off.
+fn least_step(slopes: &[Vec<f64>], off: &[f64]) -> Vec<f64> {
+    let product = |a: usize, b: usize| slopes.iter().map(|slope| slope[a] * slope[b]).sum::<f64>();
+    let row =
+        |a: usize| -> Vec<f64> { (0..off.len()).map(|b| product(a, b) + if a == b { DAMPING } else { 0.0 }).collect() };
+    // Damped it is positive definite; what is no number moves nothing.
+    let solved = positive_definite::solve((0..off.len()).map(row).collect(), off.to_vec(), 0.0);
+    let solved = solved.unwrap_or_else(|| vec![0.0; off.len()]);
+    slopes.iter().map(|slope| slope.iter().zip(&solved).map(|(slope, x)| slope * x).sum()).collect()
+}
