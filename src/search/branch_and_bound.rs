@@ -60,8 +60,8 @@ struct Search<'a> {
     next_look: u64,
 }
 
-/// Some milliseconds of search.
-const NODES_BETWEEN_LOOKS: u64 = 10_000;
+/// Nodes between two looks at the watch: less than a millisecond of search.
+const NODES_BETWEEN_LOOKS: u64 = 256;
 
 /// The best stacking for `target` in the table's space.
 ///
