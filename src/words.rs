@@ -30,6 +30,13 @@ pub(crate) fn was_were(count: usize, noun: &str) -> String {
     format!("{} {}", counted(count, noun), if count == 1 { "was" } else { "were" })
 }
 
+/// A number with its sign and so many decimals; what rounds to zero has none.
+pub fn signed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:+.decimals$}");
+    let is_zero = text[1..].chars().all(|c| matches!(c, '0' | '.'));
+    if is_zero { text[1..].to_owned() } else { text }
+}
+
 /// The text with control characters written out (`\n`, `\u{1b}`), which would break a line or steer a terminal.
 pub fn escaped(text: &str) -> String {
     escaped_but(text, |_| false)
@@ -141,6 +148,12 @@ pub(crate) fn hex(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_rounds_to_zero_has_no_sign() {
+        let words = [0.0004, -0.0004, -0.0006, 1.5].map(|value| signed(value, 3));
+        assert_eq!(words, ["0.000", "0.000", "-0.001", "+1.500"]);
+    }
 
     #[test]
     fn one_is_not_many() {

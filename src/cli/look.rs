@@ -241,8 +241,8 @@ pub(super) fn summary(look: &Look) -> String {
         let spot = &look.spots[*index];
         vec![
             spot.position_mm.map(|at| format!("{at:.2}")).join(", "),
-            spot.asked.as_deref().map_or_else(|| "–".to_owned(), numbers),
-            or_dash(&spot.predicted),
+            spot.asked.as_deref().map_or_else(|| "–".to_owned(), |asked| numbers(&spot.shows(asked))),
+            or_dash(&spot.shows(&spot.predicted)),
             numbers(&spot.printed),
             numbers(&spot.standard_error),
         ]
@@ -252,5 +252,7 @@ pub(super) fn summary(look: &Look) -> String {
     let first: Vec<usize> = (0..look.spots.len().min(FIRST)).collect();
     let listed: Vec<_> = if known { &look.worst } else { &first }.iter().map(row).collect();
     text += if known { "\nworst spots\n" } else { "\nspots\n" };
-    text + &table(&["position (mm)", "asked", "predicted", "printed", "±"], &listed)
+    text += &table(&["position (mm)", "asked", "predicted", "printed", "±"], &listed);
+    let hollow = look.spots.iter().any(|spot| spot.sky < 0.99);
+    text + if hollow { "asked and predicted: as they show there, with less light in hollows\n" } else { "" }
 }

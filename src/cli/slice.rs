@@ -10,7 +10,7 @@ use lumislice::{
         manifest::MaterialRecord,
     },
     output::{Existing, OutputFolder},
-    words::voxels,
+    words::{signed, voxels},
 };
 use serde_json::{Value, json};
 
@@ -186,7 +186,7 @@ fn rounds(rounds: &[RoundRecord]) -> String {
     let line = |(number, round): (usize, &RoundRecord)| {
         let fits = round.fit.iter();
         let fits: Vec<_> =
-            fits.map(|fit| format!("{:+.3} ({:.1} % rms)", fit.bias, 100.0 * fit.relative_rms)).collect();
+            fits.map(|fit| format!("{} ({:.1}% rms)", signed(fit.bias, 3), 100.0 * fit.relative_rms)).collect();
         format!("  round {number}: printed less asked {} over {} points\n", fits.join(" "), round.points)
     };
     (1..).zip(rounds).map(line).collect()

@@ -247,11 +247,8 @@ fn look_at_spots(
     };
     let spots: Vec<SpotRecord> = goals.iter().zip(printed).filter_map(record).collect();
     let channels = about.channels.to_vec();
-    let shown = |albedo: &[f64], spot: &SpotRecord| -> Vec<f64> {
-        albedo.iter().map(|albedo| shade::shown(*albedo, spot.sky)).collect()
-    };
-    let asked = spots.iter().map(|spot| Some(shown(spot.asked.as_deref()?, spot))).collect::<Option<Vec<_>>>();
-    let known = |spot: &SpotRecord| Some(shown(&spot.predicted, spot)).filter(|known| known.len() == channels.len());
+    let asked = spots.iter().map(|spot| Some(spot.shows(spot.asked.as_deref()?))).collect::<Option<Vec<_>>>();
+    let known = |spot: &SpotRecord| Some(spot.shows(&spot.predicted)).filter(|known| known.len() == channels.len());
     let predicted = spots.iter().map(known).collect::<Option<Vec<_>>>();
     let mut worst: Vec<usize> = Vec::new();
     if let Some(goal) = asked.as_ref().or(predicted.as_ref()) {

@@ -7,6 +7,7 @@
 
 use glam::DVec3;
 
+use crate::job::record::SpotRecord;
 use crate::look::{Scene, Site};
 
 /// Rays that look for the sky.
@@ -33,6 +34,13 @@ pub(in crate::job) fn sky(scene: &Scene, site: &Site, turn: f64) -> f64 {
 /// What a surface of an albedo shows in even light where it sees a share of the sky.
 pub(in crate::job) fn shown(albedo: f64, sky: f64) -> f64 {
     albedo * sky / (1.0 - (1.0 - sky) * albedo)
+}
+
+impl SpotRecord {
+    /// What a surface of `albedo`, by channel, shows there, which the print is held against: less in a hollow.
+    pub fn shows(&self, albedo: &[f64]) -> Vec<f64> {
+        albedo.iter().map(|albedo| shown(*albedo, self.sky)).collect()
+    }
 }
 
 #[cfg(test)]

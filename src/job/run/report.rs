@@ -5,7 +5,7 @@ use crate::{
     job::{
         Manifest, RunError,
         manifest::{LatticeRecord, MaterialRecord, ObjectRecord, REPORT},
-        record::{Fit, LookSummary, RoundRecord},
+        record::{Differences, Fit, LookSummary, RoundRecord},
     },
     optics::{Mixture, ResinId, Stack},
     output::{MANIFEST, OutputFolder},
@@ -15,6 +15,7 @@ use crate::{
     },
     voxel::{Lattice, MaterialId},
     watch::Watch,
+    words::signed,
 };
 use glam::DVec3;
 
@@ -186,7 +187,7 @@ fn rounds_words<'a>(rounds: &'a [RoundRecord], channels: &'a [String]) -> impl I
     (1..).zip(rounds).map(move |(number, round)| {
         let out = match round.out_of_reach {
             share if share < 0.005 => String::new(),
-            share => format!(" At {:.0} % of them what the round before asked for was out of reach.", 100.0 * share),
+            share => format!(" At {:.0}% of them what the round before asked for was out of reach.", 100.0 * share),
         };
         let fits = fits_words(&round.fit, channels);
         format!("Round {number} of correction, {} points: printed less asked {fits}.{out}", round.points)
@@ -197,7 +198,8 @@ fn rounds_words<'a>(rounds: &'a [RoundRecord], channels: &'a [String]) -> impl I
 fn fits_words(fits: &[Fit], channels: &[String]) -> String {
     let one = |(channel, fit): (&String, &Fit)| {
         let channel = if channels.len() > 1 { format!("{channel} ") } else { String::new() };
-        format!("{channel}{:+.3} on average, {:.3} rms ({:.0} %)", fit.bias, fit.rms, 100.0 * fit.relative_rms)
+        let bias = signed(fit.bias, 3);
+        format!("{channel}{bias} on average, {:.3} rms ({:.0}%)", fit.rms, 100.0 * fit.relative_rms)
     };
     channels.iter().zip(fits).map(one).collect::<Vec<_>>().join("; ")
 }
@@ -208,16 +210,28 @@ fn look_words(look: &LookSummary, channels: &[String]) -> Vec<String> {
         let fits = fits_words(fits, channels);
         format!("Printed albedo less the one that was {name}, over {} spots: {fits}.", look.spots)
     };
-    let mut words: Vec<_> = look.against_asked.iter().map(|fits| fit("asked for", fits)).collect();
+    let colour = look.delta_e_2000.map(|Differences { median, ninety_percent, worst }| {
+        format!(
+            "Colour difference to what was asked for (CIEDE2000; 1 is just visible), over {} spots: {median:.1} in the \
+             median, 90% below {ninety_percent:.1}, worst {worst:.1}.",
+            look.spots
+        )
+    });
+    let mut words: Vec<_> = colour.into_iter().collect();
+    words.extend(look.against_asked.iter().map(|fits| fit("asked for", fits)));
     words.push(fit("predicted for a flat slab", &look.against_predicted));
     if let Some(worst) = look.worst.first() {
         let [x, y, z] = worst.position_mm;
         let numbers = |values: &[f64]| values.iter().map(|v| format!("{v:.2}")).collect::<Vec<_>>().join(" ");
-        let goal = worst.asked.as_ref().unwrap_or(&worst.predicted);
+        let goal = worst.shows(worst.asked.as_ref().unwrap_or(&worst.predicted));
         words.push(format!(
-            "Worst at ({x:.1}, {y:.1}, {z:.1}) mm: {} in place of {}.",
+            "Worst at ({x:.1}, {y:.1}, {z:.1}) mm: {} in place of {}{}.",
             numbers(&worst.printed),
-            numbers(goal)
+            numbers(&goal),
+            match worst.sky {
+                sky if sky > 0.99 => String::new(),
+                sky => format!(", as it shows in a hollow that sees {:.0}% of the sky", 100.0 * sky),
+            }
         ));
     }
     words
