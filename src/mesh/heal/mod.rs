@@ -26,7 +26,9 @@ mod sheets;
 mod split;
 mod union;
 
-use glam::DVec3;
+use std::ops::{Add, Mul};
+
+use glam::{DVec3, Vec3};
 
 use self::edges::Edges;
 pub use self::union::unite;
@@ -176,6 +178,17 @@ impl TriangleMesh {
         }
     }
 
+    /// Adds a part of triangle `t` of `old` between `corners` with its attributes: those of all of it, or by each
+    /// corner's weights of the triangle's.
+    fn push_part(&mut self, old: &Self, t: usize, corners: [u32; 3], weights: Option<[DVec3; 3]>) {
+        self.triangles.push(corners);
+        self.uvs.extend(old.uvs.get(t).map(|uvs| at_weights(*uvs, weights)));
+        let colors = old.corner_colors.get(t).map(|colors| at_weights(colors.map(Vec3::from), weights));
+        self.corner_colors.extend(colors.map(|colors| colors.map(|color| color.to_array())));
+        self.material_of.extend(old.material_of.get(t));
+        self.patch_of.extend(old.patch_of.get(t));
+    }
+
     /// Drops triangles by index, with their attributes.
     pub(super) fn keep(&mut self, keep: impl Fn(usize) -> bool) {
         fn retain<T>(list: &mut Vec<T>, keep: &impl Fn(usize) -> bool) {
@@ -191,6 +204,21 @@ impl TriangleMesh {
         retain(&mut self.material_of, &keep);
         retain(&mut self.patch_of, &keep);
     }
+}
+
+/// Values of a triangle's corners, or of points within it.
+fn at_weights<V: Copy + Add<Output = V> + Mul<f32, Output = V>>(
+    corners: [V; 3],
+    weights: Option<[DVec3; 3]>,
+) -> [V; 3] {
+    let Some(weights) = weights else { return corners };
+    weights.map(|weight| match (0..3).find(|&i| weight[i] == 1.0) {
+        Some(i) => corners[i],
+        None => {
+            let [a, b, c] = weight.to_array().map(|weight| weight as f32);
+            corners[0] * a + corners[1] * b + corners[2] * c
+        }
+    })
 }
 
 /// Area of a triangle.

@@ -3,8 +3,8 @@
 //! A shell is what edges connect; shells whose rims run along each other are one body ([`super::rims`]), and judged as
 //! one. If the shells together hold a negative volume, all turn. A body that then still holds a negative volume is a
 //! cavity if others surround it (their winding number at one of its vertices is positive) and stays; else it faces
-//! inwards by mistake and turns. Larger bodies are judged before the smaller ones they may hold. Which way a shell faces
-//! that is open by more than [`MAX_CAP_FRACTION`], nobody can tell: it is refused where it would have to turn.
+//! inwards by mistake and turns. Larger bodies are judged before the smaller ones they may hold. Which way a shell
+//! faces that is open by more than [`MAX_CAP_FRACTION`] is unknown: it is refused where it would have to turn.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -228,7 +228,7 @@ impl Shell {
 }
 
 /// Winding number of a closed surface around a point off it.
-fn winding(surface: &[[DVec3; 3]], p: DVec3) -> i64 {
+pub(super) fn winding(surface: &[[DVec3; 3]], p: DVec3) -> i64 {
     let chunks: Vec<f64> =
         surface.par_chunks(CHUNK).map(|chunk| chunk.iter().map(|&t| solid_angle(t, p)).sum()).collect();
     (chunks.iter().sum::<f64>() / (4.0 * std::f64::consts::PI)).round() as i64

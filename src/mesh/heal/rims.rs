@@ -4,13 +4,11 @@
 //! but for the hairline between the rims.
 
 use glam::DVec3;
-use obvhs::BvhBuildParams;
-use obvhs::bvh2::builder::build_bvh2;
 
 use super::TriangleMesh;
 use super::boundary::Hole;
 use super::nesting::Shells;
-use super::union::outer_box;
+use super::union::{Boxes, outer_box};
 use crate::{disjoint_sets::DisjointSets, mesh::bounds};
 
 /// Rims this far apart, in diagonals of the box around the shorter one, may be one curve. A circle of eight chords
@@ -113,8 +111,8 @@ fn neighbours(positions: &[DVec3], holes: &[Hole]) -> Vec<Neighbour> {
         let rim = rim(hole);
         segments.extend((0..rim.len()).map(|i| Segment { hole: h, ends: [rim[i], rim[(i + 1) % rim.len()]] }));
     }
-    let boxes: Vec<_> = segments.iter().map(|Segment { ends: [a, b], .. }| outer_box(&[*a, *b, *b], 0.0)).collect();
-    let bvh = build_bvh2(&boxes, BvhBuildParams::very_fast_build(), &mut Default::default());
+    let box_of = |Segment { ends: [a, b], .. }: &Segment| outer_box(&[*a, *b, *b], 0.0);
+    let boxes = Boxes::new(segments.iter().map(box_of).collect());
     let mut found = Vec::new();
     let mut of_hole = segments.chunk_by(|a, b| a.hole == b.hole);
     for hole in holes {
@@ -125,23 +123,18 @@ fn neighbours(positions: &[DVec3], holes: &[Hole]) -> Vec<Neighbour> {
         let samples = own.iter().flat_map(|Segment { ends: [a, b], .. }| [(*a, *b - *a), (0.5 * (*a + *b), *b - *a)]);
         for (p, along) in samples {
             let mut nearest = (far, None);
-            bvh.aabb_traverse(outer_box(&[p; 3], far), |bvh, node| {
-                let node = &bvh.nodes[node as usize];
-                let leaf = node.first_index as usize..(node.first_index + node.prim_count) as usize;
-                for &other in &bvh.primitive_indices[leaf] {
-                    let Segment { hole: of, ends: [a, b] } = &segments[other as usize];
-                    let (shell, way) = (holes[*of].shell, *b - *a);
-                    let is_against = way.dot(along) <= AGAINST * way.length() * along.length();
-                    if shell == hole.shell || !is_against || way == DVec3::ZERO {
-                        continue;
-                    }
-                    let at = ((p - *a).dot(way) / way.length_squared()).clamp(0.0, 1.0);
-                    let distance = p.distance(*a + at * way);
-                    if (distance, Some(shell)) < nearest || nearest.1.is_none() && distance <= nearest.0 {
-                        nearest = (distance, Some(shell));
-                    }
+            boxes.near(outer_box(&[p; 3], far), |other| {
+                let Segment { hole: of, ends: [a, b] } = &segments[other];
+                let (shell, way) = (holes[*of].shell, *b - *a);
+                let is_against = way.dot(along) <= AGAINST * way.length() * along.length();
+                if shell == hole.shell || !is_against || way == DVec3::ZERO {
+                    return;
                 }
-                true
+                let at = ((p - *a).dot(way) / way.length_squared()).clamp(0.0, 1.0);
+                let distance = p.distance(*a + at * way);
+                if (distance, Some(shell)) < nearest || nearest.1.is_none() && distance <= nearest.0 {
+                    nearest = (distance, Some(shell));
+                }
             });
             if let (distance, Some(shell)) = nearest {
                 covered += 1;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::nesting::solid_angle;
+use super::nesting::winding;
 use crate::mesh::bounds;
 
 /// Corners of a patch that are asked, of its rim and of all of it.
@@ -16,25 +16,32 @@ const TOUCH: f64 = 5e-3;
 /// The closed surface of bodies.
 pub(super) struct Ground {
     surface: Vec<[DVec3; 3]>,
+    /// Corners of the box around it.
+    low: DVec3,
+    high: DVec3,
     spent: usize,
 }
 
 impl Ground {
     pub(super) fn new(surface: Vec<[DVec3; 3]>) -> Self {
-        Self { surface, spent: 0 }
+        let (low, high) = bounds(surface.as_flattened());
+        Self { surface, low, high, spent: 0 }
     }
 
     /// Adds a closed body.
     pub(super) fn add(&mut self, body: impl Iterator<Item = [DVec3; 3]>, is_inwards: bool) {
-        self.surface.extend(body.map(|[a, b, c]| if is_inwards { [a, c, b] } else { [a, b, c] }));
+        for [a, b, c] in body {
+            self.surface.push(if is_inwards { [a, c, b] } else { [a, b, c] });
+            self.low = self.low.min(a).min(b).min(c);
+            self.high = self.high.max(a).max(b).max(c);
+        }
     }
 
     /// Whether all of a rim lies in or on the bodies, and some corner of the patch is outside.
     pub(super) fn holds(&mut self, rim: &[DVec3], corners: &[DVec3]) -> bool {
         let (low, high) = bounds(rim);
         let touch = TOUCH * (high - low).length();
-        let (ground_low, ground_high) = bounds(self.surface.as_flattened());
-        let near = low.cmpge(ground_low - touch).all() && high.cmple(ground_high + touch).all();
+        let near = low.cmpge(self.low - touch).all() && high.cmple(self.high + touch).all();
         if rim.is_empty() || !near {
             return false;
         }
@@ -48,17 +55,10 @@ impl Ground {
     }
 
     fn place(&self, p: DVec3, touch: f64) -> Place {
-        const CHUNK: usize = 1 << 14;
-        let chunk = |chunk: &[[DVec3; 3]]| {
-            let near = chunk.iter().any(|&t| distance_squared(t, p) <= touch * touch);
-            (near, chunk.iter().map(|&t| solid_angle(t, p)).sum::<f64>())
-        };
-        let parts: Vec<(bool, f64)> = self.surface.par_chunks(CHUNK).map(chunk).collect();
-        if parts.iter().any(|(near, _)| *near) {
+        if self.surface.par_iter().any(|&t| distance_squared(t, p) <= touch * touch) {
             return Place::On;
         }
-        let winding = parts.iter().map(|(_, angle)| angle).sum::<f64>() / (4.0 * std::f64::consts::PI);
-        if winding.abs() > 0.5 { Place::Inside } else { Place::Outside }
+        if winding(&self.surface, p) == 0 { Place::Outside } else { Place::Inside }
     }
 }
 

@@ -7,13 +7,11 @@
 //! close.
 
 use glam::DVec3;
-use obvhs::BvhBuildParams;
-use obvhs::bvh2::builder::build_bvh2;
 
 use super::edges::{Edges, direction, triangle_of};
 use super::join::{self, GAP};
 use super::nesting::Shells;
-use super::union::outer_box;
+use super::union::{Boxes, outer_box};
 use super::{HealthReport, TriangleMesh};
 use crate::mesh::bounds;
 
@@ -70,29 +68,19 @@ fn cuts(mesh: &TriangleMesh, edges: &Edges, shell_of: &[u32], gap: f64) -> Vec<C
         open.iter().map(|&h| (direction(&mesh.triangles, h)[0], shell_of[triangle_of(h)])).collect();
     rim.sort_unstable();
     rim.dedup();
-    let boxes: Vec<_> = open.iter().map(|&h| ends(h)).map(|[a, b]| outer_box(&[a, b, b], gap)).collect();
-    if boxes.is_empty() {
-        return Vec::new();
-    }
-    let bvh = build_bvh2(&boxes, BvhBuildParams::very_fast_build(), &mut Default::default());
+    let boxes = Boxes::new(open.iter().map(|&h| ends(h)).map(|[a, b]| outer_box(&[a, b, b], gap)).collect());
     let mut cuts = Vec::new();
     for (vertex, shell) in rim {
         let p = mesh.positions[vertex as usize];
-        let around = outer_box(&[p; 3], 0.0);
-        bvh.aabb_traverse(around, |bvh, node| {
-            let node = &bvh.nodes[node as usize];
-            let leaf = node.first_index as usize..(node.first_index + node.prim_count) as usize;
-            for &edge in &bvh.primitive_indices[leaf] {
-                let half_edge = open[edge as usize];
-                let [a, b] = ends(half_edge);
-                let (along, from) = (b - a, p - a);
-                let at = from.dot(along) / along.length_squared();
-                let is_between = at > 0.0 && at < 1.0 && p.distance(a) > gap && p.distance(b) > gap;
-                if shell_of[triangle_of(half_edge)] != shell && is_between && (from - at * along).length() <= gap {
-                    cuts.push(Cut { half_edge, at, vertex });
-                }
+        boxes.near(outer_box(&[p; 3], 0.0), |edge| {
+            let half_edge = open[edge];
+            let [a, b] = ends(half_edge);
+            let (along, from) = (b - a, p - a);
+            let at = from.dot(along) / along.length_squared();
+            let is_between = at > 0.0 && at < 1.0 && p.distance(a) > gap && p.distance(b) > gap;
+            if shell_of[triangle_of(half_edge)] != shell && is_between && (from - at * along).length() <= gap {
+                cuts.push(Cut { half_edge, at, vertex });
             }
-            true
         });
     }
     cuts.sort_unstable_by(|a, b| {
@@ -103,46 +91,22 @@ fn cuts(mesh: &TriangleMesh, edges: &Edges, shell_of: &[u32], gap: f64) -> Vec<C
     cuts
 }
 
-/// A corner of a piece: its vertex, and its shares of the corners of the triangle that it is a piece of.
+/// A corner of a piece: its vertex, and its weights of the corners of the triangle that it is a piece of.
 type Corner = (u32, DVec3);
 
 /// Puts pieces in the place of every triangle with cuts, which are sorted.
 fn apply(mesh: &mut TriangleMesh, cuts: &[Cut]) {
-    let old = std::mem::take(mesh);
-    mesh.positions = old.positions;
-    mesh.materials = old.materials;
+    let mut old = std::mem::take(mesh);
+    mesh.positions = std::mem::take(&mut old.positions);
+    mesh.materials = std::mem::take(&mut old.materials);
     let mut rest = cuts;
     for (t, triangle) in old.triangles.iter().enumerate() {
         let count = rest.iter().take_while(|cut| triangle_of(cut.half_edge) == t).count();
         let (here, after) = rest.split_at(count);
         rest = after;
         for piece in pieces(*triangle, here) {
-            mesh.triangles.push(piece.map(|(vertex, _)| vertex));
-            if let Some(uvs) = old.uvs.get(t) {
-                let at = |share: DVec3| {
-                    let share = share.as_vec3();
-                    uvs[0] * share.x + uvs[1] * share.y + uvs[2] * share.z
-                };
-                mesh.uvs.push(piece.map(|(_, share)| corner_or(share, uvs, at)));
-            }
-            if let Some(colors) = old.corner_colors.get(t) {
-                let at = |share: DVec3| {
-                    let share = share.as_vec3();
-                    std::array::from_fn(|c| colors[0][c] * share.x + colors[1][c] * share.y + colors[2][c] * share.z)
-                };
-                mesh.corner_colors.push(piece.map(|(_, share)| corner_or(share, colors, at)));
-            }
-            mesh.material_of.extend(old.material_of.get(t));
-            mesh.patch_of.extend(old.patch_of.get(t));
+            mesh.push_part(&old, t, piece.map(|(vertex, _)| vertex), Some(piece.map(|(_, weights)| weights)));
         }
-    }
-}
-
-/// The value of a corner itself, bit for bit, or one between.
-fn corner_or<T: Copy>(share: DVec3, corners: &[T; 3], between: impl Fn(DVec3) -> T) -> T {
-    match (0..3).find(|&c| share[c] == 1.0) {
-        Some(c) => corners[c],
-        None => between(share),
     }
 }
 

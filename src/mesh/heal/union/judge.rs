@@ -111,7 +111,7 @@ impl<'a> Judge<'a> {
     fn lines(&self, t: usize, corners: &[DVec3; 3], frame: &Frame) -> Option<Vec<Line>> {
         let mut lines = Vec::new();
         let mut touches = false;
-        self.soup.near(outer_box(corners, self.tolerance.touch), |u| {
+        self.soup.boxes.near(outer_box(corners, self.tolerance.touch), |u| {
             if !(self.skips)(t, u) {
                 let other = &self.soup.corners[u];
                 let shared = other.map(|p| self.knows_neighbours && corners.contains(&p));
@@ -148,7 +148,7 @@ impl<'a> Judge<'a> {
         }
         let mut is_covered = false;
         if face.touches {
-            self.soup.near(outer_box(&[at; 3], off), |u| {
+            self.soup.boxes.near(outer_box(&[at; 3], off), |u| {
                 is_covered |= (self.rank)(u) < face.rank && face.frame.is_covered(at, &self.soup.corners[u], off);
             });
         }

@@ -20,13 +20,11 @@ mod cut;
 mod judge;
 mod soup;
 
-use std::ops::{Add, Mul};
-
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 pub(super) use self::{
     contact::{Frame, Tolerance},
-    soup::outer_box,
+    soup::{Boxes, outer_box},
 };
 use self::{
     cut::Piece,
@@ -136,24 +134,17 @@ fn replace(mesh: &mut TriangleMesh, verdicts: &[Verdict]) {
     if mesh.patch_of.is_empty() {
         mesh.patch_of = patches(mesh);
     }
-    let old = std::mem::take(mesh);
-    let mut new = TriangleMesh { positions: old.positions, materials: old.materials, ..TriangleMesh::default() };
+    let mut old = std::mem::take(mesh);
+    let mut new = TriangleMesh {
+        positions: std::mem::take(&mut old.positions),
+        materials: std::mem::take(&mut old.materials),
+        ..TriangleMesh::default()
+    };
     for (t, verdict) in verdicts[..old.triangles.len()].iter().enumerate() {
         let triangle = old.triangles[t];
-        let mut push = |corners: [u32; 3], weights: Option<[DVec3; 3]>| {
-            new.triangles.push(corners);
-            new.uvs.extend(old.uvs.get(t).map(|uvs| at_weights(*uvs, weights)));
-            new.corner_colors.extend(
-                old.corner_colors
-                    .get(t)
-                    .map(|colors| at_weights(colors.map(Vec3::from), weights).map(|color| color.to_array())),
-            );
-            new.material_of.extend(old.material_of.get(t));
-            new.patch_of.push(old.patch_of[t]);
-        };
         match verdict {
             Verdict::Goes => {}
-            Verdict::Stays => push(triangle, None),
+            Verdict::Stays => new.push_part(&old, t, triangle, None),
             Verdict::Parts(pieces) => {
                 let corners = triangle.map(|v| new.positions[v as usize]);
                 for piece in pieces {
@@ -170,7 +161,8 @@ fn replace(mesh: &mut TriangleMesh, verdicts: &[Verdict]) {
                     for i in 1..piece.len() - 1 {
                         let fan = [0, i, i + 1];
                         if !super::is_needle(fan.map(|i| new.positions[ends[i] as usize])) {
-                            push(fan.map(|i| ends[i]), Some(fan.map(|i| piece[i].weights)));
+                            let weights = fan.map(|i| piece[i].weights);
+                            new.push_part(&old, t, fan.map(|i| ends[i]), Some(weights));
                         }
                     }
                 }
@@ -179,21 +171,6 @@ fn replace(mesh: &mut TriangleMesh, verdicts: &[Verdict]) {
     }
     crate::mesh::read::weld(&mut new.positions, &mut new.triangles);
     *mesh = new;
-}
-
-/// Values of a triangle's corners, or of points within it.
-fn at_weights<V: Copy + Add<Output = V> + Mul<f32, Output = V>>(
-    corners: [V; 3],
-    weights: Option<[DVec3; 3]>,
-) -> [V; 3] {
-    let Some(weights) = weights else { return corners };
-    weights.map(|weight| match (0..3).find(|&i| weight[i] == 1.0) {
-        Some(i) => corners[i],
-        None => {
-            let [a, b, c] = weight.to_array().map(|weight| weight as f32);
-            corners[0] * a + corners[1] * b + corners[2] * c
-        }
-    })
 }
 
 fn point(corners: &[DVec3; 3], weights: DVec3) -> DVec3 {

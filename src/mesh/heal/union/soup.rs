@@ -20,34 +20,50 @@ pub(super) struct Soup {
     /// The body of every triangle.
     pub(super) body_of: Vec<u16>,
     pub(super) bodies: usize,
-    pub(super) boxes: Vec<Aabb>,
+    pub(super) boxes: Boxes,
+}
+
+/// Boxes, and a hierarchy over them.
+pub(in crate::mesh) struct Boxes {
+    all: Vec<Aabb>,
     bvh: Bvh2,
 }
 
-impl Soup {
-    /// A hierarchy over triangles with their bodies.
-    pub(super) fn new(corners: Vec<[DVec3; 3]>, body_of: Vec<u16>) -> Self {
-        let boxes: Vec<Aabb> = corners.iter().map(|t| outer_box(t, 0.0)).collect();
-        let bvh = build_bvh2(&boxes, BvhBuildParams::very_fast_build(), &mut Default::default());
-        let bodies = body_of.iter().max().map_or(0, |&last| usize::from(last) + 1);
-        Self { corners, body_of, bodies, boxes, bvh }
+impl Boxes {
+    pub(in crate::mesh) fn new(all: Vec<Aabb>) -> Self {
+        let bvh = build_bvh2(&all, BvhBuildParams::very_fast_build(), &mut Default::default());
+        Self { all, bvh }
     }
 
-    /// Calls `visit` for the triangles whose boxes meet `around`.
-    pub(super) fn near(&self, around: Aabb, mut visit: impl FnMut(usize)) {
-        if self.corners.is_empty() {
+    /// The box of this index.
+    pub(in crate::mesh) fn get(&self, index: usize) -> Aabb {
+        self.all[index]
+    }
+
+    /// Calls `visit` for the boxes that meet `around`, by index.
+    pub(in crate::mesh) fn near(&self, around: Aabb, mut visit: impl FnMut(usize)) {
+        if self.all.is_empty() {
             return;
         }
         self.bvh.aabb_traverse(around, |bvh, node| {
             let node = &bvh.nodes[node as usize];
             let leaf = node.first_index as usize..(node.first_index + node.prim_count) as usize;
             for &other in &bvh.primitive_indices[leaf] {
-                if around.intersect_aabb(&self.boxes[other as usize]) {
+                if around.intersect_aabb(&self.all[other as usize]) {
                     visit(other as usize);
                 }
             }
             true
         });
+    }
+}
+
+impl Soup {
+    /// A hierarchy over triangles with their bodies.
+    pub(super) fn new(corners: Vec<[DVec3; 3]>, body_of: Vec<u16>) -> Self {
+        let boxes = Boxes::new(corners.iter().map(|t| outer_box(t, 0.0)).collect());
+        let bodies = body_of.iter().max().map_or(0, |&last| usize::from(last) + 1);
+        Self { corners, body_of, bodies, boxes }
     }
 
     /// Winding number of every body around a point, by the signed crossings of a ray. Exact where the ray meets no
@@ -74,7 +90,7 @@ impl Soup {
         };
         let mut stack = vec![0_usize];
         while let Some(node) = stack.pop() {
-            let node = &self.bvh.nodes[node];
+            let node = &self.boxes.bvh.nodes[node];
             if !meets(node.aabb()) {
                 continue;
             }
@@ -83,7 +99,7 @@ impl Soup {
                 stack.extend([first, first + 1]);
                 continue;
             }
-            for &index in &self.bvh.primitive_indices[first..first + node.prim_count as usize] {
+            for &index in &self.boxes.bvh.primitive_indices[first..first + node.prim_count as usize] {
                 match crossing(&self.corners[index as usize], p, direction) {
                     Some(turn) => windings[usize::from(self.body_of[index as usize])] += turn,
                     None => return false,
