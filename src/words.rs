@@ -32,9 +32,15 @@ pub(crate) fn was_were(count: usize, noun: &str) -> String {
 
 /// A number with its sign and so many decimals; what rounds to zero has none.
 pub fn signed(value: f64, decimals: usize) -> String {
-    let text = format!("{value:+.decimals$}");
-    let is_zero = text[1..].chars().all(|c| matches!(c, '0' | '.'));
-    if is_zero { text[1..].to_owned() } else { text }
+    without_sign_of_zero(format!("{value:+.decimals$}"))
+}
+
+/// A number's text; what rounded to zero loses its sign.
+pub fn without_sign_of_zero(text: String) -> String {
+    match text.strip_prefix(['+', '-']) {
+        Some(digits) if digits.chars().all(|c| matches!(c, '0' | '.')) => digits.to_owned(),
+        _ => text,
+    }
 }
 
 /// The text with control characters written out (`\n`, `\u{1b}`), which would break a line or steer a terminal.

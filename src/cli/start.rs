@@ -11,7 +11,7 @@ use lumislice::{
         start::{Start, StartOptions, start},
     },
     mesh::extensions,
-    optics::MaterialFile,
+    optics::{MaterialFile, OpticsError},
     voxel::Printer,
 };
 
@@ -67,10 +67,10 @@ fn look(text: &str) -> Result<String, String> {
 
 fn materials(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
-    let is_file = path.is_file() || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-    match is_file {
-        true => Ok(path),
-        false => MaterialFile::builtin(text).map(|_| path).map_err(|error| error.to_string()),
+    match MaterialFile::named(&path) {
+        Err(error @ OpticsError::UnknownSet { .. }) => Err(error.to_string()),
+        // What is wrong with a file is told by the job that names it.
+        _ => Ok(path),
     }
 }
 

@@ -1,5 +1,7 @@
 //! Tables for people: the first column to the left, numbers to the right.
 
+use lumislice::words::without_sign_of_zero;
+
 /// Lines of aligned columns, indented by two; every row is as long as the header.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let length = |text: &str| text.chars().count();
@@ -41,11 +43,7 @@ pub fn wrapped(text: &str, width: usize) -> String {
 /// A number with so many decimals, or a dash for none. What rounds to zero has no sign.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
     let Some(value) = value else { return "–".to_owned() };
-    let text = format!("{value:.decimals$}");
-    match text.strip_prefix('-') {
-        Some(digits) if digits.chars().all(|c| matches!(c, '0' | '.')) => digits.to_owned(),
-        _ => text,
-    }
+    without_sign_of_zero(format!("{value:.decimals$}"))
 }
 
 #[cfg(test)]

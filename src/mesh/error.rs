@@ -86,7 +86,7 @@ pub enum MeshError {
     #[error(
         "an open piece of {triangles} triangles faces inwards, and closing it takes {percent:.1}% of its surface area, \
          expected at most {limit_percent:.0}%: whether it is the wall of a hole or a body turned inside out cannot be \
-            told: join its rims with what it belongs to, or close it in a modeller"
+         told: join its rims with what it belongs to, or close it in a modeller"
     )]
     Facing {
         /// Its triangles.

@@ -145,11 +145,16 @@ impl Solid {
         mesh.into_iter().flat_map(TriangleMesh::corners).chain(caps.or(whole).into_iter().flatten().copied())
     }
 
-    /// Moves all of it.
-    pub(crate) fn translate(&mut self, by: DVec3) {
+    /// Every position that it is made of, of the surface and of what closes it.
+    fn positions_mut(&mut self) -> impl Iterator<Item = &mut DVec3> {
         let Self { mesh, caps, whole, health: _ } = self;
         let closing = caps.iter_mut().chain(whole.iter_mut().flatten()).flatten();
-        mesh.positions.iter_mut().chain(closing).for_each(|p| *p += by);
+        mesh.positions.iter_mut().chain(closing)
+    }
+
+    /// Moves all of it.
+    pub(crate) fn translate(&mut self, by: DVec3) {
+        self.positions_mut().for_each(|p| *p += by);
     }
 
     fn outline_bounds(&self) -> (DVec3, DVec3) {

@@ -72,9 +72,7 @@ pub fn place(mut mesh: TriangleMesh, placement: &Placement) -> Result<(TriangleM
     for p in &mut mesh.positions {
         *p = linear * *p;
     }
-    for path in mesh.materials.iter_mut().filter_map(|material| material.mean_free_path_mm.as_mut()) {
-        *path = path.map(|length| length * scale.abs());
-    }
+    mesh.scale_paths(scale.abs());
     let (low, high) = bounds(&mesh.positions);
     let extent = (high - low).max_element();
     if !mesh.positions.is_empty() && !(MIN_EXTENT_MM..=MAX_EXTENT_MM).contains(&extent) {
@@ -108,12 +106,8 @@ impl Solid {
         if self.health.dropped_sheet_triangles + self.health.degenerate_triangles == 0 || !is_off && scale == 1.0 {
             return DMat4::IDENTITY;
         }
-        let move_to = |p: &mut DVec3| *p = (*p - low) * scale + placement.position_mm;
-        self.mesh.positions.iter_mut().for_each(move_to);
-        self.caps.iter_mut().chain(self.whole.iter_mut().flatten()).flatten().for_each(move_to);
-        for path in self.mesh.materials.iter_mut().filter_map(|material| material.mean_free_path_mm.as_mut()) {
-            *path = path.map(|length| length * scale);
-        }
+        self.positions_mut().for_each(|p| *p = (*p - low) * scale + placement.position_mm);
+        self.mesh.scale_paths(scale);
         let health = &mut self.health;
         health.volume_mm3 *= scale.powi(3);
         health.dropped_sheet_volume_mm3 *= scale.powi(3);
@@ -128,6 +122,13 @@ impl Solid {
 }
 
 impl TriangleMesh {
+    /// Scales the mean free paths of its materials, which are lengths in it.
+    fn scale_paths(&mut self, scale: f64) {
+        for path in self.materials.iter_mut().filter_map(|material| material.mean_free_path_mm.as_mut()) {
+            *path = path.map(|length| length * scale);
+        }
+    }
+
     /// Turns every triangle inside out.
     pub(super) fn reverse(&mut self) {
         self.triangles.iter_mut().for_each(|t| t.swap(1, 2));

@@ -228,7 +228,7 @@ fn look_at_spots(
         let sky = shade::sky(scene, &spot.middle, 0.0);
         let means: Vec<f64> = printed.iter().map(|channel| channel.albedo.mean).collect();
         let colours = |asked: &[f64]| -> Option<f64> {
-            let goal: Vec<f64> = asked.iter().map(|albedo| shade::shown(*albedo, sky)).collect();
+            let goal = shade::all_shown(asked, sky);
             let [goal, printed] = [goal.as_slice(), &means].map(|rgb| <[f64; 3]>::try_from(rgb).ok());
             Some(delta_e_2000(lab(goal?), lab(printed?)))
         };

@@ -31,15 +31,19 @@ pub(in crate::job) fn sky(scene: &Scene, site: &Site, turn: f64) -> f64 {
     (0..RAYS).filter(|&ray| sees(ray)).count() as f64 / RAYS as f64
 }
 
-/// What a surface of an albedo shows in even light where it sees a share of the sky.
-pub(in crate::job) fn shown(albedo: f64, sky: f64) -> f64 {
+/// What a surface shows in even light where it sees a share of the sky, by channel like its albedo.
+pub(in crate::job) fn all_shown(albedo: &[f64], sky: f64) -> Vec<f64> {
+    albedo.iter().map(|albedo| shown(*albedo, sky)).collect()
+}
+
+fn shown(albedo: f64, sky: f64) -> f64 {
     albedo * sky / (1.0 - (1.0 - sky) * albedo)
 }
 
 impl SpotRecord {
     /// What a surface of `albedo`, by channel, shows there, which the print is held against: less in a hollow.
     pub fn shows(&self, albedo: &[f64]) -> Vec<f64> {
-        albedo.iter().map(|albedo| shown(*albedo, self.sky)).collect()
+        all_shown(albedo, self.sky)
     }
 }
 

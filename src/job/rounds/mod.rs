@@ -159,7 +159,7 @@ impl Prepared {
             let point = &plan.points.points()[at];
             let spot = self.spot(scene, plan.object, point.triangle, point.point)?;
             let sky = shade::sky(scene, &spot.middle, (at as f64 * SPREAD).fract());
-            let asked = self.expected(&spot).asked?.into_iter().map(|albedo| shade::shown(albedo, sky)).collect();
+            let asked = shade::all_shown(&self.expected(&spot).asked?, sky);
             Some(PointSpot { plan: n, at, spot: spot.spot, asked })
         };
         let points = |(n, plan): (usize, &ObjectPlan)| (0..plan.points.points().len()).map(move |at| (n, at));

@@ -153,7 +153,7 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     )?;
     let content = containers.finish(&counts, watch)?;
     // Their numbers are those of all slices, and a part has the same files as the whole.
-    if slices == (0..prepared.lattice.dims[2]) {
+    if prepared.are_all(&slices) {
         write_texts(&output, &content, &prepared.bitmap_materials(), &prepared.job.output.formats, &counts)?;
     }
     let sliced = started.elapsed();
@@ -167,7 +167,7 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     if counts[1..].iter().all(|&voxels| voxels == 0) {
         warnings.push("no voxel's centre lies inside an object: nothing will be printed".to_owned());
     }
-    let whole = slices == (0..prepared.lattice.dims[2]);
+    let whole = prepared.are_all(&slices);
     if whole {
         warnings.extend(prepared.lost_volume(counts[1..].iter().sum()));
     }
@@ -209,7 +209,7 @@ impl Prepared {
     /// An empty volume for the cut-away's surface and the look that a whole job shows with its pictures; `None` for a
     /// part of the slices and for a job too large for it.
     fn look_volume(&self, slices: &Range<u32>) -> Result<Option<Volume>, RunError> {
-        let whole = *slices == (0..self.lattice.dims[2]) && self.lattice.voxels() <= LOOK_VOXELS;
+        let whole = self.are_all(slices) && self.lattice.voxels() <= LOOK_VOXELS;
         let shown = whole && self.job.wants(OutputFormat::Preview);
         Ok(shown.then(|| Volume::new(self.lattice)).transpose().map_err(LookError::from)?)
     }
@@ -298,6 +298,10 @@ impl Prepared {
         }
     }
 
+    fn are_all(&self, slices: &Range<u32>) -> bool {
+        *slices == (0..self.lattice.dims[2])
+    }
+
     fn checked_slices(&self, slices: Option<Range<u32>>) -> Result<Range<u32>, RunError> {
         let all = 0..self.lattice.dims[2];
         match slices {
@@ -311,7 +315,7 @@ impl Prepared {
     fn refuse_part(&self, slices: &Range<u32>) -> Result<(), RunError> {
         let whole = self.job.output.formats.iter().find(|format| format.holds_whole_jobs());
         match whole {
-            Some(format) if *slices != (0..self.lattice.dims[2]) => {
+            Some(format) if !self.are_all(slices) => {
                 let found = format!("\"{}\" of slices {}..{}", format.name(), slices.start, slices.end);
                 let expected =
                     format!("all {} slices, or formats that part by part make a whole", self.lattice.dims[2]);

@@ -21,7 +21,8 @@ use glam::DVec3;
 
 use super::labels::{self, LABELS, SurfaceLabel};
 
-/// Writes pictures, labels of the surface and the page that shows them; the page is written whenever there are pictures.
+/// Writes pictures, labels of the surface and the page that shows them; the page is written whenever there are
+/// pictures.
 pub(super) fn write_pictures(
     output: &OutputFolder,
     manifest: &Manifest,

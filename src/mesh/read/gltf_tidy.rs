@@ -1,5 +1,6 @@
 //! Documents that the gltf crate refuses for what says nothing of a shape: application-specific attributes, which begin
-//! with `_` (glTF 2.0, section 3.7.2.1), animations of targets that extensions bring, accessors whose bounds are missing.
+//! with `_` (glTF 2.0, section 3.7.2.1), animations of targets that extensions bring, accessors whose bounds are
+//! missing.
 
 use std::collections::HashSet;
 
