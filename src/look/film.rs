@@ -1,8 +1,8 @@
 //! A picture of a print under all lamps at once, by paths from the camera.
 //!
 //! Lines of sight go through the voxels as any flight does; where one scatters, one of the beams is asked whether it
-//! gets there (a flight towards it that nothing ends), and what leaves the print in the end sees the sky, or the ground,
-//! which asks the same. So one path serves all lamps. Estimates are without bias but for the light of more than
+//! gets there (a flight towards it that nothing ends), and what leaves the print in the end sees the sky, or the
+//! ground, which asks the same. So one path serves all lamps. Estimates are without bias but for the light of more than
 //! [`BOUNCES`] turns between ground and print.
 
 use std::ops::Range;

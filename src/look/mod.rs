@@ -6,8 +6,8 @@
 //! slab goes on beyond its sides, or not, and is lit on its top ([`VoxelScene`]).
 //!
 //! **In, of a slab:** a [`VoxelGrid`], the coefficients of its ids in one channel, what lies at the sides and below,
-//! light on the top. **Out:** an image of the radiosity of the top ([`VoxelScene::image`]), or for a lit texel the window
-//! of texels that its light leaves by ([`VoxelScene::responses`]), each value with its standard error.
+//! light on the top. **Out:** an image of the radiosity of the top ([`VoxelScene::image`]), or for a lit texel the
+//! window of texels that its light leaves by ([`VoxelScene::responses`]), each value with its standard error.
 //!
 //! *Guaranteed:* estimates without bias; the same bytes for the same seed whatever the number of threads. *Not
 //! covered:* refractive indices of slabs count as matched, whatever the resins say: voxel faces and the top neither

@@ -1,8 +1,8 @@
 //! Bricks of several materials in as few bits as their ids need.
 //!
-//! A print has a handful of resins. Two bits a voxel are a quarter of a byte's memory, and what a walk sees of it fits into
-//! a processor's own cache, where it is looked up at every collision. Four and eight bits where ids need them: all bricks
-//! have the width of the largest id that was ever put in.
+//! A print has a handful of resins. Two bits a voxel are a quarter of a byte's memory, and what a walk sees of it fits
+//! into a processor's own cache, where it is looked up at every collision. Four and eight bits where ids need them: all
+//! bricks have the width of the largest id that was ever put in.
 //!
 //! ```text
 //!   row of 8 voxels   x = 0 in the lowest bits     2, 4 or 8 bytes, little end first

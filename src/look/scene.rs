@@ -1,8 +1,8 @@
 //! A print ready for light: its voxels, and what their resins do to light in each channel.
 //!
 //! Refractive indices count as matched unless the scene has surfaces ([`Scene::under`]): background has no events, and
-//! light that leaves a part may enter another. All walks are followed backwards, from where light is seen to where it came from,
-//! which for matched indices obeys the same law as forwards.
+//! light that leaves a part may enter another. All walks are followed backwards, from where light is seen to where it
+//! came from, which for matched indices obeys the same law as forwards.
 
 use std::sync::Arc;
 
@@ -370,7 +370,8 @@ impl<'a> Walker<'a> {
     ) -> Option<u8> {
         let Self { scene, media } = self;
         let per_mm = scene.per_mm;
-        // −0 + 0 = +0, so that the face ahead of a flight along it is infinitely far off, and not infinitely far behind.
+        // −0 + 0 = +0, so that the face ahead of a flight along it is infinitely far off, and not infinitely far
+        // behind.
         let step = DVec3::new(direction.x * per_mm.x, direction.y * per_mm.y, direction.z * per_mm.z) + 0.0;
         let octant = octant(step);
         // Which face of a cube of bricks is left, from the lower corner of the brick that it begins with.
@@ -515,7 +516,8 @@ mod tests {
             assert!((depths.minus_log(n) - exact).abs() < 1e-10, "{n}: {} instead of {exact}", depths.minus_log(n));
         }
     }
-    /// A small white cube in the middle of much air: flights along an axis, with zeros of either sign across, get there.
+    /// A small white cube in the middle of much air: flights along an axis, with zeros of either sign across, get
+    /// there.
     #[test]
     fn flights_along_an_axis_meet_what_is_ahead() {
         let lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(0.1), dims: [200; 3] };

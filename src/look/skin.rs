@@ -1,5 +1,5 @@
-//! The surface of a print to light where refractive indices differ from air's: it reflects after Fresnel and bends after
-//! Snell, by the **mesh's** normal, for a print is smooth where its voxels have steps.
+//! The surface of a print to light where refractive indices differ from air's: it reflects after Fresnel and bends
+//! after Snell, by the **mesh's** normal, for a print is smooth where its voxels have steps.
 //!
 //! ```text
 //!   in resin ──► leaves a printed voxel, outwards by the mesh ──► mirrored back, or bent into air
@@ -127,8 +127,8 @@ fn as_direction(vector: DVec3) -> Direction {
 
 impl Walker<'_> {
     /// Light that is seen where a line of sight onto a point of the surface with outward normal `normal` enters the
-    /// print at `place`: without the glint, the share of what it meets there, and then as much as is left when the scene
-    /// is.
+    /// print at `place`: without the glint, the share of what it meets there, and then as much as is left when the
+    /// scene is.
     pub fn walk_under(
         &self,
         skin: &Skin,

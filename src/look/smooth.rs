@@ -1,9 +1,9 @@
 //! Noise taken off a picture: edge-avoiding wavelets (Dammertz et al. 2010) that know each pixel's own noise, as in
 //! Schied et al. 2017.
 //!
-//! Pixels are averaged with neighbours that show the same surface and differ by no more than noise explains. Before that,
-//! sparks (a rare path of much light) are brought down to the brightest pixel around them. For the eye only; no number
-//! comes from what is smoothed.
+//! Pixels are averaged with neighbours that show the same surface and differ by no more than noise explains. Before
+//! that, sparks (a rare path of much light) are brought down to the brightest pixel around them. For the eye only; no
+//! number comes from what is smoothed.
 
 use glam::Vec3;
 use rayon::prelude::*;

@@ -1,7 +1,8 @@
 //! R̂ of a volume that repeats, straight from its photons.
 //!
 //! A photon that leaves a distance r from where it entered, with weight w, is a sample w J₀(k r) of the Hankel
-//! transform of the mean response, without bias and without rings or windows. Distances are counted in steps of [`STEP_MM`].
+//! transform of the mean response, without bias and without rings or windows. Distances are counted in steps of
+//! [`STEP_MM`].
 
 use std::ops::Range;
 

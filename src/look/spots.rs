@@ -5,13 +5,13 @@
 //! again, whatever it met on its way. Directions are drawn with the cosine to the surface, so the mean share *is*
 //! radiosity per irradiance.
 //!
-//! A **shadow's edge** at a spot: the same, where light enters on one side of a plane only. The plane stands on the surface,
-//! x mm from the site, so that the site lies x mm inside of what is lit; a walk counts where it leaves the print on the lit
-//! side. On a flat slab that is L(x) of [`crate::optics::EdgeResponse`].
+//! A **shadow's edge** at a spot: the same, where light enters on one side of a plane only. The plane stands on the
+//! surface, x mm from the site, so that the site lies x mm inside of what is lit; a walk counts where it leaves the
+//! print on the lit side. On a flat slab that is L(x) of [`crate::optics::EdgeResponse`].
 //!
-//! A spot is a few sites on the mesh. A walk starts outside of the steps that voxels have, on the line through its site,
-//! and enters the first printed voxel there is near the site. A line that meets none, by the edge of a mesh that lies
-//! between voxels, shows no print and is drawn again.
+//! A spot is a few sites on the mesh. A walk starts outside of the steps that voxels have, on the line through its
+//! site, and enters the first printed voxel there is near the site. A line that meets none, by the edge of a mesh that
+//! lies between voxels, shows no print and is drawn again.
 
 use glam::DVec3;
 use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};

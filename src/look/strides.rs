@@ -3,9 +3,9 @@
 //! Delta tracking (Woodcock et al. 1965) draws flights as if one density filled space and then asks whether a collision
 //! is real. One density for a whole print is expensive where air or clear resin lies beside white: most collisions are
 //! not real there. So every brick has a **class**, the density that bounds all of its voxels, and for each octant of
-//! directions the edge of a cube of bricks that begins with it and in which nothing is denser. A flight goes through that
-//! cube at once. In air the bound is 0 and the cube is left in one step, however large; in the densest resin the cube has
-//! no end and nothing is asked.
+//! directions the edge of a cube of bricks that begins with it and in which nothing is denser. A flight goes through
+//! that cube at once. In air the bound is 0 and the cube is left in one step, however large; in the densest resin the
+//! cube has no end and nothing is asked.
 //!
 //! ```text
 //!   ┌───┬───┬───┐   edge 3 for flights up and to the right from B: beyond the cube comes something denser, or its
@@ -99,8 +99,9 @@ impl Strides {
     }
 }
 
-/// Edges of the largest cubes of bricks that begin with each brick, go on into an octant, and hold nothing above `level`;
-/// 0 where the brick itself does. A cube is one brick and what is common to the cubes of its seven neighbours there.
+/// Edges of the largest cubes of bricks that begin with each brick, go on into an octant, and hold nothing above
+/// `level`; 0 where the brick itself does. A cube is one brick and what is common to the cubes of its seven neighbours
+/// there.
 fn cubes(classes: &[u8], [nx, ny, nz]: [usize; 3], level: u8, octant: usize) -> Vec<u8> {
     let mut edges = vec![0_u8; classes.len()];
     let down = [0, 1, 2].map(|axis| octant >> axis & 1 == 1);

@@ -1,8 +1,8 @@
 //! The surface of a print as its voxels have it, where no mesh is known.
 //!
 //! Where it is comes from lines that meet it; which way it looks, from what is printed around: the vector from there to
-//! the middle of what is air in a ball. On a plane cut into voxels that is within a few degrees of the plane's normal for
-//! balls of three voxels or more.
+//! the middle of what is air in a ball. On a plane cut into voxels that is within a few degrees of the plane's normal
+//! for balls of three voxels or more.
 
 use glam::DVec3;
 use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
@@ -10,8 +10,8 @@ use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
 use super::{Scene, Site};
 use crate::optics::monte_carlo::photon::uniform;
 
-/// Samples of a ball from its middle to its edge. Of a ball of 2 mm in voxels of 42 × 85 × 30 µm normals are 3.0° off in
-/// the mean and 9.2° at most; with 3, as far apart as the voxels are long, 7.1° and 21°.
+/// Samples of a ball from its middle to its edge. Of a ball of 2 mm in voxels of 42 × 85 × 30 µm normals are 3.0° off
+/// in the mean and 9.2° at most; with 3, as far apart as the voxels are long, 7.1° and 21°.
 const STEPS: i32 = 5;
 /// Radius of the ball that a normal is read from, in diagonals of a voxel, and at least so many mm.
 const BALL_VOXELS: f64 = 2.5;

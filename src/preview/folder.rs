@@ -27,8 +27,8 @@ const BATCH_BYTES: usize = 64 << 20;
 
 /// Draws the pictures of `slices`, those of a finished job, from `OUT/slices/slice_K.png`.
 ///
-/// Of a large job at most 800 of the slices are read, evenly spread. Slices show the support as background; it is found again as what
-/// the object encloses. Of two materials with the same colour the first gets all.
+/// Of a large job at most 800 of the slices are read, evenly spread. Slices show the support as background; it is found
+/// again as what the object encloses. Of two materials with the same colour the first gets all.
 ///
 /// # Errors
 /// A slice that is missing, damaged, not as large as the lattice, or that holds a colour no material has;

@@ -21,8 +21,8 @@ const VIEWS: [([f64; 2], &str); 3] = [([-60.0, 20.0], "front"), ([120.0, 20.0], 
 /// Of an object without marks, linear.
 const GREY: f32 = 0.55;
 
-/// Draws triangles, each with the number of its object; `mark` says in which colour a point of an object's surface with an
-/// outward normal is drawn, where it has one.
+/// Draws triangles, each with the number of its object; `mark` says in which colour a point of an object's surface with
+/// an outward normal is drawn, where it has one.
 ///
 /// # Errors
 /// [`PreviewError::Encode`].

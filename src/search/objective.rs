@@ -45,7 +45,8 @@ pub struct Objective {
 pub(crate) const BLACK_RMS: f64 = 1e-3;
 
 /// Weight of the albedo where the first frequency above it weighs 1 and the i-th 1/i. Over a grid of 128 steps these
-/// sum to 5.4: light that varies by a tenth of its mean over the 40 mm that the grid spans. Evidence: docs/objective.md.
+/// sum to 5.4: light that varies by a tenth of its mean over the 40 mm that the grid spans. Evidence:
+/// docs/objective.md.
 const NATURAL_DC: f64 = 500.0;
 
 impl Default for Objective {

@@ -183,8 +183,8 @@ pub const OWNER: Owner = Owner {
     names: &["sheet.png", "edge.png", "sheet.html", "comparison.json", "radiosity.npy", "noise.npy", "places.csv"],
 };
 
-/// Compares, and writes the sheet into `folder`: `sheet.html`, `sheet.png`, `edge.png`, `comparison.json`, and the numbers
-/// behind the pictures: `radiosity.npy`, `noise.npy` and `places.csv`.
+/// Compares, and writes the sheet into `folder`: `sheet.html`, `sheet.png`, `edge.png`, `comparison.json`, and the
+/// numbers behind the pictures: `radiosity.npy`, `noise.npy` and `places.csv`.
 ///
 /// # Errors
 /// As [`compare`], and a folder that may not or cannot be written.
@@ -202,7 +202,8 @@ pub fn compare_into(
     Ok(comparison)
 }
 
-/// Compares on objects, and writes the same sheet into `folder`, but for `edge.png`: no column of an object is like another.
+/// Compares on objects, and writes the same sheet into `folder`, but for `edge.png`: no column of an object is like
+/// another.
 ///
 /// # Errors
 /// As [`compare_object`], and a folder that may not or cannot be written.

@@ -2,8 +2,8 @@
 //! surface.
 //!
 //! Pictures are a camera's, under the four lamps of a look. What lies on the surface is spread by equation 7 over the
-//! mesh ([`crate::job::look`]); what is printed goes through the voxels by the walker of every look. The 4D data and the
-//! profiles of single texels know a flat patch only and are left out.
+//! mesh ([`crate::job::look`]); what is printed goes through the voxels by the walker of every look. The 4D data and
+//! the profiles of single texels know a flat patch only and are left out.
 
 use std::path::Path;
 

@@ -31,7 +31,8 @@ impl Comparison {
         write_npy(&[self.stages.len(), channels, lights, self.height, self.width], &all)
     }
 
-    /// A row for every texel, or every pixel that shows an object: where it is, and the radiosity of every stage, channel and light there.
+    /// A row for every texel, or every pixel that shows an object: where it is, and the radiosity of every stage,
+    /// channel and light there.
     pub(super) fn places_csv(&self) -> String {
         let mut text = String::from(
             "# Radiosity per irradiance, as linear shares; row 0 is the picture's top. Columns: stage, channel, light.\n\

@@ -106,8 +106,8 @@ pub(super) fn write_scenes(
     Ok(output.finish_with_list(&OWNER, 1)?)
 }
 
-/// What this program sees: π times the radiance of every pixel and its standard error, as (2, lamps, rows, columns), the
-/// lamps in the order sky, edge, behind, spot.
+/// What this program sees: π times the radiance of every pixel and its standard error, as (2, lamps, rows, columns),
+/// the lamps in the order sky, edge, behind, spot.
 fn write_films(
     output: &OutputFolder,
     stage: &Stage<'_>,

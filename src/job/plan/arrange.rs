@@ -1,7 +1,7 @@
 //! Objects side by side on the tray, where the job does not say where they stand.
 //!
-//! In rows along x, as shelves: deep objects first, so that a row wastes little behind flat ones. Every object stands at
-//! a multiple of the voxels' pitch, and copies are alike to the voxel.
+//! In rows along x, as shelves: deep objects first, so that a row wastes little behind flat ones. Every object stands
+//! at a multiple of the voxels' pitch, and copies are alike to the voxel.
 
 use std::path::PathBuf;
 

@@ -2,14 +2,15 @@
 //! print was too light or too dark.
 //!
 //! Both live on the surface, at [`SurfacePoints`], never in the texture, whose charts end where the surface does not.
-//! Every texel has a place there, and so has every node that stands in for texels where the texture is too coarse, repeats
-//! itself or is not there at all. What is laid at a texel is told by its cluster, by one of a ladder of thicknesses and by
-//! one of a fine ladder of factors for each channel; each combination that occurs is a label of its own.
+//! Every texel has a place there, and so has every node that stands in for texels where the texture is too coarse,
+//! repeats itself or is not there at all. What is laid at a texel is told by its cluster, by one of a ladder of
+//! thicknesses and by one of a fine ladder of factors for each channel; each combination that occurs is a label of its
+//! own.
 //!
-//! A factor makes up for two things: for how the print looks there, and for what the texel's own albedo differs from its
-//! cluster's by. A hundred clusters are few for the colours of a photograph: in three channels they lie a quarter apart.
-//! Between two steps of a ladder fine texels take either, as often as they are near it, so that over some of them what is
-//! wanted is laid on the mean, and no step shows as an edge.
+//! A factor makes up for two things: for how the print looks there, and for what the texel's own albedo differs from
+//! its cluster's by. A hundred clusters are few for the colours of a photograph: in three channels they lie a quarter
+//! apart. Between two steps of a ladder fine texels take either, as often as they are near it, so that over some of
+//! them what is wanted is laid on the mean, and no step shows as an edge.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -208,8 +209,8 @@ impl ObjectPlan {
         if self.channels <= CHANNELS { self.channels } else { 1 }
     }
 
-    /// Labels of all texels where thickness counts, if it does, factors are as `ln_factors` says at the points, and each
-    /// asks for what it does in `asked`.
+    /// Labels of all texels where thickness counts, if it does, factors are as `ln_factors` says at the points, and
+    /// each asks for what it does in `asked`.
     pub fn lay(
         &self,
         by_thickness: bool,
@@ -292,7 +293,8 @@ impl ObjectPlan {
     fn key(&self, site: &TexelSite, known: &Known, by_thickness: bool, step: f64) -> Key {
         let cluster = self.cluster(site);
         let page = usize::from(site.page);
-        // One threshold for all ladders: of the corners of a cell no more than one more than there are ladders are used.
+        // One threshold for all ladders: of the corners of a cell no more than one more than there are ladders are
+        // used.
         let threshold = if self.shared_out[page] { threshold(site.texel, self.atlas.pages()[page].width) } else { 0.5 };
         let on_ladder = |steps: f64| steps.floor() + if steps - steps.floor() > threshold { 1.0 } else { 0.0 };
         let half_mm = libm::exp(known[0]);
@@ -307,8 +309,8 @@ impl ObjectPlan {
     }
 }
 
-/// From 0 to 1, as evenly spread among any neighbouring texels as can be: Roberts' additive recurrence in two dimensions
-/// (*The unreasonable effectiveness of quasirandom sequences*, 2018).
+/// From 0 to 1, as evenly spread among any neighbouring texels as can be: Roberts' additive recurrence in two
+/// dimensions (*The unreasonable effectiveness of quasirandom sequences*, 2018).
 fn threshold(texel: u32, width: u32) -> f64 {
     const PLASTIC: f64 = 1.324_717_957_244_746;
     let (x, y) = (f64::from(texel % width), f64::from(texel / width));
@@ -331,8 +333,8 @@ fn thickness_mm(step: u8) -> f64 {
     THICKEST_MM / libm::pow(THICKNESS_STEP, f64::from(step))
 }
 
-/// Distance of nodes for every triangle whose texels will not do; `None` for those whose texels are as fine as nodes and
-/// lie on one place of the surface each. And the length of the texels of every page, mm.
+/// Distance of nodes for every triangle whose texels will not do; `None` for those whose texels are as fine as nodes
+/// and lie on one place of the surface each. And the length of the texels of every page, mm.
 fn node_spacing(mesh: &TriangleMesh, atlas: &Atlas) -> (Vec<Option<f64>>, Vec<f64>) {
     let pages = atlas.pages().len();
     let (mut mm2, mut texels) = (vec![0.0; pages], vec![0.0; pages]);

@@ -71,8 +71,8 @@ pub struct Family {
 /// The stacking of a family that reflects most like a target.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FamilyAnswer {
-    /// The slots from the observer down, those of no thickness too, over the core. All answers of a family have the same
-    /// number of slots, and the same resins may be in each.
+    /// The slots from the observer down, those of no thickness too, over the core. All answers of a family have the
+    /// same number of slots, and the same resins may be in each.
     pub stacking: Stack<Mixture>,
     /// R̂ per channel by transport; of a thin part as it looks under the same light from both sides.
     pub reflection: Vec<Vec<f64>>,

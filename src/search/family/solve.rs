@@ -4,8 +4,8 @@
 //! al. 1994, with a shift for the mapping); the expensive one judges. What a like target's fit knew of the error serves
 //! the next.
 //!
-//! Where the profile does not tell, the numbers are pulled to 0: less resin, less ink in white. The pull is part of what
-//! is minimised and the same for all, so that answers to like targets are alike wherever they started.
+//! Where the profile does not tell, the numbers are pulled to 0: less resin, less ink in white. The pull is part of
+//! what is minimised and the same for all, so that answers to like targets are alike wherever they started.
 
 use super::{
     PartTarget,

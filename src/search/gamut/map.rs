@@ -12,10 +12,10 @@
 //!
 //! With one channel, of two targets the brighter stays the brighter, and of two equally bright ones the wider stays the
 //! wider: distinct targets stay distinct as far as the gamut has room. It has none at its tips, where only one stacking
-//! is; so where a target is brighter than the ceiling or darker than the floor, these are not simply the brightest and the
-//! darkest that can be reached: of those that leave some room for widths they are the ones that move albedos least, by the
-//! weighted mean of (Δ ln albedo)². Widths never cost light: where the albedos of all targets are reached, they stay, as
-//! the search meets an albedo before a width. Targets that are all inside are not moved at all.
+//! is; so where a target is brighter than the ceiling or darker than the floor, these are not simply the brightest and
+//! the darkest that can be reached: of those that leave some room for widths they are the ones that move albedos least,
+//! by the weighted mean of (Δ ln albedo)². Widths never cost light: where the albedos of all targets are reached, they
+//! stay, as the search meets an albedo before a width. Targets that are all inside are not moved at all.
 
 use super::{Gamut, place_of};
 use crate::{

@@ -10,9 +10,9 @@
 //! ```
 //!
 //! All but the last steps are done in few directions at an eighth of the frequencies, as if that erred by what it errs
-//! by where the fit stands: a fit asks for what the coarse model gives where the fine one, of more directions at a third
-//! of the frequencies ([`nodes`]), gives the target (space mapping, Bandler et al. 1994, with a shift for the mapping).
-//! Nothing is random, and nothing depends on the number of threads.
+//! by where the fit stands: a fit asks for what the coarse model gives where the fine one, of more directions at a
+//! third of the frequencies ([`nodes`]), gives the target (space mapping, Bandler et al. 1994, with a shift for the
+//! mapping). Nothing is random, and nothing depends on the number of threads.
 
 pub(super) mod fit;
 pub(super) mod nodes;

@@ -1,15 +1,15 @@
 //! Which stacking answers a cluster where the object is thin, and where its print must be lighter or darker than a flat
 //! slab would have to be.
 //!
-//! What was found for a cluster as an endless flat slab over the core is bent: its layers stay in their order and change
-//! their thicknesses until the transport model promises the albedo that is wanted. Under even light from all sides a
-//! part that is 2H thick looks like the layers cut off at H over a perfect mirror, its own mirror image; the light that
-//! comes back is what the whole, symmetric plate reflects and lets through. Where the layers are thicker than H they are
-//! squeezed into it first, so that each still counts.
+//! What was found for a cluster as an endless flat slab over the core is bent: its layers stay in their order and
+//! change their thicknesses until the transport model promises the albedo that is wanted. Under even light from all
+//! sides a part that is 2H thick looks like the layers cut off at H over a perfect mirror, its own mirror image; the
+//! light that comes back is what the whole, symmetric plate reflects and lets through. Where the layers are thicker
+//! than H they are squeezed into it first, so that each still counts.
 //!
-//! Where a job allows mixtures, the top layer takes in more or less of the other resins too. All of these numbers move by
-//! the least change that makes up for what is missing, in each channel, by Newton's rule with differences for slopes:
-//! thicknesses relative to what they are, shares in units of [`SHARE`].
+//! Where a job allows mixtures, the top layer takes in more or less of the other resins too. All of these numbers move
+//! by the least change that makes up for what is missing, in each channel, by Newton's rule with differences for
+//! slopes: thicknesses relative to what they are, shares in units of [`SHARE`].
 
 mod newton;
 #[cfg(test)]
