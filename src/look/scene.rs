@@ -235,6 +235,12 @@ impl Scene {
         None
     }
 
+    /// How far, at most `farthest_mm`, the way from a position along a unit `direction` stays in what is printed, mm.
+    pub fn way_out(&self, position: DVec3, direction: DVec3, farthest_mm: f64) -> f64 {
+        let left = self.first_void(self.place(position), direction, farthest_mm);
+        left.map_or(farthest_mm, |left| (self.position(left) - position).length().min(farthest_mm))
+    }
+
     /// Whether a place lies within the bricks.
     #[inline(always)]
     pub(super) fn holds(&self, place: Place) -> bool {

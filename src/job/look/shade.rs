@@ -11,24 +11,29 @@ use crate::job::record::SpotRecord;
 use crate::look::{Scene, Site};
 
 /// Rays that look for the sky.
-const RAYS: usize = 64;
+pub(in crate::job) const RAYS: usize = 64;
 /// π(3 − √5) over a turn: no two multiples of it point the same way.
 const GOLDEN: f64 = 0.381_966_011_250_105_1;
 
 /// Share of the sky that a site sees, weighted with the cosine to its surface; rays are turned by `turn`, 0 to 1.
 pub(in crate::job) fn sky(scene: &Scene, site: &Site, turn: f64) -> f64 {
-    let across = site.normal.any_orthonormal_vector();
-    let along = site.normal.cross(across);
     // Above the steps that voxels make.
     let from = site.point + site.normal * scene.volume().lattice().pitch.length();
-    let sees = |ray: usize| {
+    let sees = |direction: &DVec3| scene.meets(from, *direction).is_none();
+    directions(site, turn).filter(sees).count() as f64 / RAYS as f64
+}
+
+/// [`RAYS`] directions around a site's normal, as dense as the cosine to it is large, turned by `turn`, 0 to 1.
+pub(in crate::job) fn directions(site: &Site, turn: f64) -> impl Iterator<Item = DVec3> {
+    let normal = site.normal;
+    let across = normal.any_orthonormal_vector();
+    let along = normal.cross(across);
+    (0..RAYS).map(move |ray| {
         let square = (ray as f64 + 0.5) / RAYS as f64;
         let angle = std::f64::consts::TAU * (ray as f64 * GOLDEN + turn).fract();
         let aside = across * libm::cos(angle) + along * libm::sin(angle);
-        let direction: DVec3 = aside * square.sqrt() + site.normal * (1.0 - square).sqrt();
-        scene.meets(from, direction).is_none()
-    };
-    (0..RAYS).filter(|&ray| sees(ray)).count() as f64 / RAYS as f64
+        aside * square.sqrt() + normal * (1.0 - square).sqrt()
+    })
 }
 
 /// What a surface shows in even light where it sees a share of the sky, by channel like its albedo.

@@ -39,6 +39,13 @@ pub(in crate::job) struct Expected {
     pub predicted: Vec<f64>,
 }
 
+/// What stands for the albedo that a texel, counted through the pages of the atlas, asks for, by channel.
+type Goal<'a> = dyn Fn(usize, &[f64]) -> Vec<f64> + 'a;
+
+fn as_asked(_: usize, albedo: &[f64]) -> Vec<f64> {
+    albedo.to_vec()
+}
+
 /// Adds `share` of `values` to `sum`.
 fn add(sum: &mut Vec<f64>, values: &[f64], share: f64) {
     sum.resize(values.len(), 0.0);
@@ -52,6 +59,10 @@ impl Prepared {
 
     /// What is expected at a point of an object's surface.
     pub(in crate::job) fn expected_at(&self, object: usize, triangle: u32, point: DVec3) -> Expected {
+        self.expected_by(object, triangle, point, &as_asked)
+    }
+
+    fn expected_by(&self, object: usize, triangle: u32, point: DVec3, goal: &Goal<'_>) -> Expected {
         let (object, field) = self.with_field(object);
         let (mut asked, mut predicted) = (Some(Vec::new()), Vec::new());
         for shared in field.shares(triangle, point).into_iter().filter(|shared| shared.share > 0.0) {
@@ -60,7 +71,7 @@ impl Prepared {
             add(&mut predicted, promised, share);
             let of_texel = object.asked.of(shared.texel).map(|asked| &asked.albedo);
             match (of_texel.or(entry.target_albedo.as_ref()), &mut asked) {
-                (Some(albedo), Some(sum)) => add(sum, albedo, share),
+                (Some(albedo), Some(sum)) => add(sum, &goal(shared.texel, albedo), share),
                 _ => asked = None,
             }
         }
@@ -79,12 +90,17 @@ impl Prepared {
 
     /// What is expected of a spot: the mean over its sites.
     pub(in crate::job) fn expected(&self, spot: &SurfaceSpot) -> Expected {
+        self.expected_as(spot, &as_asked)
+    }
+
+    /// [`Self::expected`], where `goal` says what stands for the albedo that a texel asks for.
+    pub(in crate::job) fn expected_as(&self, spot: &SurfaceSpot, goal: &Goal<'_>) -> Expected {
         let surface = self.slicer().objects()[spot.object].surface();
         let mut mean = Expected { asked: Some(Vec::new()), predicted: Vec::new() };
         let share = 1.0 / spot.spot.sites.len() as f64;
         for site in &spot.spot.sites {
             let found = surface.closest(site.point);
-            let here = self.expected_at(spot.object, found.triangle, found.point);
+            let here = self.expected_by(spot.object, found.triangle, found.point, goal);
             add(&mut mean.predicted, &here.predicted, share);
             match (&here.asked, &mut mean.asked) {
                 (Some(albedo), Some(sum)) => add(sum, albedo, share),

@@ -7,7 +7,7 @@
 //! | `prepare`  | reads the inputs, places the meshes, builds the fields |
 //! | `asked`, `appearance`, `images`, `factored` | what each surface point should reflect: targets, and where each is wanted |
 //! | `stackings`, `gamut_mapping`  | one stacking per target |
-//! | `on_surface`, `answers` | other stackings where an object is thin, or its print would miss |
+//! | `on_surface`, `lattice`, `answers` | other stackings where an object is thin, or its print would miss |
 //! | `stacking_report` | what was found, as files and reports have it |
 //! | `arrange` | places on the tray |
 //! | `checks`   | what will print badly |
@@ -22,6 +22,7 @@ mod factored;
 mod gamut_mapping;
 mod images;
 mod job_targets;
+mod lattice;
 mod layer_maps;
 mod object;
 mod on_surface;

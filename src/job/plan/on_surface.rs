@@ -3,14 +3,14 @@
 //!
 //! Both live on the surface, at [`SurfacePoints`], never in the texture, whose charts end where the surface does not.
 //! Every texel has a place there, and so has every node that stands in for texels where the texture is too coarse,
-//! repeats itself or is not there at all. What is laid at a texel is told by its cluster, by one of a ladder of
-//! thicknesses and by one of a fine ladder of factors for each channel; each combination that occurs is a label of its
-//! own.
+//! repeats itself or is not there at all. What is laid at a texel is told by the albedo that its stacking is to have,
+//! by one of a ladder of thicknesses and by its width; each combination that occurs on the lattices of these is a label
+//! of its own ([`lattice`](super::lattice)).
 //!
-//! A factor makes up for two things: for how the print looks there, and for what the texel's own albedo differs from
-//! its cluster's by. A hundred clusters are few for the colours of a photograph: in three channels they lie a quarter
-//! apart. Between two steps of a ladder fine texels take either, as often as they are near it, so that over some of
-//! them what is wanted is laid on the mean, and no step shows as an edge.
+//! That albedo is the texel's own, for a hundred clusters are few for the colours of a photograph; times a factor that
+//! makes up for how the print looks there; and where the texel's cluster is out of reach, as far off as the stacking
+//! that was found for it. Between two steps of a lattice fine texels take either, as often as they are near it, so that
+//! over some of them what is wanted is laid on the mean, and no step shows as an edge.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -19,11 +19,13 @@ use super::{
     answers::{Answer, Answers, Question},
     asked::{AskedMap, Surface},
     context::TargetContext,
+    lattice::{BLACK, Classes, Key, Lattice, Place, THICKEST_MM},
 };
 use crate::{
     appearance::{Atlas, ClusterId, LabelMap, SurfacePoints, TexelSite},
     job::RunError,
     mesh::{Solid, TriangleMesh},
+    numeric::rounding::rounded,
     optics::{Layer, Mixture, Stack},
     sdf::{Surface as Closest, half_thickness},
     watch::Watch,
@@ -44,17 +46,10 @@ const OVERLAP: f64 = 1.2;
 const POINT_MM: f64 = 0.5;
 const FEWEST_POINTS: f64 = 500.0;
 const MOST_POINTS: usize = 20_000;
-/// Thicknesses are told apart from the first down, mm, each smaller than the one before by this factor.
-const THICKEST_MM: f64 = 4.8;
-const THICKNESS_STEP: f64 = std::f64::consts::SQRT_2;
 /// Thinner parts are as good as this: light comes in from all sides, and no layers fit.
 const THINNEST_MM: f64 = 0.15;
-/// Logarithm of the step between factors; wider, by so much at a time, where there would be too many labels.
-const FACTOR_STEP: f64 = 0.02;
-const WIDER: f64 = 1.25;
-/// Albedos below this have wider steps, alike in lightness; below the second, which counts as black, none of their own.
-const DARK: f64 = 0.1;
-const BLACK: f64 = 0.002;
+/// Logarithm of a factor by which a stacking's albedo may miss what is asked for and is near.
+const NEAR: f64 = 0.02;
 /// Most labels beside the clusters' own: each is a row of a table that is read at every voxel.
 const MOST_LABELS: usize = 4096;
 /// Texels of pages as fine as this, mm, share out what lies between two steps.
@@ -88,7 +83,7 @@ pub struct VariantEntry {
     /// Half the thickness of the object that it is made for, mm; `None` where that is more than the layers need.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_thickness_mm: Option<f64>,
-    /// Factor of the cluster's albedo, by channel.
+    /// Factor of the albedo that the cluster's stacking has as a flat slab, by channel.
     pub factor: Vec<f64>,
     /// Layers, top first.
     pub layers: Vec<Layer<String>>,
@@ -102,16 +97,6 @@ pub(in crate::job) struct Laid {
     pub questions: Vec<Question>,
     pub answers: Vec<Answer>,
 }
-
-/// What tells labels apart: cluster, step of thickness (or none), steps of factors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Key {
-    cluster: u16,
-    thickness: u8,
-    factors: [i16; CHANNELS],
-}
-
-const THICK: u8 = u8::MAX;
 
 impl ObjectPlan {
     /// Prepares an object; texels of `map` are completed by those of the nodes.
@@ -227,86 +212,83 @@ impl ObjectPlan {
         let corners: Vec<_> = self.solid.mesh.corners().collect();
         let normals: Vec<_> = corners.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).normalize_or_zero()).collect();
         let starts = self.atlas.starts();
-        let at_sites: Vec<Known> = self
+        let wanted: Vec<Vec<f64>> = (0..self.answers.len()).map(|cluster| self.ln_wanted(cluster, asked)).collect();
+        let alike = self.factors() < self.channels;
+        let classes =
+            if asked.texels() == 0 || alike { Classes::OneEach { alike } } else { Classes::by_width(&asked.targets) };
+        let places: Vec<Place> = self
             .sites
             .par_iter()
             .map(|site| {
                 let triangle = site.triangle as usize;
-                let mut known = self.points.interpolate(site.position(&corners[triangle]), normals[triangle], &known);
-                let texel = starts[usize::from(site.page)] + site.texel as usize;
-                let own = asked.ln_own(texel, self.cluster(site), BLACK);
-                // One factor for all is of their mean.
-                let each = own.len() / self.factors();
-                let own = own.chunks(each.max(1)).map(|own| own.iter().sum::<f64>() / own.len() as f64);
-                own.zip(&mut known[1..]).for_each(|(own, ln)| *ln += own);
-                known
+                let known = self.points.interpolate(site.position(&corners[triangle]), normals[triangle], &known);
+                let cluster = self.cluster(site);
+                let mut ln = wanted[cluster.index()].clone();
+                let own = asked.ln_own(starts[usize::from(site.page)] + site.texel as usize, cluster, BLACK);
+                ln.iter_mut().zip(own).for_each(|(ln, own)| *ln += own);
+                ln.iter_mut().enumerate().for_each(|(n, ln)| *ln += known[1 + if alike { 0 } else { n }]);
+                let page = usize::from(site.page);
+                let width = self.atlas.pages()[page].width;
+                let threshold = if self.shared_out[page] { threshold(site.texel, width) } else { 0.5 };
+                Place { cluster: cluster.0, half_ln: by_thickness.then_some(known[0]), ln, threshold }
             })
             .collect();
         watch.go_on()?;
-        let mut step = FACTOR_STEP;
-        let (keys, distinct) = loop {
-            let keys: Vec<Key> = self
-                .sites
-                .par_iter()
-                .zip(&at_sites)
-                .map(|(site, known)| self.key(site, known, by_thickness, step))
-                .collect();
-            let mut distinct = keys.clone();
-            distinct.par_sort_unstable();
-            distinct.dedup();
-            distinct.retain(|key| !key.is_plain());
-            if distinct.len() <= MOST_LABELS {
-                break (keys, distinct);
-            }
-            step *= WIDER;
-        };
+        let (lattice, keys, distinct) = Lattice::finest(&self.answers, &classes, &places, MOST_LABELS);
         let question = |key: &Key| Question {
             cluster: usize::from(key.cluster),
-            half_mm: (key.thickness != THICK).then(|| thickness_mm(key.thickness)),
-            ln_factor: (0..self.channels)
-                .map(|channel| {
-                    let factor = if self.channels <= CHANNELS { channel } else { 0 };
-                    f64::from(key.factors[factor]) * self.step(usize::from(key.cluster), factor, step)
-                })
-                .collect(),
+            half_mm: key.half_mm(),
+            ln_albedo: lattice.ln_albedo(key),
         };
         let questions: Vec<Question> = distinct.iter().map(question).collect();
         let answers = self.answers.answer(&questions, watch)?;
         let mut labels = self.clusters.clone();
-        for (site, key) in self.sites.iter().zip(&keys).filter(|(_, key)| !key.is_plain()) {
-            let label = self.answers.len() + distinct.partition_point(|other| other < key);
+        for (site, key) in self.sites.iter().zip(&keys) {
+            let label = match lattice.plain(key) {
+                Some(cluster) => usize::from(cluster),
+                None => self.answers.len() + distinct.partition_point(|other| other < key),
+            };
             labels[usize::from(site.page)].0[site.texel as usize] = ClusterId(label as u16);
         }
         Ok(Laid { labels, questions, answers })
     }
 
+    /// Logarithms of the albedos that a cluster's stacking is to have, by channel: what is asked for, or as far off as
+    /// the stacking that was found where that is far.
+    fn ln_wanted(&self, cluster: usize, asked: &AskedMap) -> Vec<f64> {
+        let promised = self.answers.promised(cluster);
+        let Some(target) = asked.targets.get(cluster) else {
+            return promised.iter().map(|albedo| libm::log(albedo.max(BLACK))).collect();
+        };
+        let of = |(channel, &promised): (&Vec<f64>, &f64)| libm::log(within_reach(channel[0], promised).max(BLACK));
+        target.channels.iter().zip(promised).map(of).collect()
+    }
+
+    /// An albedo that a texel asks for, as far as the stacking of its cluster shows that it can be reached.
+    pub fn within_reach(&self, texel: usize, albedo: &[f64], asked: &AskedMap) -> Vec<f64> {
+        let starts = self.atlas.starts();
+        let page = starts.partition_point(|start| *start <= texel) - 1;
+        let cluster = self.clusters[page].0[texel - starts[page]];
+        let Some(target) = asked.targets.get(cluster.index()) else { return albedo.to_vec() };
+        let of = |((own, channel), promised): ((&f64, &Vec<f64>), &f64)| {
+            if channel[0] > 0.0 { own * within_reach(channel[0], *promised) / channel[0] } else { *promised }
+        };
+        albedo.iter().zip(&target.channels).zip(self.answers.promised(cluster.index())).map(of).collect()
+    }
+
     fn cluster(&self, site: &TexelSite) -> ClusterId {
         self.clusters[usize::from(site.page)].0[site.texel as usize]
     }
+}
 
-    /// Logarithm of the step between a cluster's factors, where lighter ones have `step`.
-    fn step(&self, cluster: usize, factor: usize, step: f64) -> f64 {
-        let albedo = self.answers.asked(cluster).get(factor).copied().unwrap_or(DARK).max(BLACK);
-        step * libm::cbrt(DARK / albedo).max(1.0)
+/// An albedo that is asked for, as near as `promised` is where that is far from it: what is a few percent off is made up
+/// for, and what no stacking reaches is not striven for in one channel at the cost of another.
+pub(in crate::job) fn within_reach(asked: f64, promised: f64) -> f64 {
+    if asked <= 0.0 || promised <= 0.0 {
+        return asked.max(promised);
     }
-
-    fn key(&self, site: &TexelSite, known: &Known, by_thickness: bool, step: f64) -> Key {
-        let cluster = self.cluster(site);
-        let page = usize::from(site.page);
-        // One threshold for all ladders: of the corners of a cell no more than one more than there are ladders are
-        // used.
-        let threshold = if self.shared_out[page] { threshold(site.texel, self.atlas.pages()[page].width) } else { 0.5 };
-        let on_ladder = |steps: f64| steps.floor() + if steps - steps.floor() > threshold { 1.0 } else { 0.0 };
-        let half_mm = libm::exp(known[0]);
-        let thin = by_thickness && half_mm < self.answers.thickness_mm(cluster.index()).min(THICKEST_MM);
-        let mut factors = [0; CHANNELS];
-        for (n, (factor, ln)) in factors.iter_mut().zip(&known[1..=self.factors()]).enumerate() {
-            *factor = on_ladder(ln / self.step(cluster.index(), n, step)).clamp(-9999.0, 9999.0) as i16;
-        }
-        let thickness =
-            if thin { on_ladder(thickness_steps(half_mm)).clamp(0.0, f64::from(THICK - 1)) as u8 } else { THICK };
-        Key { cluster: cluster.0, thickness, factors }
-    }
+    let off = libm::log(promised / asked);
+    asked * libm::exp(off.signum() * (off.abs() - NEAR).max(0.0))
 }
 
 /// From 0 to 1, as evenly spread among any neighbouring texels as can be: Roberts' additive recurrence in two
@@ -315,22 +297,6 @@ fn threshold(texel: u32, width: u32) -> f64 {
     const PLASTIC: f64 = 1.324_717_957_244_746;
     let (x, y) = (f64::from(texel % width), f64::from(texel / width));
     (0.5 + x / PLASTIC + y / (PLASTIC * PLASTIC)).fract()
-}
-
-impl Key {
-    /// Whether the cluster's own stacking is laid.
-    fn is_plain(&self) -> bool {
-        self.thickness == THICK && self.factors == [0; CHANNELS]
-    }
-}
-
-/// Where on the ladder half a thickness lies, mm.
-fn thickness_steps(half_mm: f64) -> f64 {
-    libm::log(THICKEST_MM / half_mm) / libm::log(THICKNESS_STEP)
-}
-
-fn thickness_mm(step: u8) -> f64 {
-    THICKEST_MM / libm::pow(THICKNESS_STEP, f64::from(step))
 }
 
 /// Distance of nodes for every triangle whose texels will not do; `None` for those whose texels are as fine as nodes
@@ -360,11 +326,13 @@ fn node_spacing(mesh: &TriangleMesh, atlas: &Atlas) -> (Vec<Option<f64>>, Vec<f6
 
 impl Laid {
     /// What its labels beside the clusters' own stand for.
-    pub(super) fn variants(&self, context: &TargetContext<'_>) -> Vec<VariantEntry> {
+    pub(super) fn variants(&self, plan: &ObjectPlan, context: &TargetContext<'_>) -> Vec<VariantEntry> {
         let entry = |(question, answer): (&Question, &Answer)| VariantEntry {
             cluster: question.cluster,
             half_thickness_mm: question.half_mm,
-            factor: question.ln_factor.iter().map(|ln| libm::exp(*ln)).collect(),
+            factor: (question.ln_albedo.iter().zip(plan.answers.promised(question.cluster)))
+                .map(|(ln, promised)| rounded(libm::exp(*ln) / promised.max(BLACK)))
+                .collect(),
             // A slot that a stacking skips is no layer of it.
             layers: context
                 .materials

@@ -66,7 +66,7 @@ pub(super) fn object_layers(
     asked.targets = wanted.targets;
     let stackings: Vec<_> = matches.iter().map(Found::stacking).collect();
     if context.follows_the_surface() {
-        let answers = Answers::new(context, &stackings, &targets)?;
+        let answers = Answers::new(context, &stackings)?;
         let solid = context.solid.clone();
         let plan = ObjectPlan::new(context, solid, wanted.kind, wanted.surface, &mut asked, answers)?;
         if let Some(plan) = plan {
@@ -175,7 +175,7 @@ impl TargetContext<'_> {
             return Ok(self.uniform(plan.kind, stacking, core, entry.clone()));
         }
         let (layers, report) = self.textured(plan.kind, plan.atlas(), &laid.labels, &stackings, entries, core)?;
-        Ok((layers, StackingReport { variants: laid.variants(self), ..report }))
+        Ok((layers, StackingReport { variants: laid.variants(plan, self), ..report }))
     }
 
     fn entry(&self, stacking: &Stack<Mixture>, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {

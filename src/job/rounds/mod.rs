@@ -7,7 +7,8 @@
 //! ```text
 //!   fields ──► voxels ──► printed albedo at points of the surface
 //!     ▲                                │
-//!     │                   ln (asked / printed), means over some mm², as far as noise allows
+//!     │                   ln (asked / printed): what places of like shape miss alike, and
+//!     │                   means over some mm² of what is left, as far as noise allows
 //!     │                                │
 //!   labels ◄── factors of the albedo ◄─┘        (see `plan/on_surface`)
 //! ```
@@ -21,12 +22,14 @@
 //! are used: what is found is the same for any number of threads, and reads back from a file as what it was.
 
 mod residual;
+mod shape;
 
 use std::path::Path;
 
 use rayon::prelude::*;
 
-use residual::{Looked, residuals};
+use residual::{Looked, Seen, residuals};
+use shape::Shape;
 
 use super::{
     Job, Prepared, RunError,
@@ -158,9 +161,13 @@ impl Prepared {
             let plan = &plans[n];
             let point = &plan.points.points()[at];
             let spot = self.spot(scene, plan.object, point.triangle, point.point)?;
-            let sky = shade::sky(scene, &spot.middle, (at as f64 * SPREAD).fract());
-            let asked = shade::all_shown(&self.expected(&spot).asked?, sky);
-            Some(PointSpot { plan: n, at, spot: spot.spot, asked })
+            let turn = (at as f64 * SPREAD).fract();
+            let sky = shade::sky(scene, &spot.middle, turn);
+            let shape = Shape::new(scene, &spot.middle, sky, turn);
+            let asked = &self.objects[plan.object].asked;
+            let goal = |texel: usize, albedo: &[f64]| plan.within_reach(texel, albedo, asked);
+            let asked = shade::all_shown(&self.expected_as(&spot, &goal).asked?, sky);
+            Some(PointSpot { plan: n, at, spot: spot.spot, asked, shape })
         };
         let points = |(n, plan): (usize, &ObjectPlan)| (0..plan.points.points().len()).map(move |at| (n, at));
         let points: Vec<_> = plans.iter().enumerate().flat_map(points).collect();
@@ -184,7 +191,8 @@ impl Prepared {
         let mut looked = Looked::new(plans, walks, self.materials.channels.len());
         for (spot, printed) in spots.iter().zip(printed) {
             if let Some(printed) = printed.into_iter().collect() {
-                looked.objects[spot.plan][spot.at] = Some((spot.asked.clone(), printed));
+                let (asked, shape) = (spot.asked.clone(), spot.shape);
+                looked.objects[spot.plan][spot.at] = Some(Seen { asked, printed, shape });
             }
         }
         Ok(looked)
@@ -196,8 +204,10 @@ struct PointSpot {
     plan: usize,
     at: usize,
     spot: Spot,
-    /// Albedo that is asked for, less what other parts of the object take of the light there, by channel.
+    /// Albedo that is asked for, as far as it can be reached, less what other parts of the object take of the light
+    /// there, by channel.
     asked: Vec<f64>,
+    shape: Shape,
 }
 
 impl Rounds {

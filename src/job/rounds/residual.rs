@@ -2,7 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::{super::look::Fit, RoundRecord};
+use super::{
+    super::look::Fit,
+    RoundRecord,
+    shape::{ByShape, Sample, Shape},
+};
 use crate::{
     appearance::PointOfSurface,
     job::plan::{CHANNELS, ObjectPlan},
@@ -18,20 +22,26 @@ const BEYOND_NOISE: f64 = 3.0;
 /// Printed albedos below this share of what is asked for are black.
 const BLACK: f64 = 1e-3;
 
-/// What is asked for at a point, and what is printed there, by channel.
-type AtPoint = Option<(Vec<f64>, Vec<Estimate>)>;
+/// A point that was looked at.
+pub(super) struct Seen {
+    /// Albedo that is asked for there, and what is printed, by channel.
+    pub asked: Vec<f64>,
+    pub printed: Vec<Estimate>,
+    pub shape: Shape,
+}
 
 /// The print at the points of all objects.
 pub(super) struct Looked {
     /// By object and point; `None` where the print cannot be seen.
-    pub objects: Vec<Vec<AtPoint>>,
+    pub objects: Vec<Vec<Option<Seen>>>,
     walks: u64,
     channels: usize,
 }
 
 impl Looked {
     pub fn new(plans: &[ObjectPlan], walks: u64, channels: usize) -> Self {
-        let objects = plans.iter().map(|plan| vec![None; plan.points.points().len()]).collect();
+        let none = |plan: &ObjectPlan| plan.points.points().iter().map(|_| None).collect();
+        let objects = plans.iter().map(none).collect();
         Self { objects, walks, channels }
     }
 
@@ -41,7 +51,7 @@ impl Looked {
         let n = seen.len().max(1) as f64;
         let fit = |channel: usize| {
             let (mut bias, mut squared, mut noise, mut level) = (0.0, 0.0, 0.0, 0.0);
-            for (asked, printed) in &seen {
+            for Seen { asked, printed, .. } in &seen {
                 let apart = printed[channel].mean - asked[channel];
                 bias += apart / n;
                 squared += apart * apart / n;
@@ -57,19 +67,59 @@ impl Looked {
 }
 
 /// By how much the albedo must rise at each point, as logarithms by channel, as far as noise allows; and the greatest
-/// miss of means over some mm².
-pub(super) fn residuals(plan: &ObjectPlan, seen: &[AtPoint]) -> (Vec<[f64; CHANNELS]>, f64) {
+/// miss of means over some mm². What places of like shape miss alike comes first, and then what is left around each.
+pub(super) fn residuals(plan: &ObjectPlan, seen: &[Option<Seen>]) -> (Vec<[f64; CHANNELS]>, f64) {
     let spacing = plan.points.spacing_mm();
     let [wide, narrow] = [REACH_MM.max(5.0 * spacing), NARROW_MM.max(2.0 * spacing)];
-    let at = |point: &PointOfSurface| {
-        let [(wide, wide_noise), (narrow, noise)] = [wide, narrow].map(|reach| miss(plan, seen, point, reach));
-        let wide = std::array::from_fn(|channel| shrunk(wide[channel], wide_noise[channel]));
-        let more = |channel: usize| shrunk(narrow[channel] - wide[channel], BEYOND_NOISE * noise[channel]);
-        (std::array::from_fn(|channel| wide[channel] + more(channel)), wide)
+    let sums: Vec<Option<Sums>> = seen.iter().map(|seen| seen.as_ref().map(|seen| sums(plan, seen))).collect();
+    let by_shape: Vec<ByShape> = (0..plan.factors())
+        .map(|channel| ByShape::fit(&sums.iter().flatten().map(|sums| sums[channel]).collect::<Vec<_>>()))
+        .collect();
+    let expected: Vec<Option<Sums>> = sums
+        .iter()
+        .map(|sums| {
+            let expect = |(sample, fit): (Sample, &ByShape)| Sample {
+                asked: sample.asked * fit.ratio(&sample.shape, sample.asked),
+                ..sample
+            };
+            sums.as_ref().map(|sums| sums.iter().copied().zip(&by_shape).map(expect).collect())
+        })
+        .collect();
+    let at = |(n, point): (usize, &PointOfSurface)| {
+        let [(left, left_noise), (near, noise)] = [wide, narrow].map(|reach| miss(plan, &expected, point, reach));
+        let (whole, _) = miss(plan, &sums, point, wide);
+        let off = |channel: usize| {
+            let shape = match (&sums[n], &expected[n]) {
+                (Some(asked), Some(expected)) if asked[channel].asked > 0.0 => {
+                    libm::log(asked[channel].asked / expected[channel].asked)
+                }
+                _ => 0.0,
+            };
+            let left = shrunk(left[channel], left_noise[channel]);
+            shape + left + shrunk(near[channel] - left, BEYOND_NOISE * noise[channel])
+        };
+        let factors = plan.factors();
+        (std::array::from_fn(|channel| if channel < factors { off(channel) } else { 0.0 }), whole)
     };
-    let (off, wide): (Vec<_>, Vec<[f64; CHANNELS]>) = plan.points.points().par_iter().map(at).unzip();
+    let (off, wide): (Vec<_>, Vec<[f64; CHANNELS]>) = plan.points.points().par_iter().enumerate().map(at).unzip();
     let worst = wide.iter().flatten().fold(0.0, |worst: f64, off| worst.max(off.abs()));
     (off, worst)
+}
+
+/// What is asked and printed at a point, by factor.
+type Sums = Vec<Sample>;
+
+/// Where all channels have the same factor, their means count.
+fn sums(plan: &ObjectPlan, seen: &Seen) -> Sums {
+    let each = seen.asked.len() / plan.factors();
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let of = |(asked, printed): (&[f64], &[Estimate])| Sample {
+        shape: seen.shape,
+        asked: mean(asked),
+        printed: printed.iter().map(|printed| printed.mean).sum::<f64>() / printed.len().max(1) as f64,
+        variance: printed.iter().map(|one| (one.standard_error / printed.len() as f64).powi(2)).sum(),
+    };
+    seen.asked.chunks(each.max(1)).zip(seen.printed.chunks(each.max(1))).map(of).collect()
 }
 
 /// A difference no larger than its noise counts half, much smaller ones nothing.
@@ -79,21 +129,22 @@ fn shrunk(difference: f64, variance: f64) -> f64 {
 }
 
 /// ln (asked / printed) of means within `reach` mm, by channel, and its variance.
-fn miss(plan: &ObjectPlan, seen: &[AtPoint], point: &PointOfSurface, reach: f64) -> ([f64; CHANNELS], [f64; CHANNELS]) {
-    let factors = plan.factors();
+fn miss(
+    plan: &ObjectPlan,
+    seen: &[Option<Sums>],
+    point: &PointOfSurface,
+    reach: f64,
+) -> ([f64; CHANNELS], [f64; CHANNELS]) {
     let (mut asked, mut printed, mut variance) = ([0.0; CHANNELS], [0.0; CHANNELS], [0.0; CHANNELS]);
     plan.points.around(point.point, point.normal, reach, |other, weight| {
-        let Some((wanted, found)) = &seen[other] else { return };
-        for channel in 0..wanted.len() {
-            // Where all have the same factor, their sums count.
-            let factor = if factors == wanted.len() { channel } else { 0 };
-            asked[factor] += weight * wanted[channel];
-            printed[factor] += weight * found[channel].mean;
-            variance[factor] += (weight * found[channel].standard_error).powi(2);
+        for (channel, sample) in seen[other].iter().flatten().enumerate() {
+            asked[channel] += weight * sample.asked;
+            printed[channel] += weight * sample.printed;
+            variance[channel] += weight * weight * sample.variance;
         }
     });
     let (mut off, mut noise) = ([0.0; CHANNELS], [0.0; CHANNELS]);
-    for channel in (0..factors).filter(|&channel| asked[channel] > 0.0) {
+    for channel in (0..plan.factors()).filter(|&channel| asked[channel] > 0.0) {
         let printed = printed[channel].max(BLACK * asked[channel]);
         off[channel] = libm::log(asked[channel] / printed);
         noise[channel] = variance[channel] / (printed * printed);

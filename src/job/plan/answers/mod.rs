@@ -13,7 +13,7 @@
 
 mod newton;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 
 use rayon::prelude::*;
 
@@ -23,7 +23,7 @@ use crate::{
     optics::{
         Base as Bottom, Grains, LayeredReflection, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients,
     },
-    search::{ResinLimit, SearchTarget},
+    search::ResinLimit,
     watch::{Stopped, Watch},
 };
 
@@ -33,8 +33,8 @@ pub(in crate::job) struct Question {
     pub cluster: usize,
     /// Half the thickness of the object, mm; `None` where the stackings end before.
     pub half_mm: Option<f64>,
-    /// Logarithm of the factor by which the albedo is to differ from the cluster's, by channel.
-    pub ln_factor: Vec<f64>,
+    /// Logarithm of the albedo that is wanted, by channel.
+    pub ln_albedo: Vec<f64>,
 }
 
 /// What is laid there.
@@ -43,7 +43,7 @@ pub(in crate::job) struct Answer {
     pub stacking: Stack<Mixture>,
     /// Albedo per channel that is promised.
     pub albedo: Vec<f64>,
-    /// Logarithm of the part of the factor that is out of reach, by channel.
+    /// Logarithm of the factor that is missing to the albedo wanted, by channel.
     pub short: Vec<f64>,
 }
 
@@ -79,8 +79,7 @@ struct Base {
     model: usize,
     /// What the top layer mostly is, and what else it may be, where it may be mixed.
     top: Option<(ResinId, Vec<ResinId>)>,
-    /// Albedo per channel that is asked for, and that the model promises of a flat slab.
-    asked: Vec<f64>,
+    /// Albedo per channel that the model promises of a flat slab.
     promised: Vec<f64>,
 }
 
@@ -102,12 +101,8 @@ const SQUEEZED: f64 = 0.85;
 const BLACK: f64 = 1e-4;
 
 impl Answers {
-    /// What `found` for `targets` can become.
-    pub(super) fn new(
-        context: &TargetContext<'_>,
-        found: &[Stack<Mixture>],
-        targets: &[SearchTarget],
-    ) -> Result<Self, RunError> {
+    /// What the stackings `found` can become.
+    pub(super) fn new(context: &TargetContext<'_>, found: &[Stack<Mixture>]) -> Result<Self, RunError> {
         let materials = context.materials;
         let lacking = |resin: &str| context.lacks_coefficients(resin);
         let mut volumes = vec![Vec::new(); materials.channels.len()];
@@ -125,12 +120,11 @@ impl Answers {
             min_layer_mm: context.job.layer_options(context.object).min_layer_mm,
             inks: if context.may_mix() { context.printed_resins() } else { Vec::new() },
         };
-        for (stacking, target) in found.iter().zip(targets) {
+        for stacking in found {
             let layers: Vec<_> = stacking.pairs().map(|(mixture, mm)| (mixture.clone(), mm)).collect();
-            let asked = target.channels.iter().map(|channel| channel[0]).collect();
             let top = answers.top(&layers);
             let model = answers.model(&layers, top.is_some());
-            let mut base = Base { top, layers, model, asked, promised: Vec::new() };
+            let mut base = Base { top, layers, model, promised: Vec::new() };
             base.promised = answers.albedo(&base, &base.numbers(), None);
             answers.clusters.push(base);
         }
@@ -147,9 +141,9 @@ impl Answers {
         Stack::new(self.clusters[cluster].layers.iter().cloned()).over(Mixture::from(self.core))
     }
 
-    /// Albedo per channel that is asked of a cluster.
-    pub fn asked(&self, cluster: usize) -> &[f64] {
-        &self.clusters[cluster].asked
+    /// Albedo per channel that is promised of a cluster's stacking as a flat slab.
+    pub fn promised(&self, cluster: usize) -> &[f64] {
+        &self.clusters[cluster].promised
     }
 
     /// Depth at which a cluster's stacking as a flat slab ends, mm.
@@ -157,7 +151,7 @@ impl Answers {
         self.clusters[cluster].layers.iter().map(|layer| layer.1).sum()
     }
 
-    /// Answers to all `questions`, which are sorted: neighbours are answered one from the other.
+    /// Answers to all `questions`, which are sorted: those of one cluster and thickness are answered one from the other.
     pub fn answer(&self, questions: &[Question], watch: &dyn Watch) -> Result<Vec<Answer>, Stopped> {
         let alike = |a: &Question, b: &Question| a.cluster == b.cluster && a.half_mm == b.half_mm;
         let runs: Vec<&[Question]> = questions.chunk_by(alike).collect();
@@ -207,25 +201,29 @@ impl Answers {
         mixable.then(|| (carrier, others.into_iter().filter(|resin| *resin != carrier).collect()))
     }
 
-    /// Answers to questions of one cluster and thickness.
+    /// Answers to questions of one cluster and thickness: from what was found for the cluster outwards, each from the
+    /// nearest of those before.
     fn answer_run(&self, run: &[Question]) -> Vec<Answer> {
         let base = &self.clusters[run[0].cluster];
         let half = run[0].half_mm;
-        let size = |question: &Question| question.ln_factor.iter().map(|ln| ln.abs()).sum::<f64>();
-        let middle = (0..run.len()).fold(0, |best, n| if size(&run[n]) < size(&run[best]) { n } else { best });
+        let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+        let start = self.squeezed(base, half);
+        let here: Vec<f64> =
+            self.albedo(base, &start, half).into_iter().map(|albedo| libm::log(albedo.max(BLACK))).collect();
+        let mut order: Vec<(f64, usize)> =
+            run.iter().enumerate().map(|(n, question)| (apart(&question.ln_albedo, &here), n)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut solved = vec![(here, start, None)];
         let mut answers: Vec<Option<Answer>> = vec![None; run.len()];
-        let mut first = self.squeezed(base, half);
-        for order in [(middle..run.len()).collect::<Vec<_>>(), (0..middle).rev().collect()] {
-            let mut from = first.clone();
-            let mut slopes = None;
-            for n in order {
-                let (numbers, answer) = self.solve(base, half, &from, &run[n].ln_factor, &mut slopes);
-                answers[n] = Some(answer);
-                if n == middle {
-                    first = numbers.clone();
-                }
-                from = numbers;
-            }
+        for (_, n) in order {
+            let goal = &run[n].ln_albedo;
+            let nearest = (0..solved.len()).map(|at| (apart(&solved[at].0, goal), at));
+            let (_, nearest) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
+            let (_, from, slopes) = &solved[nearest];
+            let mut slopes = slopes.clone();
+            let (numbers, answer) = self.solve(base, half, from, goal, &mut slopes);
+            answers[n] = Some(answer);
+            solved.push((goal.clone(), numbers, slopes));
         }
         answers.into_iter().flatten().collect()
     }

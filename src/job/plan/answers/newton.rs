@@ -17,20 +17,17 @@ const DIFFERENCE: f64 = 0.04;
 const DAMPING: f64 = 1e-4;
 
 impl Answers {
-    /// The numbers that make the albedo what a factor asks for, from `start` on; `slopes` are those of an answer nearby,
-    /// and then of this one.
+    /// The numbers that make the albedo what is wanted, from `start` on; `slopes` are those of an answer nearby, and
+    /// then of this one.
     pub(super) fn solve(
         &self,
         base: &Base,
         half: Option<f64>,
         start: &[f64],
-        ln_factor: &[f64],
+        ln_albedo: &[f64],
         slopes: &mut Option<Vec<Vec<f64>>>,
     ) -> (Vec<f64>, Answer) {
-        // A flat slab without a factor is what was found; a thin part is asked for what the target is.
-        let from = if half.is_some() { &base.asked } else { &base.promised };
-        let goal: Vec<f64> =
-            from.iter().zip(ln_factor).map(|(albedo, ln)| albedo.max(BLACK) * libm::exp(*ln)).collect();
+        let goal: Vec<f64> = ln_albedo.iter().map(|ln| libm::exp(*ln).max(BLACK)).collect();
         let missing = |albedo: &[f64]| -> Vec<f64> {
             goal.iter().zip(albedo).map(|(goal, albedo)| libm::log(goal / albedo.max(BLACK))).collect()
         };

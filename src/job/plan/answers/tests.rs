@@ -8,7 +8,7 @@ use crate::{
 
 const WHITE: ResinId = ResinId(0);
 
-/// White over support over black, or grey over support over white, that asks for what it has.
+/// White over support over black, or grey over support over white.
 fn answers(set: &MaterialSet, layers: &[(Mixture, f64)], mixes: bool) -> Answers {
     let volumes = |channel: usize| set.resins.iter().map(|resin| resin.volumes().unwrap()[channel]).collect();
     let mut answers = Answers {
@@ -21,13 +21,35 @@ fn answers(set: &MaterialSet, layers: &[(Mixture, f64)], mixes: bool) -> Answers
         min_layer_mm: 0.03,
         inks: if mixes { set.ids().filter(|id| !set[*id].print_as_background).collect() } else { Vec::new() },
     };
-    let top = answers.top(layers);
-    let model = answers.model(layers, top.is_some());
-    let mut base =
-        Base { layers: layers.to_vec(), model, top, asked: vec![0.4; set.channels.len()], promised: Vec::new() };
-    base.promised = answers.albedo(&base, &base.numbers(), None);
-    answers.clusters.push(base);
+    answers.found(layers);
     answers
+}
+
+impl Answers {
+    fn found(&mut self, layers: &[(Mixture, f64)]) {
+        let top = self.top(layers);
+        let model = self.model(layers, top.is_some());
+        let mut base = Base { layers: layers.to_vec(), model, top, promised: Vec::new() };
+        base.promised = self.albedo(&base, &base.numbers(), None);
+        self.clusters.push(base);
+    }
+
+    /// So many clusters, each with a top of another colour.
+    pub(in crate::job::plan) fn coloured(clusters: usize) -> Self {
+        let set = MaterialSet::builtin("inks-rgb-7").unwrap();
+        let [white, support, inks @ ..] =
+            ["white", "support", "cyan", "magenta", "yellow"].map(|name| set.resin(name).unwrap().0);
+        let layers = |n: usize| {
+            let share = |step: f64| 0.2 * (0.5 + n as f64 * step).fract();
+            let shares = inks.into_iter().zip([0.819, 0.671, 0.550].map(share));
+            let rest = 1.0 - shares.clone().map(|(_, share)| share).sum::<f64>();
+            let top = Mixture::new(shares.chain([(white, rest)])).unwrap();
+            [(top, 0.4), (support.into(), 0.8), (white.into(), 0.5)]
+        };
+        let mut all = answers(&set, &layers(0), true);
+        (1..clusters).for_each(|n| all.found(&layers(n)));
+        all
+    }
 }
 
 /// By the whole model: what comes back of a stack, and through it.
@@ -66,8 +88,12 @@ fn answers_keep_their_promise() {
         let mut questions = Vec::new();
         for half_mm in [None, Some(0.3), Some(0.6), Some(1.2)] {
             for ln in [-0.4, -0.1, 0.0, 0.1] {
-                let ln_factor = (0..channels).map(|channel| ln * (1.0 - 0.3 * channel as f64)).collect();
-                questions.push(Question { cluster: 0, half_mm, ln_factor });
+                let of = |channel: usize| match half_mm {
+                    None => answers.clusters[0].promised[channel].ln(),
+                    Some(_) => 0.4_f64.ln(),
+                };
+                let ln_albedo = (0..channels).map(|channel| of(channel) + ln * (1.0 - 0.3 * channel as f64)).collect();
+                questions.push(Question { cluster: 0, half_mm, ln_albedo });
             }
         }
         let found = answers.answer(&questions, &Unwatched).unwrap();
@@ -79,12 +105,7 @@ fn answers_keep_their_promise() {
                     Some(half) => total(&set, &plate(&answer.stacking, half), channel),
                 };
                 assert!((whole - answer.albedo[channel]).abs() < 4e-3, "{question:?} {channel}: {whole} {answer:?}");
-                let from = match question.half_mm {
-                    None => answers.clusters[0].promised[channel],
-                    Some(_) => 0.4,
-                };
-                let goal = from * question.ln_factor[channel].exp();
-                let short = (goal / answer.albedo[channel]).ln();
+                let short = question.ln_albedo[channel] - answer.albedo[channel].ln();
                 assert!((short - answer.short[channel]).abs() < 1e-9);
                 met += usize::from(short.abs() < CLOSE);
             }
@@ -101,7 +122,8 @@ fn what_is_asked_for_as_it_is_stays_bit_for_bit() {
     let layers = [(Mixture::from(WHITE), 0.3), (set.resin("support").unwrap().0.into(), 0.8)];
     for mixes in [false, true] {
         let answers = answers(&set, &layers, mixes);
-        let question = Question { cluster: 0, half_mm: None, ln_factor: vec![0.0] };
+        let ln_albedo = vec![answers.promised(0)[0].ln()];
+        let question = Question { cluster: 0, half_mm: None, ln_albedo };
         let found = answers.answer(&[question], &Unwatched).unwrap();
         assert_eq!(found[0].stacking, answers.stacking(0));
     }
@@ -114,7 +136,8 @@ fn answers_of_a_ladder_rise_with_it() {
     let support = set.resin("support").unwrap().0;
     let layers = [(Mixture::from(WHITE), 0.3), (support.into(), 0.8), (Mixture::from(WHITE), 0.5)];
     let answers = answers(&set, &layers, true);
-    let question = |n: i32| Question { cluster: 0, half_mm: Some(0.6), ln_factor: vec![0.02 * f64::from(n)] };
+    let ln_albedo = |n: i32| vec![0.4_f64.ln() + 0.02 * f64::from(n)];
+    let question = |n: i32| Question { cluster: 0, half_mm: Some(0.6), ln_albedo: ln_albedo(n) };
     let questions: Vec<_> = (-30..=5).map(question).collect();
     let found = answers.answer(&questions, &Unwatched).unwrap();
     assert!(found.windows(2).all(|pair| pair[0].albedo[0] < pair[1].albedo[0]));
