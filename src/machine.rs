@@ -1,10 +1,24 @@
 //! What the machine has.
 
-/// Memory, bytes, where the system tells it as Linux does.
+/// Memory that may be used, bytes, where the system tells it as Linux does: the machine's, or less where a container or
+/// the process is held to less.
 pub fn memory_bytes() -> Option<u64> {
     let told = std::fs::read_to_string("/proc/meminfo").ok()?;
     let total = told.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
-    Some(total.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? << 10)
+    let total = total.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? << 10;
+    Some([of_control_group(), of_process()].into_iter().flatten().fold(total, u64::min))
+}
+
+/// What a container may use.
+fn of_control_group() -> Option<u64> {
+    std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok()?.trim().parse().ok()
+}
+
+/// What `ulimit -v` leaves.
+fn of_process() -> Option<u64> {
+    let told = std::fs::read_to_string("/proc/self/limits").ok()?;
+    let limit = told.lines().find_map(|line| line.strip_prefix("Max address space"))?;
+    limit.split_whitespace().next()?.parse().ok()
 }
 
 /// What does not fit, in the words of every refusal.

@@ -1,9 +1,9 @@
 //! Triangles that pass through each other or lie on each other.
 //!
 //! Counted are pairs without a common corner: crossings, where an edge of one properly pierces the other, and contacts,
-//! where they are coplanar and overlap. Folds between neighbours do not count. Signs of volumes decide on crossings, in
-//! f64 with a tolerance: what grazes within rounding is contact. Inside and outside do not depend on these counts;
-//! where there are any, faces may have inside on both sides.
+//! where they are coplanar and overlap or meet along a line, as where edge crosses edge. Folds between neighbours do not
+//! count. Signs of volumes decide on crossings, in f64 with a tolerance: what grazes within rounding is contact. Inside
+//! and outside do not depend on these counts; where there are any, faces may have inside on both sides.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -42,7 +42,12 @@ pub(super) fn count(mesh: &TriangleMesh, tolerance: Tolerance) -> Meetings {
                 found.contacts += usize::from(Frame::new(&corners[t]).is_some_and(lies_on));
             }
             let parted = heights.iter().all(|h| *h > 0.0) || heights.iter().all(|h| *h < 0.0);
-            found.crossings += usize::from(!parted && cross(&corners[t], &corners[o]));
+            if !parted && cross(&corners[t], &corners[o]) {
+                found.crossings += 1;
+            } else if !parted && found == Meetings::default() {
+                let meets = |frame: Frame| frame.meet(&corners[o], [false; 3], tolerance, &mut Vec::new());
+                found.contacts += usize::from(Frame::new(&corners[t]).is_some_and(meets));
+            }
         });
         found
     };

@@ -2,8 +2,8 @@
 //!
 //! 1. [`clean`]: triangles without area and doubled ones go; [`join`]: corners that miss each other by rounding are
 //!    one; [`split`]: edges are split at corners of other pieces that lie on them.
-//! 2. [`orient`]: neighbours are made to agree; [`sheets`]: what has no thickness beside a solid goes, but not what
-//!    sits on it ([`seat`]) or belongs to it ([`rims`]).
+//! 2. [`orient`]: neighbours are made to agree; [`walls`] within a body go; [`sheets`]: what has no thickness beside a
+//!    solid goes, but not what sits on it ([`seat`]) or belongs to it ([`rims`]).
 //! 3. [`boundary`] and [`fill`]: what is open is capped, so that mesh and caps together have no boundary. The
 //!    generalised winding number (Jacobson, Kavan, Sorkine-Hornung, *Robust inside-outside segmentation*, SIGGRAPH
 //!    2013, eq. 5) of such a surface is an integer everywhere off it.
@@ -25,6 +25,7 @@ mod seat;
 mod sheets;
 mod split;
 mod union;
+mod walls;
 
 use std::ops::{Add, Mul};
 
@@ -79,6 +80,10 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
         edges = Edges::new(mesh.positions.len(), &mesh.triangles);
     }
     edges = orient::orient(&mut mesh, edges, &mut health);
+    if walls::drop(&mut mesh, &edges, &mut health) {
+        edges = Edges::new(mesh.positions.len(), &mesh.triangles);
+        edges = orient::orient(&mut mesh, edges, &mut health);
+    }
     let mut shells = nesting::Shells::new(&mesh, &edges);
     let mut holes = boundary::loops(&mesh, &edges, &shells.of_triangle);
     let mut caps = fill::fill(&mesh.positions, &holes);

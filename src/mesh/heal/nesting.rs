@@ -2,9 +2,10 @@
 //!
 //! A shell is what edges connect; shells whose rims run along each other are one body ([`super::rims`]), and judged as
 //! one. If the shells together hold a negative volume, all turn. A body that then still holds a negative volume is a
-//! cavity if others surround it (their winding number at one of its vertices is positive) and stays; else it faces
-//! inwards by mistake and turns. Larger bodies are judged before the smaller ones they may hold. Which way a shell
-//! faces that is open by more than [`MAX_CAP_FRACTION`] is unknown: it is refused where it would have to turn.
+//! cavity if most of its faces lie within others (their winding number is positive there) and stays; else it faces
+//! inwards by mistake and turns. Faces are asked a little within the body, so that a pocket which ends in the face of
+//! what it is cut into counts as within. Larger bodies are judged before the smaller ones they may hold. Which way a
+//! shell faces that is open by more than [`MAX_CAP_FRACTION`] is unknown: it is refused where it would have to turn.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -12,11 +13,15 @@ use rayon::prelude::*;
 use super::edges::{Edges, triangle_of};
 use super::fill::Cap;
 use super::rims::Bodies;
+use super::union::{Soup, tolerance};
 use super::{HealthReport, MAX_CAP_FRACTION, MIN_COMPACTNESS, MeshError, TriangleMesh, area};
 use crate::{disjoint_sets::DisjointSets, mesh::bounds};
 
-/// Solid angles that the cavity test may compute: about a second on two cores.
-const BUDGET: usize = 50_000_000;
+/// Faces that the cavity test may ask for: about a second.
+const BUDGET: usize = 400_000;
+
+/// Faces of a body that are asked.
+const SAMPLES: usize = 24;
 
 /// Solid angles summed by one task; fixed, so that sums do not depend on the thread count.
 const CHUNK: usize = 1 << 14;
@@ -43,8 +48,6 @@ pub(super) struct Shell {
     pub(super) is_seated: bool,
     low: DVec3,
     high: DVec3,
-    /// A triangle of it.
-    first: usize,
 }
 
 impl Shells {
@@ -72,7 +75,6 @@ impl Shells {
                         is_seated: false,
                         low,
                         high,
-                        first: t,
                     });
                 }
                 name[root]
@@ -141,26 +143,21 @@ impl Shells {
         let mut negative: Vec<usize> = (0..self.len()).filter(|&body| volume[body] < 0.0).collect();
         // A stable sort: equal volumes keep their order.
         negative.sort_by(|&a, &b| volume[a].total_cmp(&volume[b]));
-        let mut members = None;
+        let mut judge = None;
         let mut spent = 0;
         for body in negative {
             let is_own = |shell: usize| bodies.of_shell[shell] as usize == body;
-            let point = mesh.positions[mesh.triangles[self.all[body].first][0] as usize];
-            let around: Vec<usize> = (0..self.len()).filter(|&o| !is_own(o) && self.all[o].contains(point)).collect();
-            let winding = if around.is_empty() {
-                0
-            } else {
-                let members: &Vec<Vec<[DVec3; 3]>> = members.get_or_insert_with(|| self.members(mesh, &caps));
-                let cost: usize = around.iter().map(|&o| members[o].len()).sum();
-                if spent + cost > BUDGET {
+            if (0..self.len()).any(|other| !is_own(other) && self.all[other].meets(&self.all[body])) {
+                let judge = judge.get_or_insert_with(|| CavityJudge::new(mesh, &caps, self, bodies));
+                if spent + SAMPLES > BUDGET {
                     health.unjudged_shells += parts[body];
                     continue;
                 }
-                spent += cost;
-                around.iter().map(|&o| winding(&members[o], point) * if turned[o] { -1 } else { 1 }).sum()
-            };
-            if winding > 0 {
-                continue;
+                spent += SAMPLES;
+                let alone = Some(&self.all[body]).filter(|shell| parts[body] == 1 && shell.is_open());
+                if judge.is_within(body, alone, &bodies.of_shell, &turned) {
+                    continue;
+                }
             }
             let alone = &self.all[body];
             let matters = -alone.volume > NEGLIGIBLE * total.abs();
@@ -197,17 +194,56 @@ impl Shells {
             after.into_iter().any(meets)
         })
     }
+}
 
-    /// The closed surface of every shell: its triangles and caps.
-    fn members(&self, mesh: &TriangleMesh, caps: &[Cap]) -> Vec<Vec<[DVec3; 3]>> {
-        let mut members = vec![Vec::new(); self.len()];
-        for (corners, &shell) in mesh.corners().zip(&self.of_triangle) {
-            members[shell as usize].push(corners);
+/// Tells whether bodies that face inwards lie within others.
+struct CavityJudge {
+    soup: Soup,
+    /// Shell of every triangle of the soup.
+    shell_of: Vec<u32>,
+    /// Triangles of every body, without caps.
+    members: Vec<Vec<u32>>,
+    /// How far within faces are asked.
+    off: f64,
+}
+
+impl CavityJudge {
+    fn new(mesh: &TriangleMesh, caps: &[Cap], shells: &Shells, bodies: &Bodies) -> Self {
+        let corners: Vec<_> = mesh.corners().chain(caps.iter().map(|cap| cap.corners)).collect();
+        let shell_of: Vec<u32> = shells.of_triangle.iter().copied().chain(caps.iter().map(|cap| cap.shell)).collect();
+        let mut members = vec![Vec::new(); shells.len()];
+        for (t, &shell) in (0..).zip(&shells.of_triangle) {
+            members[bodies.of_shell[shell as usize] as usize].push(t);
         }
-        for cap in caps {
-            members[cap.shell as usize].push(cap.corners);
+        let off = tolerance(mesh.corner_bounds()).touch;
+        let body_of = vec![0; corners.len()];
+        Self { soup: Soup::new(corners, body_of), shell_of, members, off }
+    }
+
+    /// Whether most of a body's surface lies within the others, and all corners if it is an open shell: one whose rims
+    /// end in their faces may be the wall of a hole. Its triangles face inwards, unless its shells turned.
+    fn is_within(&self, body: usize, open: Option<&Shell>, of_shell: &[u32], turned: &[bool]) -> bool {
+        let way = |t: usize| if turned[self.shell_of[t] as usize] { -1 } else { 1 };
+        let weight = |t: usize| if of_shell[self.shell_of[t] as usize] as usize == body { 0 } else { way(t) };
+        let members = &self.members[body];
+        let count = members.len().min(SAMPLES);
+        let mut balance = 0.0;
+        for t in (0..count).map(|i| members[i * members.len() / count] as usize) {
+            let [a, b, c] = self.soup.corners[t];
+            let normal = (b - a).cross(c - a);
+            let within = (a + b + c) / 3.0 + self.off * f64::from(way(t)) * normal.normalize_or_zero();
+            let is_in = self.soup.winding(within, weight) > 0;
+            let leaves = |shell: &Shell| {
+                let middle = 0.5 * (shell.low + shell.high);
+                let beyond = |p: DVec3| p + self.off * (p - middle).normalize_or_zero();
+                [a, b, c].into_iter().any(|p| self.soup.winding(beyond(p), weight) <= 0)
+            };
+            if open.is_some_and(leaves) {
+                return false;
+            }
+            balance += if is_in { normal.length() } else { -normal.length() };
         }
-        members
+        balance >= 0.0
     }
 }
 
@@ -222,8 +258,9 @@ impl Shell {
         self.cap_area > MAX_CAP_FRACTION * self.area
     }
 
-    fn contains(&self, p: DVec3) -> bool {
-        p.cmpgt(self.low).all() && p.cmplt(self.high).all()
+    /// Whether the boxes around two meet.
+    fn meets(&self, other: &Self) -> bool {
+        self.low.max(other.low).cmple(self.high.min(other.high)).all()
     }
 }
 

@@ -82,7 +82,7 @@ pub(super) fn drop(mesh: &mut TriangleMesh, edges: &Edges, shells: &Shells, heal
 }
 
 /// The triangles that are not left out, without their attributes.
-fn without(mesh: &TriangleMesh, left_out: impl Fn(usize) -> bool) -> TriangleMesh {
+pub(super) fn without(mesh: &TriangleMesh, left_out: impl Fn(usize) -> bool) -> TriangleMesh {
     let mut rest = TriangleMesh { positions: mesh.positions.clone(), ..TriangleMesh::default() };
     rest.triangles = (0..mesh.triangles.len()).filter(|&t| !left_out(t)).map(|t| mesh.triangles[t]).collect();
     rest
@@ -115,7 +115,7 @@ impl Survey {
 }
 
 /// Patches, by a union over edges with two triangles.
-fn patches(triangles: usize, edges: &Edges) -> DisjointSets {
+pub(super) fn patches(triangles: usize, edges: &Edges) -> DisjointSets {
     let mut patches = DisjointSets::new(triangles);
     for edge in edges.iter() {
         if let [a, b] = *edge.half_edges {

@@ -1,7 +1,7 @@
 //! glTF accessors: typed views of buffer bytes (glTF 2.0, section 3.6.2).
 //!
-//! Every range is checked before it is read; an accessor without bytes of its own, whose values are 0 by definition,
-//! may not claim more elements than its sparse part could plausibly need.
+//! Every range is checked before it is read; an accessor without bytes of its own, whose values are 0 by definition
+//! but for those that its sparse part names, may not claim more elements than the file has bytes.
 
 use gltf::accessor::sparse::IndexType;
 use gltf::accessor::{DataType, Dimensions};
@@ -9,8 +9,13 @@ use gltf::{Accessor, buffer};
 
 use crate::mesh::error::{Fault, Parsed};
 
-/// Most elements of an accessor that has no bytes: 1.5 MB of positions at most from a claim alone.
-const MAX_ZEROS: usize = 1 << 16;
+/// Elements of an accessor without bytes that a file of any size may have: 1.5 MB of positions from a claim alone.
+const FREE_ZEROS: usize = 1 << 16;
+
+/// Whether all its values are 0 for want of bytes.
+pub(super) fn is_empty(accessor: &Accessor) -> bool {
+    accessor.view().is_none() && accessor.sparse().is_none_or(|sparse| sparse.count() == 0)
+}
 
 /// Reads an accessor of vectors with `N` components; normalised integers become fractions.
 pub(super) fn vectors<const N: usize>(accessor: &Accessor, buffers: &[Vec<u8>]) -> Parsed<Vec<[f64; N]>> {
@@ -43,10 +48,9 @@ fn normalised_vectors<const N: usize>(
     let count = accessor.count();
     let mut values = match accessor.view() {
         Some(view) => layout.read(&view, accessor.offset(), count, buffers, place)?,
-        None if accessor.sparse().is_none() => return Err(Fault::new(place(), "no buffer view", "values")),
-        None if count > MAX_ZEROS => {
+        None if count > FREE_ZEROS.max(buffers.iter().map(Vec::len).sum()) => {
             let found = format!("{count} elements without a buffer view");
-            return Err(Fault::new(place(), found, format!("at most {MAX_ZEROS}")));
+            return Err(Fault::new(place(), found, "no more than the file has bytes"));
         }
         None => vec![[0.0; N]; count],
     };

@@ -18,12 +18,14 @@ use super::gltf_shape::{self, Pose};
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::support::{self, Fate};
 use super::text::decoded;
-use super::{MAX_TRIANGLES, Source, accessor, gltf_instances, gltf_interior, gltf_tidy};
+use super::{Source, accessor, check_memory, gltf_instances, gltf_interior, gltf_tidy};
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::{counted, one_line};
 
 /// Deepest nesting of nodes: well beyond any model, well within the thread's stack.
 const MAX_DEPTH: usize = 512;
+/// By which a primitive's values may be packed, beside those that the file holds unpacked.
+const PACKED: &str = "KHR_draco_mesh_compression";
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let (json, blob) = split(source.bytes)?;
@@ -75,12 +77,18 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         raw,
         default_material: None,
         visited: vec![false; document.nodes().len()],
+        empty: BTreeSet::new(),
         skipped: [0; 4],
     };
     let scene = document.default_scene().or_else(|| document.scenes().next());
+    let roots = match &scene {
+        Some(scene) => scene.nodes().collect(),
+        None => rootless(&document),
+    };
+    check_room(&roots, &document, &buffers)?;
     match scene {
-        Some(scene) => {
-            scene.nodes().try_for_each(|node| walk.node(&node, DMat4::IDENTITY, 0))?;
+        Some(_) => {
+            roots.iter().try_for_each(|node| walk.node(node, DMat4::IDENTITY, 0))?;
             let is_new = |node: Node| !walk.visited[node.index()];
             let others = document.scenes().filter(|other| other.nodes().any(is_new)).count();
             if others > 0 {
@@ -91,12 +99,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
             }
         }
         None if document.nodes().len() > 0 => {
-            let mut has_parent = vec![false; document.nodes().len()];
-            document.nodes().flat_map(|node| node.children().collect::<Vec<_>>()).for_each(|child| {
-                has_parent[child.index()] = true;
-            });
-            let mut roots = document.nodes().filter(|node| !has_parent[node.index()]);
-            roots.try_for_each(|node| walk.node(&node, DMat4::IDENTITY, 0))?;
+            roots.iter().try_for_each(|node| walk.node(node, DMat4::IDENTITY, 0))?;
         }
         None => {
             for mesh in document.meshes() {
@@ -141,6 +144,11 @@ fn check_extensions(root: &mut gltf::json::Root) -> Parsed<Vec<String>> {
     }
     // All that is left is ours to answer for.
     root.extensions_required.clear();
+    let too_new = |version: &str| version.split_once('.').is_none_or(|(major, minor)| (major, minor) != ("2", "0"));
+    if let Some(version) = root.asset.min_version.as_deref().filter(|version| too_new(version)) {
+        let found = format!("minVersion {}", quote(version.as_bytes()));
+        return Err(Fault::new("asset", found, "what a reader of glTF 2.0 can read"));
+    }
     let unread = root.extensions_used.iter().filter(|name| fate(name) == Fate::Warned);
     let said = |name: &String| {
         let name = quote(name.as_bytes());
@@ -193,6 +201,53 @@ fn check_position_accessors(root: &gltf::json::Root) -> Parsed<()> {
     Ok(())
 }
 
+/// Nodes that are no other's child.
+fn rootless(document: &Document) -> Vec<Node<'_>> {
+    let mut has_parent = vec![false; document.nodes().len()];
+    document.nodes().flat_map(|node| node.children().collect::<Vec<_>>()).for_each(|child| {
+        has_parent[child.index()] = true;
+    });
+    document.nodes().filter(|node| !has_parent[node.index()]).collect()
+}
+
+/// Counts what these nodes show before any of it is placed: nodes and instances that show one mesh are many in a small
+/// file.
+fn check_room(roots: &[Node], document: &Document, buffers: &[Vec<u8>]) -> Parsed<()> {
+    // More elements than bytes are complained of where they are read.
+    let bytes = buffers.iter().map(Vec::len).sum();
+    let size_of = |mesh: &gltf::Mesh| {
+        let mut size = [0u64; 2];
+        for primitive in mesh.primitives() {
+            let positions = primitive.get(&Semantic::Positions).map_or(0, |accessor| accessor.count()).min(bytes);
+            let corners = primitive.indices().map_or(positions, |accessor| accessor.count().min(bytes));
+            size[0] += triangle_count(primitive.mode(), corners) as u64;
+            size[1] += positions.min(corners) as u64;
+        }
+        size
+    };
+    let sizes: Vec<[u64; 2]> = document.meshes().map(|mesh| size_of(&mesh)).collect();
+    let mut seen = vec![false; document.nodes().len()];
+    let mut open: Vec<Node> = roots.to_vec();
+    let mut sum = [0u64; 2];
+    while let Some(node) = open.pop() {
+        if std::mem::replace(&mut seen[node.index()], true) || is_hidden(&node) {
+            continue;
+        }
+        open.extend(node.children());
+        let Some(mesh) = node.mesh() else { continue };
+        let instances = gltf_instances::count(&node, document).map_or(1, |count| count.min(bytes) as u64);
+        for (sum, size) in sum.iter_mut().zip(sizes[mesh.index()]) {
+            *sum = sum.saturating_add(instances.saturating_mul(size));
+        }
+    }
+    check_memory(|| "the scene, with every node and instance".to_owned(), sum[0], sum[1])
+}
+
+fn is_hidden(node: &Node) -> bool {
+    let visible = node.extension_value("KHR_node_visibility").and_then(|value| value.get("visible"));
+    visible.and_then(|visible| visible.as_bool()) == Some(false)
+}
+
 struct Walk<'a> {
     document: &'a Document,
     /// Every node's transform to the scene.
@@ -202,6 +257,8 @@ struct Walk<'a> {
     /// Index into `raw.materials` of the material of primitives without.
     default_material: Option<u16>,
     visited: Vec<bool>,
+    /// Accessors whose values are 0 for want of bytes.
+    empty: BTreeSet<usize>,
     skipped: [usize; 4],
 }
 
@@ -220,8 +277,7 @@ impl Walk<'_> {
         if depth > MAX_DEPTH {
             return Err(Fault::new(place(), "deeper nesting", format!("at most {MAX_DEPTH} levels")));
         }
-        let visible = node.extension_value("KHR_node_visibility").and_then(|value| value.get("visible"));
-        if visible.and_then(|visible| visible.as_bool()) == Some(false) {
+        if is_hidden(node) {
             self.skipped[HIDDEN] += 1;
             return Ok(());
         }
@@ -268,20 +324,21 @@ impl Walk<'_> {
         let Some(positions) = primitive.get(&Semantic::Positions) else {
             return Err(Fault::new(place(), "no POSITION", "that attribute"));
         };
-        let base = self.raw.positions.len();
+        if primitive.extension_value(PACKED).is_some() && accessor::is_empty(&positions) {
+            return Err(Fault::new(place(), format!("positions in {PACKED} alone"), "positions in a buffer view, too"));
+        }
+        self.note_empty(primitive);
         let mut points = accessor::vectors::<3>(&positions, self.buffers)?;
         let count = points.len();
-        if base + count > 3 * MAX_TRIANGLES {
-            return Err(Fault::new(place(), "more vertices", format!("at most {}", 3 * MAX_TRIANGLES)));
-        }
         gltf_shape::morph(primitive, weights, self.buffers, &mut points)?;
         // A skin's joints alone place its vertices.
         let skinned = pose.map(|pose| pose.of(primitive, count, self.buffers)).transpose()?.flatten();
+        let mut placed = Vec::with_capacity(count);
         for (i, p) in points.into_iter().enumerate() {
             let place = || format!("accessor {}, vertex {i}", positions.index());
             let p = finite(DVec3::from_array(p), place)?;
             let transform = skinned.as_ref().map_or(transform, |skinned| skinned[i]);
-            self.raw.positions.push(finite(transform.transform_point3(p), place)?);
+            placed.push(finite(transform.transform_point3(p), place)?);
         }
         let uvs = self.texture_coordinates(primitive, count)?;
         let colors = self.vertex_colors(primitive, count)?;
@@ -292,6 +349,7 @@ impl Walk<'_> {
         if let Some(i) = corners.iter().find(|&&i| i as usize >= count) {
             return Err(Fault::new(place(), format!("vertex index {i}"), format!("an index below {count}")));
         }
+        let name_of = self.raw.add_positions(&placed, corners.iter().copied());
         let material = self.material(primitive)?;
         if primitive.material().index().is_none() && colors.is_none() {
             self.skipped[UNPAINTED] += 1;
@@ -302,13 +360,23 @@ impl Walk<'_> {
             let mirrored = skinned.as_ref().map_or(mirrors, |skinned| skinned[a as usize].determinant() < 0.0);
             let [a, b, c] = if mirrored { [a, c, b] } else { [a, b, c] };
             let uv = uvs.as_ref().map(|uvs| [a, b, c].map(|i| uvs[i as usize]));
-            self.raw.push(place, [a, b, c].map(|i| base as u32 + i), uv)?;
+            self.raw.push(place, [a, b, c].map(&name_of), uv)?;
             self.raw.material_of.push(material);
             if let Some(colors) = &colors {
                 self.raw.color_last([a, b, c].map(|i| colors[i as usize]));
             }
         }
         Ok(())
+    }
+
+    /// Notes which values are 0 for want of bytes.
+    fn note_empty(&mut self, primitive: &Primitive) {
+        let matters = |semantic: &Semantic| {
+            matches!(semantic, Semantic::Positions | Semantic::TexCoords(_) | Semantic::Colors(_))
+        };
+        let attributes = primitive.attributes().filter(|(semantic, _)| matters(semantic)).map(|(_, values)| values);
+        let empty = attributes.chain(primitive.indices()).filter(accessor::is_empty);
+        self.empty.extend(empty.map(|accessor| accessor.index()));
     }
 
     /// The coordinate set that the base colour texture asks for, its transform applied.
@@ -334,8 +402,14 @@ impl Walk<'_> {
     }
 
     /// Linear RGB of COLOR_0.
-    fn vertex_colors(&self, primitive: &Primitive, vertices: usize) -> Parsed<Option<Vec<[f32; 3]>>> {
-        let Some(accessor) = primitive.get(&Semantic::Colors(0)) else { return Ok(None) };
+    fn vertex_colors(&mut self, primitive: &Primitive, vertices: usize) -> Parsed<Option<Vec<[f32; 3]>>> {
+        let Some(accessor) = primitive.get(&Semantic::Colors(0)) else {
+            let others = primitive.attributes().any(|(semantic, _)| matches!(semantic, Semantic::Colors(_)));
+            if others && self.raw.lost_color.is_none() {
+                self.raw.lose_color("colours of vertices in other sets than COLOR_0 are not read".to_owned());
+            }
+            return Ok(None);
+        };
         let colors = accessor::colors(&accessor, self.buffers)?;
         one_each(&accessor, colors.len(), vertices, "colours")?;
         Ok(Some(colors))
@@ -363,6 +437,24 @@ impl Walk<'_> {
         for ((count, noun), what) in self.skipped.into_iter().zip(nouns).zip(what).filter(|((count, _), _)| *count > 0)
         {
             self.raw.warnings.push(format!("{} {what}", counted(count, noun)));
+        }
+        if !self.empty.is_empty() {
+            let numbers = self.empty.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+            self.raw.warnings.push(format!("accessors without bytes, whose values are 0: {numbers}"));
+        }
+        self.raw.note_besides(self.skipped[POINTS_OR_LINES], "primitive");
+        if let Some(what) = self.raw.besides.last_mut() {
+            what.push_str(" of points or lines");
+        }
+        if self.skipped[HIDDEN] > 0 {
+            self.raw.besides.push(format!("{} that are hidden", counted(self.skipped[HIDDEN], "node")));
+        }
+        if self.raw.besides.is_empty() {
+            self.raw.besides.push(match self.document.meshes().len() {
+                0 => format!("{} without a mesh", counted(self.document.nodes().len(), "node")),
+                1 => "1 mesh without a triangle in the scene".to_owned(),
+                many => format!("{many} meshes without a triangle in the scene"),
+            });
         }
         self.raw
     }

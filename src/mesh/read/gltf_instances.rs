@@ -2,9 +2,17 @@
 
 use glam::{DMat4, DQuat, DVec3};
 use gltf::{Accessor, Document, Node};
+use serde_json::Value;
 
 use super::{MAX_TRIANGLES, accessor};
 use crate::mesh::error::{Fault, Parsed};
+
+/// How many instances a node has, by the first attribute that tells; `None` for a node that is not instanced.
+pub(super) fn count(node: &Node, document: &Document) -> Option<usize> {
+    let attributes = node.extension_value("EXT_mesh_gpu_instancing")?.get("attributes")?.as_object()?;
+    let accessor = |value: &Value| document.accessors().nth(value.as_u64()? as usize);
+    attributes.iter().find_map(|(_, value)| accessor(value)).map(|accessor| accessor.count())
+}
 
 /// Transforms of the instances within their node; `None` for a node that is not instanced.
 pub(super) fn read(node: &Node, document: &Document, buffers: &[Vec<u8>]) -> Parsed<Option<Vec<DMat4>>> {

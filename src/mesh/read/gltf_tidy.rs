@@ -1,10 +1,10 @@
 //! Documents that the gltf crate refuses for what says nothing of a shape: application-specific attributes, which begin
 //! with `_` (glTF 2.0, section 3.7.2.1), animations of targets that extensions bring, accessors whose bounds are
-//! missing.
+//! missing; and accessors without a buffer view, whose values are 0 (section 3.6.2.2).
 
 use std::collections::HashSet;
 
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 /// The document without them; `None` where it has none, or is no JSON.
 pub(super) fn tidied(json: &[u8]) -> Option<Value> {
@@ -24,6 +24,17 @@ pub(super) fn tidied(json: &[u8]) -> Option<Value> {
         for bound in ["min", "max"] {
             if !accessor.contains_key(bound) {
                 accessor.insert(bound.to_owned(), Value::from(vec![0.0; 3]));
+                changed = true;
+            }
+        }
+    }
+    // The crate wants values; a sparse part of none leaves all of them 0.
+    if items(root, "bufferViews").next().is_some() {
+        for accessor in items(root, "accessors") {
+            if !accessor.contains_key("bufferView") && !accessor.contains_key("sparse") {
+                let nothing = json!({"count": 0, "indices": {"bufferView": 0, "componentType": 5121},
+                    "values": {"bufferView": 0}});
+                accessor.insert("sparse".to_owned(), nothing);
                 changed = true;
             }
         }

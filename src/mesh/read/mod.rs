@@ -59,7 +59,11 @@ use glam::{DMat4, DVec3};
 use self::raw::RawMesh;
 use super::TriangleMesh;
 use super::error::{Fault, MeshError, Parsed, quote};
-use crate::{regular_file, words::one_line};
+use crate::{
+    machine::{self, Shortage},
+    regular_file,
+    words::one_line,
+};
 
 /// Longest side of a mesh that is believed, in mm. No printer's tray is a thousandth of it.
 pub const MAX_EXTENT_MM: f64 = 1e6;
@@ -175,6 +179,8 @@ impl Source<'_> {
     }
 
     /// Path of a file that this one mentions, relative to it; backslashes of Windows exporters separate folders too.
+    /// What is not where it is said to be, as after a move from another machine, may lie beside this file under the
+    /// same name, in any case.
     fn companion(&self, name: &str) -> PathBuf {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let verbatim = folder.join(name);
@@ -182,8 +188,28 @@ impl Source<'_> {
         if let Some(bare) = bare.filter(|_| !verbatim.exists()) {
             return self.companion(bare);
         }
-        if name.contains('\\') && !verbatim.exists() { folder.join(name.replace('\\', "/")) } else { verbatim }
+        if verbatim.exists() {
+            return verbatim;
+        }
+        let slashed = name.replace('\\', "/");
+        let told = folder.join(&slashed);
+        let last = slashed.rsplit('/').next().filter(|last| !last.is_empty());
+        last.filter(|_| !told.exists()).and_then(|last| only_alike(folder, last)).unwrap_or(told)
     }
+}
+
+/// The only entry of a folder that has this name, or failing that has it in another case.
+fn only_alike(folder: &Path, name: &str) -> Option<PathBuf> {
+    let exact = folder.join(name);
+    if exact.exists() {
+        return Some(exact);
+    }
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let entries = std::fs::read_dir(folder).ok()?.flatten();
+    let mut alike = entries
+        .filter(|entry| entry.file_name().to_str().is_some_and(|other| other.to_lowercase() == name.to_lowercase()));
+    let found = alike.next()?;
+    alike.next().is_none().then(|| found.path())
 }
 
 #[derive(Clone, Copy)]
@@ -247,11 +273,37 @@ fn read_file(path: &Path) -> Result<Vec<u8>, MeshError> {
     regular_file::read(path, MAX_MESH_BYTES).map_err(|source| MeshError::Read { file: path.to_owned(), source })
 }
 
+/// Bytes that reading and closing take for a triangle and for a position, at their peak: a sphere of 1.4 million
+/// triangles took 390 a triangle as an STL and as a PLY, with a copy of the mesh.
+const TRIANGLE_BYTES: u64 = 340;
+const POSITION_BYTES: u64 = 40;
+
+/// Refuses more triangles than a mesh may have, or than the machine has memory for, before room is made for them.
+fn check_memory(place: impl Fn() -> String, triangles: u64, positions: u64) -> Parsed<()> {
+    if triangles > MAX_TRIANGLES as u64 || positions > 3 * MAX_TRIANGLES as u64 {
+        let found = format!("{triangles} triangles between {positions} corners");
+        return Err(Fault::new(place(), found, format!("at most {MAX_TRIANGLES} triangles")));
+    }
+    match machine::short_of(triangles * TRIANGLE_BYTES + positions * POSITION_BYTES) {
+        Some(Shortage { needs, expected }) => {
+            Err(Fault::new(place(), format!("{triangles} triangles, {needs}"), expected))
+        }
+        None => Ok(()),
+    }
+}
+
 /// Checks what every format must fulfil, shares equal positions and converts to millimetres and z up.
 fn finish(mut raw: RawMesh, path: &Path, options: &LoadOptions) -> Result<Loaded, MeshError> {
     if raw.triangles.is_empty() {
-        return Err(Fault::new("the whole file", "no triangles", "a surface of triangles or polygons").in_file(path));
+        let found = match raw.besides.split_last() {
+            None => "no triangles".to_owned(),
+            Some((last, [])) => format!("no triangles, but {last}"),
+            Some((last, others)) => format!("no triangles, but {} and {last}", others.join(", ")),
+        };
+        return Err(Fault::new("the whole file", found, "a surface of triangles or polygons").in_file(path));
     }
+    check_memory(|| "the whole file".to_owned(), raw.triangles.len() as u64, raw.positions.len() as u64)
+        .map_err(|fault| fault.in_file(path))?;
     surface::settle(&mut raw);
     weld(&mut raw.positions, &mut raw.triangles);
     let mm = options.unit.map_or(raw.mm_per_unit, Unit::mm);

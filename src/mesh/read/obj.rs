@@ -91,6 +91,10 @@ struct Reader<'a> {
     current: Option<u16>,
     polygon: Vec<Corner>,
     thin_faces: usize,
+    /// Line of the first number that no texture coordinate may have: 0, or one that counts back beyond the first.
+    nowhere: Option<usize>,
+    /// `l` and `p`.
+    lines_and_points: [usize; 2],
 }
 
 impl<'a> Reader<'a> {
@@ -110,6 +114,8 @@ impl<'a> Reader<'a> {
             current: None,
             polygon: Vec::new(),
             thin_faces: 0,
+            nowhere: None,
+            lines_and_points: [0; 2],
         }
     }
 
@@ -137,6 +143,8 @@ impl<'a> Reader<'a> {
                 self.texture_coordinates.push(uv_or_zero(Vec2::new(u as f32, (1.0 - v) as f32)));
             }
             b"f" | b"fo" => self.face(number, line, words)?,
+            b"l" => self.lines_and_points[0] += 1,
+            b"p" => self.lines_and_points[1] += 1,
             b"usemtl" => self.use_material(number, &argument(line))?,
             b"mtllib" => self.libraries(&argument(line)),
             b"usemap" if argument(line).eq_ignore_ascii_case("off") => {}
@@ -176,7 +184,15 @@ impl<'a> Reader<'a> {
             let position = parts.next().and_then(|w| index(w, self.raw.positions.len()));
             let uv = match parts.next() {
                 None | Some(b"") => Some(NO_UV),
-                Some(w) => index(w, self.texture_coordinates.len()),
+                Some(w) => {
+                    let found = index(w, self.texture_coordinates.len());
+                    // Some writers number texture coordinates that they do not write.
+                    let is_number = std::str::from_utf8(w).is_ok_and(|w| w.parse::<i64>().is_ok());
+                    if found.is_none() && is_number {
+                        self.nowhere.get_or_insert(number);
+                    }
+                    found.or(is_number.then_some(NO_UV))
+                }
             };
             let (Some(position), Some(uv)) = (position, uv) else {
                 let found = format!("corner {} in {}", quote(word), quote(line));
@@ -236,6 +252,12 @@ impl<'a> Reader<'a> {
 
     fn finish(mut self) -> Parsed<RawMesh> {
         self.resolve_corners()?;
+        let [lines, points] = self.lines_and_points;
+        self.raw.note_besides(lines, "line");
+        self.raw.note_besides(points, "row of points");
+        self.raw.note_besides(self.thin_faces, "face with fewer than three corners");
+        self.raw.besides.extend(self.unread.iter().map(|(what, _)| format!("`{what}`")));
+        self.raw.note_besides(self.raw.positions.len(), "point");
         self.define_materials();
         self.apply_colors()?;
         for (what, fate) in std::mem::take(&mut self.unread) {
@@ -369,10 +391,19 @@ impl<'a> Reader<'a> {
                 let found = format!("position {}", u64::from(*i) + 1);
                 return Err(Fault::new(format!("line {line}"), found, format!("an index from 1 to {positions}")));
             }
-            if let Some(i) = uv.iter().find(|&&i| i != NO_UV && i as usize >= uvs) {
+            if let Some(i) = uv.iter().find(|&&i| uvs > 0 && i != NO_UV && i as usize >= uvs) {
                 let found = format!("texture coordinate {}", u64::from(*i) + 1);
                 return Err(Fault::new(format!("line {line}"), found, format!("an index from 1 to {uvs}")));
             }
+        }
+        if let (Some(line), true) = (self.nowhere, uvs > 0) {
+            let found = "a number that no texture coordinate has";
+            return Err(Fault::new(format!("line {line}"), found, format!("an index from 1 to {uvs}")));
+        }
+        if uvs == 0 && self.corner_uvs.iter().flatten().any(|&i| i != NO_UV) || self.nowhere.is_some() {
+            let warning = "faces number texture coordinates, and the file has none: it is read without".to_owned();
+            self.raw.warnings.push(warning);
+            return Ok(());
         }
         let bare = self.corner_uvs.iter().filter(|uv| uv.contains(&NO_UV)).count();
         if bare == self.corner_uvs.len() {

@@ -11,7 +11,7 @@ use super::ply_surface::{ColorProperties, Textures, dress, linear_colors};
 use super::raw::{RawMesh, WHITE, finite, uv_or_zero};
 use super::{Source, text};
 use crate::mesh::error::{Fault, Parsed, quote};
-use crate::words::counted;
+use crate::words::{counted, one_line};
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     // Only a text begins with a mark of UTF-16.
@@ -49,6 +49,17 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         }
     }
     check_indices(&raw)?;
+    for element in header.elements.iter().filter(|element| element.count > 0) {
+        let is_splat = element.properties.iter().any(|property| property.name == "f_dc_0");
+        let what = if is_splat { " (Gaussian splats)" } else { "" };
+        raw.besides.push(format!("{} of the element `{}`{what}", element.count, one_line(&element.name)));
+    }
+    let surfaces = || header.elements.iter().filter(|element| ["vertex", "face"].contains(&element.name.as_str()));
+    let has_colors = surfaces().any(|element| ColorProperties::of(&element.properties).is_some());
+    let elsewhere = surfaces().flat_map(|element| &element.properties).find(|property| is_color(&property.name));
+    if let (false, true, Some(property)) = (has_colors, header.texture_files.is_empty(), elsewhere) {
+        raw.lose_color(format!("colours by the property `{}` are not read", property.name));
+    }
     for element in &header.elements {
         let colors = ColorProperties::of(&element.properties).is_some();
         if element.name.starts_with("multi_texture") || element.name == "material" && colors {
@@ -57,6 +68,32 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     }
     dress(&mut raw, source, &header.texture_files, &textures)?;
     Ok(raw)
+}
+
+/// Whether a property is known to hold a colour, or part of one, that says nothing alone.
+fn is_color(name: &str) -> bool {
+    const NAMES: [&str; 19] = [
+        "red",
+        "green",
+        "blue",
+        "rgb",
+        "rgba",
+        "color",
+        "colors",
+        "colour",
+        "gray",
+        "grey",
+        "intensity",
+        "luminance",
+        "diffuse_red",
+        "diffuse_green",
+        "diffuse_blue",
+        "ambient_red",
+        "ambient_green",
+        "ambient_blue",
+        "material_index",
+    ];
+    NAMES.iter().any(|known| name.eq_ignore_ascii_case(known))
 }
 
 /// What a vertex has besides its position.

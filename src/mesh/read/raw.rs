@@ -5,6 +5,7 @@ use glam::{DVec3, Vec2};
 use super::MAX_TRIANGLES;
 use crate::mesh::SurfaceMaterial;
 use crate::mesh::error::{Fault, Parsed};
+use crate::words::counted;
 
 /// Texture coordinates that the file does not give; settled once the materials are known.
 pub(super) const NO_UV: Vec2 = Vec2::NAN;
@@ -26,6 +27,8 @@ pub(super) struct RawMesh {
     /// First triangle and corners of every polygon with more than three, which stands as a fan.
     pub(super) fans: Vec<[u32; 2]>,
     pub(super) warnings: Vec<String>,
+    /// What the file holds besides triangles, phrases: what is said where it has none.
+    pub(super) besides: Vec<String>,
     /// The first warning about a base colour that could not be had.
     pub(super) lost_color: Option<String>,
     pub(super) mm_per_unit: f64,
@@ -43,6 +46,7 @@ impl RawMesh {
             materials: Vec::new(),
             fans: Vec::new(),
             warnings: Vec::new(),
+            besides: Vec::new(),
             lost_color: None,
             mm_per_unit,
             y_up: false,
@@ -64,6 +68,29 @@ impl RawMesh {
         Ok(())
     }
 
+    /// Adds positions, or of many those that `corners` use; says what the new index of each is.
+    pub(super) fn add_positions<I>(&mut self, all: &[DVec3], corners: I) -> impl Fn(u32) -> u32 + use<I>
+    where
+        I: ExactSizeIterator<Item = u32>,
+    {
+        let base = self.positions.len() as u32;
+        let mut renamed = Vec::new();
+        if all.len() <= corners.len() {
+            self.positions.extend_from_slice(all);
+        } else {
+            const UNUSED: u32 = u32::MAX;
+            renamed.resize(all.len(), UNUSED);
+            for corner in corners {
+                let name = &mut renamed[corner as usize];
+                if *name == UNUSED {
+                    *name = self.positions.len() as u32;
+                    self.positions.push(all[corner as usize]);
+                }
+            }
+        }
+        move |corner| renamed.get(corner as usize).copied().unwrap_or(base + corner)
+    }
+
     /// Gives the triangle added last its corners' colours; others are white.
     pub(super) fn color_last(&mut self, colors: [[f32; 3]; 3]) {
         self.corner_colors.resize(self.triangles.len() - 1, [WHITE; 3]);
@@ -74,6 +101,13 @@ impl RawMesh {
     pub(super) fn end_polygon(&mut self, first: usize, corners: usize) {
         if corners > 3 {
             self.fans.push([first as u32, corners as u32]);
+        }
+    }
+
+    /// Notes that the file holds so many of something besides triangles.
+    pub(super) fn note_besides(&mut self, count: usize, noun: &str) {
+        if count > 0 {
+            self.besides.push(counted(count, noun));
         }
     }
 

@@ -40,11 +40,13 @@ fn is_text(bytes: &[u8]) -> bool {
     let head = &bytes[..bytes.len().min(TEXT_PROBE)];
     let mut words = Words::new(head);
     let Some((_, first)) = words.next() else { return false };
-    if !["solid", "facet"].iter().any(|word| first.eq_ignore_ascii_case(word.as_bytes())) {
+    if !["solid", "facet", "facetnormal"].iter().any(|word| first.eq_ignore_ascii_case(word.as_bytes())) {
         return false;
     }
     let has_text_word = words.any(|(_, word)| {
-        ["facet", "normal", "vertex", "endsolid", "end"].iter().any(|other| word.eq_ignore_ascii_case(other.as_bytes()))
+        ["facet", "facetnormal", "normal", "vertex", "endsolid", "end"]
+            .iter()
+            .any(|other| word.eq_ignore_ascii_case(other.as_bytes()))
     });
     // Records of floats are full of control characters; a text may be padded with zeros at its end.
     let body = head.get(..head.iter().rposition(|&b| b != 0).map_or(0, |last| last + 1)).unwrap_or(head);
@@ -100,8 +102,14 @@ impl<'a> Words<'a> {
         ahead.lines = Lines::new(&[]);
         let mut before = ahead.clone();
         while let Some((_, word)) = ahead.next() {
-            let follows = ahead.clone().next().map(|(_, word)| word.to_ascii_lowercase());
-            let starts = word.eq_ignore_ascii_case(b"facet") && follows.as_deref() == Some(b"normal");
+            let mut follow = ahead.clone().map(|(_, word)| word.to_ascii_lowercase());
+            let begins = match word.to_ascii_lowercase().as_slice() {
+                b"facet" => follow.next().as_deref() == Some(b"normal"),
+                other => other == b"facetnormal",
+            };
+            // A number, or one that is none, or nothing more on the line.
+            let goes_on = |word: Vec<u8>| !word[0].is_ascii_alphabetic() || is_number_or_loop(&word);
+            let starts = begins && follow.next().is_none_or(goes_on);
             if starts || word.eq_ignore_ascii_case(b"endsolid") {
                 self.rest = before.rest;
                 return;
@@ -137,6 +145,7 @@ fn text(bytes: &[u8]) -> Parsed<RawMesh> {
     let mut facet: Option<usize> = None;
     let mut corners = 0;
     let mut solid_open = false;
+    let mut solids = 0;
     let mut words = Words::new(bytes);
     while let Some((number, word)) = words.next() {
         let place = || format!("line {number}");
@@ -148,17 +157,22 @@ fn text(bytes: &[u8]) -> Parsed<RawMesh> {
         match (keyword.as_slice(), facet) {
             (b"solid", None) => {
                 solid_open = true;
+                solids += 1;
                 words.skip_name();
             }
             (b"endsolid", None) => {
                 solid_open = false;
                 words.skip_name();
             }
-            (b"facet", None) => {
+            (b"facet" | b"facetnormal", before) if before.is_none() || corners == 3 => {
+                // An endfacet says nothing that three corners do not.
+                if before.is_some() {
+                    push_last_three(&mut raw, place)?;
+                }
                 (facet, corners) = (Some(number), 0);
-                skip_normal(&mut words);
+                skip_normal(&mut words, keyword == b"facetnormal");
             }
-            (b"outer" | b"loop" | b"endloop", Some(_)) => {}
+            (b"outer" | b"loop" | b"outerloop" | b"endloop", Some(_)) => {}
             (b"vertex", Some(_)) if corners < 3 => {
                 let mut p = [0.0; 3];
                 let mut said = word.to_vec();
@@ -184,6 +198,7 @@ fn text(bytes: &[u8]) -> Parsed<RawMesh> {
             (_, None) => return Err(Fault::new(place(), quote(word), "solid, facet or endsolid")),
         }
     }
+    raw.note_besides(solids, "solid");
     if facet.is_some() {
         return Err(Fault::new(format!("line {}", words.number), "the end of the file", "endfacet and endsolid"));
     }
@@ -193,18 +208,26 @@ fn text(bytes: &[u8]) -> Parsed<RawMesh> {
     Ok(raw)
 }
 
-/// Skips `normal` and what stands for its numbers, which some writers make of words, up to the loop.
-fn skip_normal(words: &mut Words) {
+/// Whether a word that begins with a letter stands for a number, or begins a loop.
+fn is_number_or_loop(word: &[u8]) -> bool {
+    [&b"nan"[..], b"inf", b"outer", b"vertex"].iter().any(|start| word.starts_with(start))
+}
+
+/// Skips `normal` (unless `is_begun`) and what stands for its numbers, which some writers make of words, up to the
+/// loop.
+fn skip_normal(words: &mut Words, is_begun: bool) {
     let mut ahead = words.clone();
-    if !ahead.next().is_some_and(|(_, word)| word.eq_ignore_ascii_case(b"normal")) {
-        return;
+    if !is_begun {
+        if !ahead.next().is_some_and(|(_, word)| word.eq_ignore_ascii_case(b"normal")) {
+            return;
+        }
+        *words = ahead.clone();
     }
-    *words = ahead.clone();
+    let ends =
+        |word: &[u8]| ["outer", "outerloop", "vertex"].iter().any(|end| word.eq_ignore_ascii_case(end.as_bytes()));
     for _ in 0..3 {
         match ahead.next() {
-            Some((_, word)) if !word.eq_ignore_ascii_case(b"outer") && !word.eq_ignore_ascii_case(b"vertex") => {
-                *words = ahead.clone();
-            }
+            Some((_, word)) if !ends(word) => *words = ahead.clone(),
             _ => return,
         }
     }

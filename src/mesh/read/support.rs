@@ -60,7 +60,8 @@ pub(super) const ROWS: &[Row] = &[
         "OBJ",
         Fate::Ignored,
         &["vn", "vp", "g", "o", "s", "l", "p"],
-        "homogeneous weights; vertex colours under a texture, with a warning",
+        "homogeneous weights; vertex colours under a texture, and numbers of texture coordinates in a file that has \
+         none, with a warning",
     ),
     row(
         "OBJ",
@@ -74,7 +75,8 @@ pub(super) const ROWS: &[Row] = &[
         "MTL",
         Fate::Read,
         &["newmtl", "kd", "d", "map_kd"],
-        "keywords in any case; the options -s, -o and -clamp of map_Kd",
+        "keywords in any case; the options -s, -o and -clamp of map_Kd; a texture that is not where it is said to be, \
+         if one of that name, in any case, lies beside the mesh (so in every format)",
     ),
     row(
         "MTL",
@@ -107,7 +109,7 @@ pub(super) const ROWS: &[Row] = &[
             "KHR_texture_transform",
         ],
         "the default scene's nodes, the first one's where none is named, all where there are no scenes; triangles, \
-         strips, fans; sparse accessors; base or diffuse colour, texture with \
+         strips, fans; sparse accessors, and those without bytes, which are 0; base or diffuse colour, texture with \
          its wrap modes, COLOR_0 (linear; multiplies); default morph weights; skins in the pose of their joints; \
          texels that a mask cuts out take the nearest one's colour, with a warning",
     ),
@@ -167,21 +169,22 @@ pub(super) const ROWS: &[Row] = &[
         "glTF",
         Fate::Lost,
         &["KHR_materials_cmnBlinnPhong", "KHR_materials_common", "KHR_techniques_webgl"],
-        "missing or unreadable images; a texture without TEXCOORD; colours that only glow (emissive), and those of \
-         instances (`_COLOR_0`)",
+        "missing or unreadable images; a texture without TEXCOORD; sets of colours beyond COLOR_0 without that; \
+         colours that only glow (emissive), and those of instances (`_COLOR_0`)",
     ),
     row(
         "glTF",
         Fate::Refused,
         &["EXT_meshopt_compression", "KHR_draco_mesh_compression", "KHR_meshopt_compression"],
-        "where required, by exact name; where not, what the file holds without them is read",
+        "where required, by exact name; where not, what the file holds without them is read. A `minVersion` beyond \
+         2.0; more than 100 million triangles once nodes and instances are placed",
     ),
     row(
         "STL",
         Fate::Read,
         &[],
         "both kinds, told apart by size and content; several solids; a count of 0 in the header; `end solid`, or \
-         none",
+         none; `outerloop` and `facetnormal` in one word; no `endfacet` before the next facet",
     ),
     row("STL", Fate::Ignored, &[], "normals, attribute bytes and colours in them: an STL has no base colour"),
     row(
@@ -206,7 +209,8 @@ pub(super) const ROWS: &[Row] = &[
         "PLY",
         Fate::Lost,
         &[],
-        "`multi_texture` and `material` elements; several textures without a texnumber; missing or unreadable \
+        "`multi_texture` and `material` elements; colours by other properties (`gray`, `intensity`, `rgb`, \
+         `ambient_red` …) where no others are; several textures without a texnumber; missing or unreadable \
             textures; a texture without coordinates",
     ),
     row("PLY", Fate::Refused, &[], "indices out of range, a texnumber without TextureFile"),
@@ -248,7 +252,8 @@ pub(super) const ROWS: &[Row] = &[
         Fate::Refused,
         &["booleanshape", "levelset", "displacementmesh", "implicitfunction"],
         "negative volumes; objects of slices (`slicestackid`, but for `meshresolution=\"fullres\"`); shapes bounded by \
-         volumetric data; parts of which there are two of one name; required extensions other than those read",
+         volumetric data; parts of which there are two of one name; required extensions other than those read; more \
+         than 100 million triangles, or 100,000 objects, once components are placed",
     ),
 ];
 

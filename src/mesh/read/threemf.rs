@@ -11,7 +11,7 @@ use super::raw::{RawMesh, finite, plain, uv_or_zero};
 use super::threemf_model::{Instance, Model, Object, Properties, TextureResource, Triangle};
 use super::threemf_package::Package;
 use super::threemf_parts::{MODIFIERS, Parts, Role};
-use super::{MAX_TRIANGLES, Source, texture};
+use super::{Source, check_memory, texture};
 use crate::mesh::SurfaceMaterial;
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::counted;
@@ -51,6 +51,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     if models[&root].items.is_empty() {
         return Err(Fault::new(root, "a build without items", "at least one item to print"));
     }
+    build.check_room()?;
     for item in &models[&root].items {
         if item.printable {
             build.place(&root, &item.instance, DMat4::IDENTITY, 0)?;
@@ -78,6 +79,9 @@ struct Build<'a> {
     instances: usize,
 }
 
+/// Triangles and vertices of objects, by part and number.
+type Sizes = BTreeMap<(String, u32), [u64; 2]>;
+
 /// What a triangle looks like: its material, and what varies over it.
 struct Look {
     material: u16,
@@ -86,11 +90,52 @@ struct Look {
 }
 
 impl<'a> Build<'a> {
-    fn place(&mut self, part: &str, instance: &Instance, parent: DMat4, depth: usize) -> Parsed<()> {
-        let part = match instance.part.as_deref() {
+    /// Counts what is built before any of it is: components that multiply at every level fit in a small file.
+    fn check_room(&mut self) -> Parsed<()> {
+        let mut known = BTreeMap::new();
+        let mut sum = [0u64; 2];
+        for item in self.models[self.root].items.iter().filter(|item| item.printable) {
+            let size = self.size_of(self.root, &item.instance, &mut known, 0);
+            sum = [0, 1].map(|i| u64::saturating_add(sum[i], size[i]));
+        }
+        check_memory(|| format!("{}, the build with every component", self.root), sum[0], sum[1])
+    }
+
+    /// Triangles and vertices of an instance; of those known, each once. What is wrong with it is said where it is
+    /// placed.
+    fn size_of(&mut self, part: &str, instance: &Instance, known: &mut Sizes, depth: usize) -> [u64; 2] {
+        let part = self.part_of(part, instance);
+        let key = (part, instance.object);
+        if let Some(&size) = known.get(&key) {
+            return size;
+        }
+        // What contains itself is not counted again.
+        known.insert(key.clone(), [0; 2]);
+        let models = self.models;
+        let object = models.get(&key.0).and_then(|model| model.objects.get(&instance.object));
+        let Some(object) = object.filter(|_| depth <= MAX_DEPTH) else { return [0; 2] };
+        let mut sum = match object.left_out {
+            Some(_) if object.components.is_empty() => [0; 2],
+            _ => [object.triangles.len() as u64, object.positions.len() as u64],
+        };
+        for component in &object.components {
+            let size = self.size_of(&key.0, component, known, depth + 1);
+            sum = [0, 1].map(|i| sum[i].saturating_add(size[i]));
+        }
+        known.insert(key, sum);
+        sum
+    }
+
+    /// The part that holds an instance's object.
+    fn part_of(&mut self, part: &str, instance: &Instance) -> String {
+        match instance.part.as_deref() {
             Some(named) => self.package.spelled(named),
             None => part.to_owned(),
-        };
+        }
+    }
+
+    fn place(&mut self, part: &str, instance: &Instance, parent: DMat4, depth: usize) -> Parsed<()> {
+        let part = self.part_of(part, instance);
         let place = || format!("{part}, object {}", instance.object);
         self.instances += 1;
         if depth > MAX_DEPTH || self.instances > MAX_INSTANCES {
@@ -143,9 +188,6 @@ impl<'a> Build<'a> {
     fn add(&mut self, part: &str, id: u32, object: &Object, transform: DMat4) -> Parsed<()> {
         let place = || format!("{part}, object {id}");
         let base = self.raw.positions.len();
-        if base + object.positions.len() > 3 * MAX_TRIANGLES {
-            return Err(Fault::new(place(), "more vertices", format!("at most {} vertices", 3 * MAX_TRIANGLES)));
-        }
         for &p in &object.positions {
             self.raw.positions.push(finite(transform.transform_point3(p), place)?);
         }
@@ -279,7 +321,19 @@ impl<'a> Build<'a> {
 
     fn finish(mut self) -> RawMesh {
         for (what, count) in &self.left_out {
+            self.raw.besides.push(format!("{what} ({count} left out)"));
             self.raw.warnings.push(format!("{what} are no part of the print: {count} left out"));
+        }
+        for shape in ["beam lattices", "slice stacks", "volumetric data"] {
+            if self.raw.warnings.iter().any(|said| said.starts_with(shape)) {
+                self.raw.besides.push(shape.to_owned());
+            }
+        }
+        let objects = || self.models.values().flat_map(|model| model.objects.values());
+        let empty = objects().filter(|object| object.components.is_empty() && object.triangles.is_empty()).count();
+        self.raw.note_besides(empty, "object");
+        if let (Some(what), true) = (self.raw.besides.last_mut(), empty > 0) {
+            what.push_str(" without a triangle");
         }
         for (what, count) in std::mem::take(&mut self.lost) {
             let counted = if what.contains("painted") { counted(count, "object") } else { counted(count, "triangle") };

@@ -50,6 +50,27 @@ pub(super) struct Object {
     property: Option<(u32, u32)>,
 }
 
+impl Object {
+    /// Drops vertices that no triangle uses, if they are many: what is placed often has to be small.
+    fn drop_unused(&mut self) {
+        const UNUSED: u32 = u32::MAX;
+        if self.positions.len() <= 3 * self.triangles.len() {
+            return;
+        }
+        let mut renamed = vec![UNUSED; self.positions.len()];
+        let mut used = Vec::new();
+        for corner in self.triangles.iter_mut().flat_map(|triangle| &mut triangle.corners) {
+            let name = &mut renamed[*corner as usize];
+            if *name == UNUSED {
+                *name = used.len() as u32;
+                used.push(self.positions[*corner as usize]);
+            }
+            *corner = *name;
+        }
+        self.positions = used;
+    }
+}
+
 pub(super) struct Triangle {
     pub(super) corners: [u32; 3],
     /// Property group and its entry at every corner.
@@ -398,8 +419,10 @@ impl Builder {
         for prefix in tag.text("requiredextensions")?.unwrap_or_default().split_whitespace() {
             let namespace = tag.text_of_namespace(prefix)?.unwrap_or_default();
             if support::fate("3MF", &namespace) != Some(Fate::Read) {
-                let found =
-                    format!("required extension {} ({})", quote(prefix.as_bytes()), quote(namespace.as_bytes()));
+                // Most begin alike.
+                let name =
+                    namespace.strip_prefix("http://schemas.microsoft.com/3dmanufacturing/").unwrap_or(&namespace);
+                let found = format!("required extension {} ({})", quote(prefix.as_bytes()), quote(name.as_bytes()));
                 return tag.fault(found, "only the materials, production and triangle set extensions");
             }
         }
@@ -444,12 +467,14 @@ impl Builder {
     fn close_object(&mut self, place: impl Fn() -> String) -> Parsed<()> {
         let Some((id, object)) = self.object.take() else { return Ok(()) };
         let vertices = object.positions.len();
+        let mut object = object;
         for (t, triangle) in object.triangles.iter().enumerate() {
             if let Some(i) = triangle.corners.iter().find(|&&i| i as usize >= vertices) {
                 let found = format!("vertex index {i} in triangle {t} of object {id}");
                 return Err(Fault::new(place(), found, format!("an index below {vertices}")));
             }
         }
+        object.drop_unused();
         if self.model.objects.insert(id, object).is_some() {
             return Err(Fault::new(place(), format!("a second object {id}"), "ids used once"));
         }

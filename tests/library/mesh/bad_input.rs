@@ -49,7 +49,11 @@ fn obj() {
         ("a.obj", with("f 1 2 4\n"), &["line 4", "position 4", "1 to 3"]),
         ("a.obj", with("f 1 2 0\n"), &["line 4", "corner `0`"]),
         ("a.obj", with("f 1 2 -4\n"), &["line 4", "corner `-4`"]),
-        ("a.obj", with("f 1/1 2/1 3/1\n"), &["line 4", "texture coordinate 1"]),
+        ("a.obj", with("vt 0 0\nf 1/1 2/1 3/2\n"), &["line 5", "texture coordinate 2"]),
+        ("a.obj", with("f 1/-1 2/-1 3/-1\nvt 0 0\n"), &["line 4", "no texture coordinate"]),
+        ("a.obj", with("l 1 2 3\nl 1 2\np 1\n"), &["no triangles, but 2 lines, 1 row of points and 3 points"]),
+        ("a.obj", with("surf 0 1 0 1 1 2 3\n"), &["no triangles, but `surf` and 3 points"]),
+        ("a.obj", with("f 1 2\n"), &["1 face with fewer than three corners"]),
         ("a.obj", with("f 1 2 three\n"), &["line 4", "corner `three`"]),
         ("a.obj", with("f 1 2 99999999999999999999\n"), &["line 4"]),
         ("a.obj", with("v 1 2\nf 1 2 3\n"), &["line 4", "`v 1 2`", "three numbers"]),
@@ -92,7 +96,7 @@ fn stl() {
         ("a.stl", text(&format!("{facet}vertex 0 1\n")), &["line 6", "`vertex 0 1`", "three numbers"]),
         ("a.stl", text(&format!("{facet}vertex 0 1 0\nvertex 0 0 1\n")), &["line 7", "endloop"]),
         ("a.stl", text("solid x\nfacets\nendsolid\n"), &["line 2", "`facets`"]),
-        ("a.stl", text("solid x\nendsolid\n"), &["no triangles"]),
+        ("a.stl", text("solid x\nendsolid\n"), &["no triangles, but 1 solid"]),
         ("a.stl", text("nothing of the kind"), &["19 bytes", "`nothing"]),
     ]);
 }
@@ -126,6 +130,14 @@ fn ply() {
         ("a.ply", with("0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), &["line 13, face 0", "vertex index -1"]),
         ("a.ply", with("0 0 0\n1 0 0\n0 1 0\n3000000000 0 1 2\n"), &["line 13, face 0", "a list of 3000000000 items"]),
         ("a.ply", with("0 0 0\n1 0 0\n0 1 0\n2 0 1\n"), &["no triangles"]),
+        (
+            "a.ply",
+            text(
+                "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
+                  property float f_dc_0\nend_header\n0 0 0 1\n",
+            ),
+            &["no triangles, but 1 of the element `vertex` (Gaussian splats)"],
+        ),
         ("a.ply", with("0 0 0\n1 zero 0\n0 1 0\n3 0 1 2\n"), &["line 11, vertex 1", "`zero`", "a number"]),
         ("a.ply", with("0 0 0\n1 inf 0\n0 1 0\n3 0 1 2\n"), &["line 11, vertex 1", "inf", "finite"]),
         ("a.ply", with("0 0 0\n1 0 0\n0 1 0\n3 0 1\n"), &["face 0", "end of the file"]),
@@ -195,8 +207,29 @@ fn gltf() {
                 "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1], "sparse": {"count": 1,
                 "indices": {"bufferView": 1, "componentType": 5125}, "values": {"bufferView": 0}}})
             }),
-            &["accessor 0", "400000000 elements without a buffer view"],
+            &["accessor 0", "400000000 elements without a buffer view", "no more than the file has bytes"],
         ),
+        (
+            "a.glb",
+            set("/accessors/0", serde_json::json!({"componentType": 5126, "count": 3, "type": "VEC3"})),
+            &["0e0 mm"],
+        ),
+        (
+            "a.glb",
+            triangle(&|json| {
+                json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+                json["meshes"][0]["primitives"][0]["extensions"] =
+                    serde_json::json!({"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}});
+            }),
+            &["primitive 0", "positions in KHR_draco_mesh_compression alone"],
+        ),
+        ("a.glb", set("/nodes", serde_json::json!([{"name": "a"}])), &["no triangles, but 1 mesh without a triangle"]),
+        (
+            "a.glb",
+            triangle(&|json| json["meshes"][0]["primitives"][0]["mode"] = 1.into()),
+            &["no triangles, but 1 primitive of points or lines"],
+        ),
+        ("a.glb", set("/asset", serde_json::json!({"version": "2.0", "minVersion": "2.1"})), &["asset", "`2.1`"]),
         (
             "a.glb",
             triangle(&|json| json["extensionsRequired"] = serde_json::json!(["KHR_draco_mesh_compression"])),
@@ -235,9 +268,91 @@ fn threemf() {
         ("a.3mf", replaced("1 0 0 0 1 0 0 0 1 1 2 3", "1 0 0"), &["transform `1 0 0`", "12 numbers"]),
         ("a.3mf", replaced("p1=\"0\"", "p1=\"99\""), &["property group 7", "below 36"]),
         ("a.3mf", replaced("requiredextensions=\"m\"", "requiredextensions=\"s\""), &["required extension `s`"]),
+        (
+            "a.3mf",
+            replaced(
+                "requiredextensions=\"m\"",
+                "requiredextensions=\"b\" xmlns:b=\"http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02\"",
+            ),
+            &["required extension `b` (`beamlattice/2017/02`)"],
+        ),
+        (
+            "a.3mf",
+            replaced("type=\"model\"><mesh>", "type=\"support\"><mesh>"),
+            &["no triangles, but objects of type `support` (1 left out)"],
+        ),
         ("a.3mf", threemf_of("<svg/>", &[]), &["no model element"]),
         ("a.3mf", threemf_of("<model><resources><object id='1'>", &[]), &["end of the part"]),
     ]);
+}
+
+/// What is small in a file and many when it is placed is counted before any of it is.
+#[test]
+fn what_multiplies_is_counted_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |name: &str, bytes: Vec<u8>| {
+        let begun = std::time::Instant::now();
+        let message = load(&put(folder.path(), name, bytes), &LoadOptions::default()).unwrap_err().to_string();
+        assert!(begun.elapsed().as_secs() < 20, "{message}");
+        assert!(message.contains("at most 100000000 triangles") && !message.contains('\n'), "{message}");
+        message
+    };
+    let triangles = 20_000;
+    let strip = |i: usize| format!("<vertex x='{}' y='{}' z='0'/>", i / 2, i % 2);
+    let face = |i: usize| format!("<triangle v1='{i}' v2='{}' v3='{}'/>", i + 1, i + 2);
+    let mesh = format!(
+        "<mesh><vertices>{}</vertices><triangles>{}</triangles></mesh>",
+        (0..triangles + 2).map(strip).collect::<String>(),
+        (0..triangles).map(face).collect::<String>()
+    );
+    let mut model = format!("<model><resources><object id='0'>{mesh}</object>");
+    for level in 1..5 {
+        let below = format!("<component objectid='{}'/>", level - 1).repeat(10);
+        model += &format!("<object id='{level}'><components>{below}</components></object>");
+    }
+    model += "</resources><build><item objectid='4'/></build></model>";
+    let message = refused("laughs.3mf", threemf_of(&model, &[]));
+    assert!(message.contains("found 200000000 triangles"), "{message}");
+    // A mesh of as many triangles, by 10,000 nodes or by one with 10,000 instances.
+    let floats: Vec<f32> = (0..triangles + 2).flat_map(|i| [(i / 2) as f32, (i % 2) as f32, 0.0]).collect();
+    let bin: Vec<u8> = floats.iter().flat_map(|v| v.to_le_bytes()).collect();
+    let many: Vec<usize> = (0..10_000).collect();
+    let node = serde_json::json!({"mesh": 0});
+    let instanced = serde_json::json!({"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes":
+        {"TRANSLATION": 1}}}});
+    for (name, nodes, roots) in
+        [("nodes.glb", vec![node; many.len()], many.clone()), ("instances.glb", vec![instanced], vec![0])]
+    {
+        let count = floats.len() / 3;
+        let json = serde_json::json!({
+            "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": roots}], "nodes": nodes,
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 5}]}],
+            "accessors": [
+                {"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3",
+                    "min": [0, 0, 0], "max": [9, 9, 9]},
+                {"bufferView": 0, "componentType": 5126, "count": many.len(), "type": "VEC3"}],
+            "bufferViews": [{"buffer": 0, "byteLength": bin.len()}], "buffers": [{"byteLength": bin.len()}]
+        });
+        let message = refused(name, glb_of(&json, &bin));
+        assert!(message.contains("found 200000000 triangles"), "{message}");
+    }
+}
+
+/// Vertices that no triangle uses are not placed.
+#[test]
+fn unused_vertices_do_not_multiply() {
+    let folder = tempfile::tempdir().unwrap();
+    let vertices: String = (0..10_000).map(|i| format!("<vertex x='{}' y='{}' z='0'/>", i % 3, i % 2)).collect();
+    let mesh = format!(
+        "<mesh><vertices>{vertices}</vertices><triangles><triangle v1='9990' v2='9991' v3='9992'/></triangles></mesh>"
+    );
+    let components = "<component objectid='1'/>".repeat(9_000);
+    let model = format!(
+        "<model><resources><object id='1'>{mesh}</object><object id='2'><components>{components}</components></object>\
+         </resources><build><item objectid='2'/></build></model>"
+    );
+    let loaded = load(&put(folder.path(), "a.3mf", threemf_of(&model, &[])), &LoadOptions::default()).unwrap();
+    assert_eq!((loaded.mesh.triangles.len(), loaded.mesh.positions.len()), (9_000, 3));
 }
 
 #[test]
@@ -248,11 +363,12 @@ fn components_that_double_at_every_level_end() {
                      <vertex x='0' y='1' z='0'/></vertices><triangles><triangle v1='0' v2='1' \
                      v3='2'/></triangles></mesh></object>"
         .to_owned();
-    for level in 1..40 {
+    // 131,072 triangles: few enough for memory.
+    for level in 1..18 {
         let below = format!("<component objectid='{}'/>", level - 1).repeat(2);
         model += &format!("<object id='{level}'><components>{below}</components></object>");
     }
-    model += "</resources><build><item objectid='39'/></build></model>";
+    model += "</resources><build><item objectid='17'/></build></model>";
     let path = put(folder.path(), "laughs.3mf", threemf_of(&model, &[]));
     let message = load(&path, &LoadOptions::default()).unwrap_err().to_string();
     assert!(message.contains("at most 100000 components"), "{message}");

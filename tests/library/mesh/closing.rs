@@ -60,6 +60,100 @@ fn cavities_stay_and_mistakes_turn() {
     }
 }
 
+/// What faces inwards is judged by where most of it lies, whatever the order of its triangles.
+#[test]
+fn pockets_and_cavities_that_meet_are_judged_by_most_of_their_faces() {
+    let body = cube(0.0, 4.0);
+    let of = |low: [f64; 3], high: [f64; 3]| reversed(&box_triangles(low.into(), high.into()));
+    for (name, parts, volume) in [
+        ("pocket", vec![of([1.0, 1.0, 2.0], [3.0, 3.0, 4.0])], 64.0 - 8.0),
+        ("hole", vec![of([1.0, 1.0, 0.0], [3.0, 3.0, 4.0])], 64.0 - 16.0),
+        ("pocket that sticks out", vec![of([1.0, 1.0, 2.0], [3.0, 3.0, 5.0])], 64.0 - 8.0),
+        ("body inside out", vec![of([3.0, 1.0, 1.0], [7.0, 3.0, 3.0])], 64.0 + 12.0),
+        ("cavities", vec![of([1.0; 3], [2.5; 3]), of([2.0; 3], [3.0; 3])], 64.0 - 1.5f64.powi(3) - 1.0 + 0.125),
+    ] {
+        for first in 0..12 {
+            let turned = parts.iter().flat_map(|part| [&part[first..], &part[..first]].concat());
+            let triangles: Vec<_> = body.iter().copied().chain(turned).collect();
+            let found = closed(&triangles).health.volume_mm3;
+            assert!((found - volume).abs() < 1e-9, "{name}, from triangle {first}: {found}");
+        }
+    }
+}
+
+/// A wall whose edges are edges of the body: three triangles meet there.
+#[test]
+fn walls_that_share_their_rims_with_a_body_are_no_surface() {
+    let body = || cube(0.0, 4.0);
+    let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+    // Along the diagonals that the faces below and above are split by.
+    let wall = |x: [f64; 2], y: [f64; 2]| {
+        let [a, b, c, d] = [at(x[0], y[0], 0.0), at(x[1], y[1], 0.0), at(x[1], y[1], 4.0), at(x[0], y[0], 4.0)];
+        vec![[a, b, c], [a, c, d]]
+    };
+    // A body whose lower and upper face are split at their middle, so that two walls may cross there.
+    let split = || {
+        let mut faces: Vec<_> = body().into_iter().filter(|t| t.iter().any(|p| p.z != t[0].z)).collect();
+        for (z, turns) in [(0.0, false), (4.0, true)] {
+            let rim = [at(0.0, 0.0, z), at(4.0, 0.0, z), at(4.0, 4.0, z), at(0.0, 4.0, z)];
+            let fan = (0..4).map(|i| [at(2.0, 2.0, z), rim[i], rim[(i + 1) % 4]]);
+            faces.extend(fan.map(|[a, b, c]| if turns { [a, b, c] } else { [a, c, b] }));
+        }
+        faces
+    };
+    let quarters = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[x, y]| wall([2.0, x], [2.0, y]));
+    let diagonal = wall([0.0, 4.0], [0.0, 4.0]);
+    for (name, triangles, walls) in [
+        ("one", [body(), diagonal.clone()].concat(), 32.0f64.sqrt() * 4.0),
+        ("the other way round", [reversed(&diagonal), body()].concat(), 32.0f64.sqrt() * 4.0),
+        ("half a cross", [split(), quarters[0].clone(), quarters[1].clone()].concat(), 8.0f64.sqrt() * 8.0),
+        ("a cross", [split(), quarters.concat()].concat(), 8.0f64.sqrt() * 16.0),
+        ("none", split(), 0.0),
+    ] {
+        let health = closed(&triangles).health;
+        assert!((health.volume_mm3 - 64.0).abs() < 1e-9, "{name}: {health:?}");
+        assert!(
+            (health.area_mm2 - 96.0).abs() < 1e-9 && (health.buried_area_mm2 - walls).abs() < 1e-9,
+            "{name}: {health:?}"
+        );
+        assert_eq!((health.holes, health.caps), (0, 0), "{name}: {health:?}");
+    }
+}
+
+/// A face of the body drawn again with its other diagonal, facing either way.
+#[test]
+fn faces_drawn_again_on_others_go() {
+    let body = cube(0.0, 4.0);
+    let [a, b, c, d] = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[x, y]| DVec3::new(x, y, 4.0));
+    for again in [vec![[a, b, c], [a, c, d]], vec![[b, c, d], [b, d, a]]] {
+        for again in [reversed(&again), again] {
+            for triangles in [[body.clone(), again.clone()].concat(), [again.clone(), body.clone()].concat()] {
+                let health = closed(&triangles).health;
+                assert!((health.volume_mm3 - 64.0).abs() < 1e-9 && (health.area_mm2 - 96.0).abs() < 1e-9, "{health:?}");
+                assert_eq!(health.holes, 0);
+            }
+        }
+    }
+}
+
+/// A box whose upper face dips below its lower one, so that edges cross edges and no edge crosses a face.
+#[test]
+fn faces_that_cross_at_edges_alone_are_met() {
+    let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+    let low = [at(0.0, 0.0, 0.0), at(4.0, 0.0, 0.0), at(4.0, 4.0, 0.0), at(0.0, 4.0, 0.0)];
+    let high = [at(0.0, 0.0, 2.0), at(4.0, 0.0, 2.0), at(4.0, 4.0, -1.0), at(0.0, 4.0, -1.0)];
+    let mut faces = vec![[low[0], low[2], low[1]], [low[0], low[3], low[2]]];
+    faces.extend([[high[0], high[1], high[2]], [high[0], high[2], high[3]]]);
+    for i in 0..4 {
+        let j = (i + 1) % 4;
+        faces.extend([[low[i], low[j], high[j]], [low[i], high[j], high[i]]]);
+    }
+    let health = closed(&faces).health;
+    assert!(health.inside_out && health.buried_area_mm2 > 1.0, "{health:?}");
+    // A wedge 8/3 long.
+    assert!((health.volume_mm3 - 0.5 * 2.0 * 8.0 / 3.0 * 4.0).abs() < 1e-6, "{health:?}");
+}
+
 #[test]
 fn a_solid_in_a_cavity_in_a_solid() {
     let triangles = [cube(0.0, 10.0), reversed(&cube(1.0, 9.0)), cube(2.0, 8.0), reversed(&cube(3.0, 7.0))].concat();
@@ -316,8 +410,14 @@ fn sheets_beside_a_solid_are_left_out() {
     // A loose lid closes a cup, and is a surface; so is a wall of a box that is all loose.
     let cup = [box_triangles(DVec3::ZERO, DVec3::splat(4.0))[..10].to_vec()].concat();
     let lid: Vec<_> = box_triangles(DVec3::ZERO, DVec3::splat(4.0))[10..].to_vec();
-    let lifted = lid.iter().map(|t| t.map(|p| p + DVec3::Z * 0.01));
-    let result = close(mesh_of(&cup.iter().copied().chain(lifted).collect::<Vec<_>>()));
-    assert!(matches!(result, Err(MeshError::OpenSheet { .. })));
+    let lifted = |by: f64| {
+        let lifted = lid.iter().map(|t| t.map(|p| p + DVec3::Z * by));
+        close(mesh_of(&cup.iter().copied().chain(lifted).collect::<Vec<_>>()))
+    };
+    assert!(matches!(lifted(0.1), Err(MeshError::OpenSheet { .. })));
+    // A slit is none.
+    let health = lifted(0.01).unwrap().health;
+    assert!((health.volume_mm3 - 64.0).abs() < 0.2 && (health.area_mm2 - 96.0).abs() < 1e-9, "{health:?}");
+    assert_eq!((health.dropped_sheets, health.joint_shells), (0, 2));
     assert_eq!(close(mesh_of(&cube())).unwrap().health.dropped_sheets, 0);
 }

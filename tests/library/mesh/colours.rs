@@ -240,6 +240,43 @@ fn colours_of_ply_vertices_and_faces() {
     assert!(said(&vertices, "colours of the faces are not used"), "{:?}", vertices.warnings);
 }
 
+/// Colours in properties that say nothing alone.
+#[test]
+fn colours_of_other_properties_are_said_to_be_lost() {
+    let none = ("", &(|_| String::new()) as &dyn Fn(usize) -> String);
+    let red = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    for (names, value) in [
+        ("property uchar gray\n", "128"),
+        ("property float Intensity\n", "0.5"),
+        ("property uint rgb\n", "13117480"),
+        ("property list uchar uchar rgba\n", "4 200 40 40 255"),
+        ("property uchar red\nproperty uchar green\n", "200 40"),
+        ("property uchar ambient_red\nproperty uchar ambient_green\nproperty uchar ambient_blue\n", "1 2 3"),
+    ] {
+        let value = move |_: usize| value.to_owned();
+        for bytes in [ply("", (names, &value), none), ply("", none, (names, &value))] {
+            let loaded = read(&[("a.ply", bytes)]);
+            assert!(lost(&loaded).contains("colours by the property"), "{names}: {:?}", loaded.warnings);
+        }
+        let both = read(&[("a.ply", ply("", (red, &|_| "200 40 40".to_owned()), (names, &value)))]);
+        assert_eq!(lost(&both), "");
+    }
+}
+
+/// As Blender 2.4 wrote them.
+#[test]
+fn a_ply_of_blender_2() {
+    let header = "comment Created by Blender3D 248 - www.blender.org, source file: a.blend\n";
+    let names = "property float nx\nproperty float ny\nproperty float nz\nproperty float s\nproperty float t\n\
+                 property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    let none = ("", &(|_| String::new()) as &dyn Fn(usize) -> String);
+    let bytes = ply(header, (names, &|_| "0.0 0.0 1.0 0.5 0.5 200 40 40".to_owned()), none);
+    let text = String::from_utf8(bytes).unwrap().replace("uchar int vertex", "uchar uint vertex");
+    let loaded = read(&[("a.ply", text.into_bytes())]);
+    assert_eq!(loaded.warnings, Vec::<String>::new());
+    assert_shares(&loaded, &[(RED, 1.0)]);
+}
+
 /// Any order of elements is legal.
 #[test]
 fn faces_of_a_ply_may_come_before_its_vertices() {
@@ -400,6 +437,29 @@ fn colours_of_gltf_vertices() {
     assert!(found.len() > 8 && found.keys().all(|[r, g, b]| g.abs_diff(40) < 2 && (40..=201).contains(r) && *b > 39));
 }
 
+/// An accessor without a buffer view is all 0, but for what its sparse part says.
+#[test]
+fn accessors_without_bytes_are_zeros() {
+    let mut gltf = Gltf::new([0.0, 1.0]);
+    gltf.image(&halves());
+    gltf.json["materials"][0]["pbrMetallicRoughness"] = json!({"baseColorTexture": {"index": 0}});
+    gltf.json["accessors"][1] = json!({"componentType": 5126, "count": 36, "type": "VEC2"});
+    let loaded = gltf.read();
+    assert!(said(&loaded, "accessors without bytes, whose values are 0: 1"), "{:?}", loaded.warnings);
+    assert_shares(&loaded, &[(RED, 1.0)]);
+    // More values than used to be allowed.
+    let count = 70_000;
+    let mut gltf = Gltf::new([0.0, 1.0]);
+    let padding = gltf.view(&vec![0; 3 * count]);
+    let (at, red) = (gltf.view(&[5, 0, 0, 0]), gltf.view(&[1.0f32, 0.5, 0.25].map(f32::to_le_bytes).concat()));
+    gltf.json["accessors"].as_array_mut().unwrap().push(json!({"componentType": 5126, "count": count, "type": "VEC3",
+        "sparse": {"count": 1, "indices": {"bufferView": at, "componentType": 5125}, "values": {"bufferView": red}}}));
+    gltf.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 2.into();
+    let loaded = gltf.read();
+    assert!(padding > 0 && loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    assert_eq!((loaded.mesh.corner_colors[1][2], loaded.mesh.corner_colors[0][0]), ([1.0, 0.5, 0.25], [0.0; 3]));
+}
+
 #[test]
 fn specular_glossiness_says_the_colour() {
     for required in [false, true] {
@@ -497,6 +557,11 @@ fn gltf_colours_that_are_lost() {
         gltf.json["meshes"][0]["primitives"][0].as_object_mut().unwrap().remove("material");
     });
     assert!(said(&white, "1 primitive without a material: white"), "{:?}", white.warnings);
+    let second = textured(&|gltf| {
+        let colors = gltf.floats("VEC3", &[1.0; 108]);
+        gltf.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_1"] = colors.into();
+    });
+    assert!(lost(&second).contains("other sets than COLOR_0"), "{}", lost(&second));
     // The image of another material is not missed.
     let unused = textured(&|gltf| gltf.json["images"].as_array_mut().unwrap().push(json!({"uri": "none.png"})));
     assert!(lost(&unused).is_empty() && unused.warnings.is_empty());

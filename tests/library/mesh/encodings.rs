@@ -96,6 +96,12 @@ fn stl_by_words() {
             text.replace("facet normal nan 0 0", "facet"),
             format!("# a comment\n\n  {text}\0\0\0\x1a"),
             text.split_once('\n').unwrap().1.to_owned(),
+            text.replace("outer loop", "outerloop"),
+            text.replace("facet normal", "FacetNormal").replace("outer loop", "OUTERLOOP"),
+            text.replace("facet normal nan 0 0", "facetnormal").replace("outer loop", "outerloop"),
+            text.replace("outer loop", "").replace("endloop", ""),
+            text.replacen("endfacet", "", 5),
+            text.replace("part 0", "facet normal to the bed"),
         ]
         .map(String::into_bytes),
     );

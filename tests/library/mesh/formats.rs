@@ -50,6 +50,56 @@ fn obj_with_mtl() {
     assert_same(loaded, &sample, true, 0.0);
 }
 
+/// Faces that number texture coordinates, or normals, of a file that has none.
+#[test]
+fn obj_without_the_coordinates_that_its_faces_number() {
+    let sample = sample();
+    for corner in ["-3/-3/1 -2/-2/1 -1/-1/1", "-3/1 -2/1 -1/1", "-3/0/0 -2/0/0 -1/0/0", "-3/1/7 -2/2/7 -1/3/7"] {
+        let text = writers::obj(&sample).replace("-3/-3/1 -2/-2/1 -1/-1/1", corner);
+        let text: String =
+            text.lines().filter(|line| !line.starts_with("vt")).map(|line| format!("{line}\n")).collect();
+        let folder = tempfile::tempdir().unwrap();
+        put(folder.path(), "paint job.mtl", "newmtl paint\nKd 0.5 0.25 1\n");
+        let loaded = read(&put(folder.path(), "a.obj", &text));
+        assert_eq!(loaded.warnings, ["faces number texture coordinates, and the file has none: it is read without"]);
+        assert_eq!((loaded.mesh.triangles.len(), loaded.mesh.uvs.len(), loaded.lost_color), (12, 0, None));
+        assert_eq!(loaded.mesh.materials[0].base_color, [0.5, 0.25, 1.0, 1.0]);
+        // A texture needs them.
+        put(folder.path(), "paint job.mtl", "newmtl paint\nmap_Kd paint.png\n");
+        put(folder.path(), "paint.png", writers::png(&sample));
+        let lost = read(&folder.path().join("a.obj")).lost_color.unwrap();
+        assert!(lost.contains("12 of 12 triangles"), "{lost}");
+    }
+}
+
+/// Textures that moved with the mesh, or were named on a system that does not tell cases apart.
+#[test]
+fn companions_are_found_beside_the_mesh() {
+    let sample = sample();
+    let of = |name: &str, files: &[&str]| {
+        let folder = tempfile::tempdir().unwrap();
+        put(folder.path(), "PAINT Job.mtl", format!("newmtl paint\nmap_Kd {name}\n"));
+        files.iter().for_each(|file| drop(put(folder.path(), file, writers::png(&sample))));
+        read(&put(folder.path(), "a.obj", writers::obj(&sample)))
+    };
+    for name in [
+        "Paint.PNG",
+        "C:\\scans\\rabbit\\paint.png",
+        "/home/maker/paint.png",
+        "../textures/PAINT.png",
+        "tex\\paint.png",
+    ] {
+        let loaded = of(name, &["paint.png"]);
+        assert_eq!((loaded.lost_color, loaded.companions.len()), (None, 2), "{name}: {:?}", loaded.warnings);
+        assert!(loaded.mesh.materials[0].base_color_texture.is_some());
+    }
+    for (name, files) in
+        [("paint.png", &["Paint.png", "PAINT.png"][..]), ("other.png", &["paint.png"]), ("tex/", &["paint.png"])]
+    {
+        assert!(of(name, files).lost_color.is_some(), "{name}");
+    }
+}
+
 #[test]
 fn obj_without_its_mtl_is_white_and_says_so() {
     let (folder, sample) = (tempfile::tempdir().unwrap(), sample());

@@ -173,6 +173,32 @@ fn rims_a_hairline_apart_are_one_body() {
     }
 }
 
+/// Circles that are turned against each other have no corner in common, and those of unlike radius no point.
+#[test]
+fn rims_without_a_common_corner_are_one_curve() {
+    let prism = |radius: f64, chords: usize| 0.5 * chords as f64 * radius * radius * (TAU / chords as f64).sin();
+    for (radius, chords, turn) in
+        [(4.5, 24, 0.03), (4.5, 48, PI / 48.0), (4.5, 24, 0.1), (4.45, 48, 0.0), (4.5, 12, 0.2)]
+    {
+        let [rim, wall] = [circle(4.5, 48, 0.0), circle(radius, chords, turn)];
+        let found = health(&through_hole(&rim, &wall));
+        let expected = 400.0 - 4.0 * prism(radius, chords);
+        assert!((found.volume_mm3 - expected).abs() < 1e-6, "hole {radius} {chords}: {found:?}");
+        assert_eq!((found.turned_shells, found.joint_shells, found.dropped_sheets), (0, 2, 0));
+        let found = health(&boss(&rim, &wall, 2.0));
+        assert!(
+            (found.volume_mm3 - 200.0 - 2.0 * prism(radius, chords)).abs() < 1e-6,
+            "boss {radius} {chords}: {found:?}"
+        );
+        assert!(found.rim_gap_mm < 0.2, "{found:?}");
+    }
+    // So far apart they may be a hole and a sleeve.
+    for wall in [circle(4.3, 48, 0.0), circle(4.0, 24, 0.0)] {
+        let found = close(mesh_of(&through_hole(&circle(4.5, 48, 0.0), &wall)));
+        assert!(matches!(found, Err(MeshError::OpenSheet { .. } | MeshError::Facing { .. })), "{found:?}");
+    }
+}
+
 /// A sleeve that does not fit its hole: the wall of another hole, or a body inside out.
 #[test]
 fn an_open_piece_that_faces_inwards_is_refused() {

@@ -24,12 +24,11 @@ use glam::DVec3;
 
 pub(super) use self::{
     contact::{Frame, Tolerance},
-    soup::{Boxes, outer_box},
+    soup::{Boxes, Soup, outer_box},
 };
 use self::{
     cut::Piece,
     judge::{Judge, Verdict},
-    soup::Soup,
 };
 use super::{
     HealthReport, TriangleMesh, area,
@@ -68,7 +67,7 @@ pub(super) fn bare(mesh: &mut TriangleMesh, caps: &[[DVec3; 3]], health: &mut He
     health.volume_mm3 = volume(&soup.corners, &verdicts, 0.5 * (low + high));
     replace(mesh, &verdicts);
     health.area_mm2 = mesh.corners().map(area).sum();
-    health.buried_area_mm2 = (before - health.area_mm2).max(0.0);
+    health.buried_area_mm2 += (before - health.area_mm2).max(0.0);
     Some(soup.corners)
 }
 

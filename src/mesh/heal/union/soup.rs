@@ -15,8 +15,8 @@ const DIRECTIONS: [DVec3; 6] = [
 ];
 
 /// Triangles of one or several closed, oriented surfaces.
-pub(super) struct Soup {
-    pub(super) corners: Vec<[DVec3; 3]>,
+pub(in crate::mesh) struct Soup {
+    pub(in crate::mesh) corners: Vec<[DVec3; 3]>,
     /// The body of every triangle.
     pub(super) body_of: Vec<u16>,
     pub(super) bodies: usize,
@@ -60,7 +60,7 @@ impl Boxes {
 
 impl Soup {
     /// A hierarchy over triangles with their bodies.
-    pub(super) fn new(corners: Vec<[DVec3; 3]>, body_of: Vec<u16>) -> Self {
+    pub(in crate::mesh) fn new(corners: Vec<[DVec3; 3]>, body_of: Vec<u16>) -> Self {
         let boxes = Boxes::new(corners.iter().map(|t| outer_box(t, 0.0)).collect());
         let bodies = body_of.iter().max().map_or(0, |&last| usize::from(last) + 1);
         Self { corners, body_of, bodies, boxes }
@@ -72,14 +72,32 @@ impl Soup {
         for direction in DIRECTIONS {
             windings.clear();
             windings.resize(self.bodies, 0);
-            if self.count(p, direction, windings) {
+            if self.count(p, direction, |index, turn| windings[usize::from(self.body_of[index])] += turn) {
                 return;
             }
         }
     }
 
-    /// Adds the crossings of a ray; whether none was with an edge.
-    fn count(&self, p: DVec3, direction: DVec3, windings: &mut [i32]) -> bool {
+    /// Winding number around a point of all together, each triangle by its weight.
+    pub(in crate::mesh) fn winding(&self, p: DVec3, weight: impl Fn(usize) -> i32) -> i32 {
+        let mut winding = 0;
+        for direction in DIRECTIONS {
+            winding = 0;
+            if self.count(p, direction, |index, turn| winding += turn * weight(index)) {
+                break;
+            }
+        }
+        winding
+    }
+
+    /// Whether a ray meets nothing.
+    pub(in crate::mesh) fn is_free(&self, p: DVec3, direction: DVec3) -> bool {
+        let mut is_free = true;
+        self.count(p, direction, |_, _| is_free = false) && is_free
+    }
+
+    /// Tells the crossings of a ray, by triangle; whether none was with an edge.
+    fn count(&self, p: DVec3, direction: DVec3, mut crosses: impl FnMut(usize, i32)) -> bool {
         if self.corners.is_empty() {
             return true;
         }
@@ -101,7 +119,8 @@ impl Soup {
             }
             for &index in &self.boxes.bvh.primitive_indices[first..first + node.prim_count as usize] {
                 match crossing(&self.corners[index as usize], p, direction) {
-                    Some(turn) => windings[usize::from(self.body_of[index as usize])] += turn,
+                    Some(0) => {}
+                    Some(turn) => crosses(index as usize, turn),
                     None => return false,
                 }
             }

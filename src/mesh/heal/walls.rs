@@ -1,0 +1,159 @@
+//! Walls within a body that share their rims with it, each drawn as one face, and faces drawn once more on others with
+//! which they share their rims: no surface, for both their sides are inside, or another lies there.
+//!
+//! Where such a patch meets the body an odd number of triangles share the edge, so that the body with it has a
+//! boundary and without it has none. It goes if the mesh is better closed without it, and it cannot be seen from
+//! outside, or lies on or in what is left.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+
+use super::edges::{Edges, triangle_of};
+use super::union::{Soup, tolerance};
+use super::{HealthReport, TriangleMesh, area, orient, sheets};
+
+/// Directions that each side of a patch is looked at from.
+const VIEWS: u32 = 96;
+/// Patches looked at: about a second.
+const MAX_PATCHES: usize = 2_000;
+/// Triangles that may be looked through for patches that can be seen, all together: about two seconds.
+const BUDGET: usize = 4_000_000;
+
+/// Drops such patches; says whether there were any.
+pub(super) fn drop(mesh: &mut TriangleMesh, edges: &Edges, health: &mut HealthReport) -> bool {
+    let mut faults = Faults::of(edges);
+    if faults.odd == 0 {
+        return false;
+    }
+    let before = mesh.triangles.len();
+    let candidates = Patch::all(mesh, edges);
+    if candidates.len() > MAX_PATCHES {
+        return false;
+    }
+    let area_before: f64 = mesh.corners().map(area).sum();
+    let soup = Soup::new(mesh.corners().collect(), vec![0; before]);
+    let off = tolerance(mesh.corner_bounds()).touch;
+    let is_buried = |patch: &&Patch| {
+        let is_seen = |side: f64| {
+            let p = patch.middle + side * off * patch.normal;
+            views().filter(|view| side * view.dot(patch.normal) > 0.0).any(|view| soup.is_free(p, view))
+        };
+        !is_seen(1.0) && !is_seen(-1.0)
+    };
+    let mut is_out = vec![false; before];
+    let buried: Vec<&Patch> = candidates.iter().filter(is_buried).collect();
+    buried.iter().flat_map(|patch| &patch.triangles).for_each(|&t| is_out[t] = true);
+    match faults.without(mesh, &is_out) {
+        Some(better) => faults = better,
+        None => is_out.fill(false),
+    }
+    // The smaller before the larger, which are more likely to be what others lie on.
+    let mut spent = 0;
+    for patch in &candidates {
+        if is_out[patch.triangles[0]] {
+            continue;
+        }
+        spent += before;
+        if faults.odd == 0 || spent > BUDGET {
+            break;
+        }
+        let mut tried = is_out.clone();
+        patch.triangles.iter().for_each(|&t| tried[t] = true);
+        let Some(better) = faults.without(mesh, &tried) else { continue };
+        let mut rest = sheets::without(mesh, |t| tried[t]);
+        let rest_edges = Edges::new(rest.positions.len(), &rest.triangles);
+        orient::orient(&mut rest, rest_edges, &mut HealthReport::default());
+        let count = rest.triangles.len();
+        let rest = Soup::new(rest.corners().collect(), vec![0; count]);
+        let is_in = |side: f64| rest.winding(patch.middle + side * off * patch.normal, |_| 1) != 0;
+        if is_in(1.0) || is_in(-1.0) {
+            (is_out, faults) = (tried, better);
+        }
+    }
+    mesh.keep(|t| !is_out[t]);
+    health.buried_area_mm2 += area_before - mesh.corners().map(area).sum::<f64>();
+    mesh.triangles.len() < before
+}
+
+/// What keeps a mesh from being closed.
+struct Faults {
+    /// Edges of one triangle.
+    open: usize,
+    /// Edges of an odd number of triangles, but for those.
+    odd: usize,
+}
+
+impl Faults {
+    fn of(edges: &Edges) -> Self {
+        let count = |is: &dyn Fn(usize) -> bool| edges.iter().filter(|edge| is(edge.half_edges.len())).count();
+        Self { open: count(&|count| count == 1), odd: count(&is_odd) }
+    }
+
+    /// The faults of what is left, if they are fewer.
+    fn without(&self, mesh: &TriangleMesh, is_out: &[bool]) -> Option<Self> {
+        let rest = sheets::without(mesh, |t| is_out[t]);
+        let faults = Self::of(&Edges::new(rest.positions.len(), &rest.triangles));
+        let is_better = !rest.triangles.is_empty() && faults.open <= self.open && faults.odd < self.odd;
+        is_better.then_some(faults)
+    }
+}
+
+fn is_odd(count: usize) -> bool {
+    count > 2 && count % 2 == 1
+}
+
+/// A patch (what edges with two triangles connect) that edges of an odd number of triangles bound, and no open ones.
+struct Patch {
+    triangles: Vec<usize>,
+    area: f64,
+    /// Of its largest triangle.
+    middle: DVec3,
+    normal: DVec3,
+}
+
+impl Patch {
+    /// All of a mesh, the smallest first.
+    fn all(mesh: &TriangleMesh, edges: &Edges) -> Vec<Self> {
+        let count = mesh.triangles.len();
+        let mut patches = sheets::patches(count, edges);
+        // By the root of each: whether an odd edge, and whether an open one, bounds it.
+        let mut bounds = vec![[false; 2]; count];
+        for edge in edges.iter() {
+            for &half_edge in edge.half_edges {
+                let [odd, open] = &mut bounds[patches.root(triangle_of(half_edge) as u32) as usize];
+                *odd |= is_odd(edge.half_edges.len());
+                *open |= edge.half_edges.len() == 1;
+            }
+        }
+        let mut members = vec![Vec::new(); count];
+        for t in 0..count {
+            let root = patches.root(t as u32) as usize;
+            if bounds[root] == [true, false] {
+                members[root].push(t);
+            }
+        }
+        let corners: Vec<[DVec3; 3]> = mesh.corners().collect();
+        let of = |triangles: Vec<usize>| {
+            let largest = *triangles.iter().max_by(|&&s, &&t| area(corners[s]).total_cmp(&area(corners[t])))?;
+            let [a, b, c] = corners[largest];
+            let normal = (b - a).cross(c - a).try_normalize()?;
+            let area = triangles.iter().map(|&t| area(corners[t])).sum();
+            Some(Self { triangles, area, middle: (a + b + c) / 3.0, normal })
+        };
+        let mut all: Vec<Self> = members.into_iter().filter_map(of).collect();
+        all.sort_by(|a, b| a.area.total_cmp(&b.area));
+        all
+    }
+}
+
+/// Directions spread evenly over the sphere, along a spiral.
+fn views() -> impl Iterator<Item = DVec3> {
+    let golden = PI * (3.0 - 5.0_f64.sqrt());
+    (0..VIEWS).map(move |i| {
+        let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(VIEWS);
+        let (sin, cos) = libm::sincos((f64::from(i) * golden) % TAU);
+        let around = (1.0 - z * z).sqrt();
+        DVec3::new(around * cos, around * sin, z)
+    })
+}
