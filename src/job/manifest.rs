@@ -142,6 +142,9 @@ pub struct MeshRecord {
     pub volume_mm3: f64,
     /// Distance of the nodes it was made from, mm.
     pub pitch_mm: f64,
+    /// How far its triangles may be from those on the nodes, mm.
+    #[serde(default)]
+    pub error_mm: f64,
 }
 
 /// Manifests did not tell their command once.

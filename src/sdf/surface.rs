@@ -54,7 +54,18 @@ impl Surface {
 
     /// The surface point nearest to `p`.
     pub fn closest(&self, p: DVec3) -> SurfacePoint {
-        let mut best = (f64::INFINITY, u32::MAX);
+        self.closest_among(p, (f64::INFINITY, u32::MAX))
+    }
+
+    /// The same, sooner where one of the triangles `likely` is near.
+    pub fn closest_near(&self, p: DVec3, likely: &[u32]) -> SurfacePoint {
+        let known = |&triangle: &u32| (closest_point(p, &self.triangles[triangle as usize]).distance_squared, triangle);
+        let nearer = |best: (f64, u32), other: (f64, u32)| if other < best { other } else { best };
+        self.closest_among(p, likely.iter().map(known).fold((f64::INFINITY, u32::MAX), nearer))
+    }
+
+    /// The surface point nearest to `p`, if a triangle at a squared distance is known.
+    fn closest_among(&self, p: DVec3, mut best: (f64, u32)) -> SurfacePoint {
         let mut stack = Vec::with_capacity(64);
         stack.push((0.0, 0_usize));
         while let Some((bound, node)) = stack.pop() {

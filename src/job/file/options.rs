@@ -241,6 +241,9 @@ pub struct OutputOptions {
     pub formats: Vec<OutputFormat>,
     /// Voxel size that material meshes are made at, mm, 0.001 to 10; `None`: the mesher's choice.
     pub mesh_pitch_mm: Option<f64>,
+    /// How far fewer, larger triangles of material meshes may be off, mm, 0 to 1; 0 leaves them as they are; `None`: the
+    /// mesher's choice.
+    pub mesh_error_mm: Option<f64>,
     /// Resin that is printed where a stacking has the background (support) resin; `None`: nothing is, and the
     /// printer fills the void with support.
     pub map_background: Option<String>,
@@ -447,7 +450,7 @@ pub(super) fn read_arrange(root: &Table<'_>) -> Result<Option<f64>> {
     }
 }
 
-pub(super) const OUTPUT_KEYS: &[&str] = &["formats", "mesh-pitch-mm", "background-as"];
+pub(super) const OUTPUT_KEYS: &[&str] = &["formats", "mesh-pitch-mm", "mesh-error-mm", "background-as"];
 
 pub(super) fn read_output(table: &Table<'_>) -> Result<OutputOptions> {
     table.allow_only(OUTPUT_KEYS)?;
@@ -458,6 +461,7 @@ pub(super) fn read_output(table: &Table<'_>) -> Result<OutputOptions> {
     Ok(OutputOptions {
         formats,
         mesh_pitch_mm: table.get("mesh-pitch-mm").map(|value| value.number(range::PITCH)).transpose()?,
+        mesh_error_mm: table.get("mesh-error-mm").map(|value| value.number(range::MESH_ERROR)).transpose()?,
         map_background: table.name("background-as", "a resin")?,
     })
 }

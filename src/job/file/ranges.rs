@@ -21,6 +21,8 @@ pub(super) const COUNT: IntRange = IntRange { noun: "a number of copies", min: 1
 pub(super) const GAP: Range = Range::new("a distance in mm", 0.0, 100.0);
 /// A voxel of 1 µm is finer than any printer; one of 10 mm is coarser than any preview.
 pub(super) const PITCH: Range = Range::new("a voxel size in mm", 0.001, 10.0);
+/// Up to a voxel of the coarsest printers; 0 turns simplification off.
+pub(super) const MESH_ERROR: Range = Range::new("a distance in mm", 0.0, 1.0);
 pub(super) const TRAY: Range = Range::new("a tray size in mm", 1.0, MAX_EXTENT_MM);
 /// Material ids are bytes, and 0 is the background.
 pub(super) const COLORS: IntRange = IntRange { noun: "a number of colours", min: 1, max: 255 };

@@ -203,6 +203,8 @@ struct Output {
     #[serde(skip_serializing_if = "Option::is_none")]
     mesh_pitch_mm: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    mesh_error_mm: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     background_as: Option<String>,
 }
 
@@ -261,6 +263,7 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
         output: Output {
             formats: job.output.formats.iter().map(|format| format.name()).collect(),
             mesh_pitch_mm: job.output.mesh_pitch_mm,
+            mesh_error_mm: job.output.mesh_error_mm,
             background_as: job.output.map_background.clone(),
         },
     }

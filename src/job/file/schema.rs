@@ -276,7 +276,12 @@ pub(super) fn tables() -> Vec<TableSchema> {
             "output",
             "## `[output]`",
             options::OUTPUT_KEYS,
-            vec![("formats", Kind::Choices(formats)), ("mesh-pitch-mm", Number(range::PITCH)), ("background-as", Name)],
+            vec![
+                ("formats", Kind::Choices(formats)),
+                ("mesh-pitch-mm", Number(range::PITCH)),
+                ("mesh-error-mm", Number(range::MESH_ERROR)),
+                ("background-as", Name),
+            ],
             &[],
         ),
     ]

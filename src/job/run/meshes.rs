@@ -41,6 +41,7 @@ impl Prepared {
             triangles: part.triangles.len() as u64,
             volume_mm3: part.volume_mm3,
             pitch_mm: mesher.pitch_mm,
+            error_mm: mesher.error_mm,
         };
         Ok(parts().map(record).collect())
     }
@@ -49,7 +50,9 @@ impl Prepared {
         let layers = self.objects.iter().flat_map(|object| &object.stackings.stackings).flat_map(|entry| &entry.layers);
         let thinnest = layers.map(|layer| layer.thickness_mm).reduce(f64::min);
         let default = MaterialMesher::default_pitch_mm(thinnest, self.lattice.pitch);
-        MaterialMesher { pitch_mm: self.job.output.mesh_pitch_mm.unwrap_or(default) }
+        let pitch_mm = self.job.output.mesh_pitch_mm.unwrap_or(default);
+        let error_mm = self.job.output.mesh_error_mm.unwrap_or_else(|| MaterialMesher::default_error_mm(pitch_mm));
+        MaterialMesher { pitch_mm, error_mm }
     }
 
     /// Refuses what would make the material meshes fail once all slices are written.

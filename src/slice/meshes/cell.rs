@@ -19,6 +19,8 @@
 //!   which every segment is joined. Then the materials fill the cell without gap or overlap.
 //! * In cells of two materials a loop is filled by a fan. If it runs twice over one face, a diagonal of the fan could
 //!   lie in that face, where the neighbour may have the same one; it is filled around its centre instead.
+//! * A loop that an edge or a corner of the surface passes is filled around a vertex on it ([`CellOutput::peak`]), as
+//!   in Kobbelt, Botsch, Schwanecke and Seidel 2001.
 //!
 //! So every directed edge of every material's mesh has its reverse exactly once. Not guaranteed: that two sheets of one
 //! cell do not pierce each other (the "interior test" of Chernyaev 1995 is not made), and a vertex may be shared by two
@@ -121,6 +123,11 @@ pub trait CellOutput {
     fn vertex(&mut self, position: Vec3) -> u32;
     /// A triangle whose normal (by the right hand) points from material `behind` to material `front`.
     fn triangle(&mut self, behind: u8, front: u8, corners: [u32; 3]);
+    /// The vertex that a loop of these points is to be filled around, where an edge or a corner of the surface lies
+    /// within it.
+    fn peak(&mut self, _points: &[u8]) -> Option<u32> {
+        None
+    }
 }
 
 /// The segments of one cell.
@@ -266,6 +273,12 @@ fn fill_loop(
         let centre = out.vertex(sum / len as f32);
         for n in 0..len {
             out.triangle(behind, front, [vertex(at(n)), vertex(at(n + 1)), centre]);
+        }
+        return;
+    }
+    if let Some(peak) = out.peak(points) {
+        for n in 0..len {
+            out.triangle(behind, front, [vertex(at(n)), vertex(at(n + 1)), peak]);
         }
         return;
     }

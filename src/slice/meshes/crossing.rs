@@ -8,15 +8,18 @@
 //! An edge carries one vertex, whoever asks: that makes neighbours share their boundary bit for bit. Where layers still
 //! lie between the materials of its ends (next to an edge of another layer or chart), the vertex is halfway between
 //! leaving the one and entering the other; but the outer surface stays where it is.
+//!
+//! Where the boundary is a level set of the exact distance, Newton's steps along the edge put the vertex on it, and it
+//! knows its tangent plane there.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::sdf::LpScratch;
 
 use super::{
     Bounds,
     nodes::{NO_OBJECT, Node, VOID},
-    object::{NodeObject, Row, slots_passed},
+    object::{AboveLevel, NodeObject, Row, slots_passed},
 };
 
 /// A vertex keeps this share of the pitch away from the ends of its edge, so that no triangle collapses. A boundary
@@ -25,6 +28,55 @@ const END_MARGIN: f64 = 1e-3;
 
 /// It keeps at least so many steps of single precision away, so that files tell it from the vertices beside it.
 const END_STEPS: f64 = 4.0;
+
+/// Steps of Newton's method along an edge, at most; two do where one facet of the surface is nearest all along.
+const STEPS: usize = 4;
+
+/// No further from its level set than this share of the pitch, a vertex is moved onto the tangent plane and is there:
+/// off by the square of 40 nm over the radius of curvature.
+const ON_LEVEL: f64 = 2e-4;
+
+/// A slope along the edge below which it does not tell where the level set crosses.
+const LEAST_SLOPE: f64 = 0.02;
+
+/// A vertex on an edge.
+#[derive(Debug, Clone, Copy)]
+pub struct Crossing {
+    /// Where it is, mm.
+    pub position: DVec3,
+    /// The surface there.
+    pub tangent: Tangent,
+}
+
+/// The tangent plane of a level set of the distance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tangent {
+    /// Points to where depth is less; 0 where it is not known.
+    pub normal: Vec3,
+    /// Which level set.
+    pub level: Level,
+    /// The triangle of the object that is nearest.
+    pub triangle: u32,
+}
+
+/// A level set of the distance of one object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Level {
+    /// The object.
+    pub object: u16,
+    /// Boundaries above it: 0 is the outer surface, b the bottom of slot b − 1.
+    pub boundary: u16,
+}
+
+impl Tangent {
+    /// Of a surface that is no level set of an exact distance.
+    pub const UNKNOWN: Self = Self { normal: Vec3::ZERO, level: Level { object: NO_OBJECT, boundary: 0 }, triangle: 0 };
+
+    /// Whether it is known.
+    pub fn is_known(&self) -> bool {
+        self.level.object != NO_OBJECT
+    }
+}
 
 /// Finds crossings; holds buffers.
 #[derive(Debug)]
@@ -62,22 +114,62 @@ impl<'a> Crossings<'a> {
 
     /// The vertex on the edge along `axis` between two nodes of different labels, of which `p` has the lower
     /// coordinate.
-    pub fn vertex(&mut self, axis: usize, p: (Node, DVec3), q: (Node, DVec3)) -> DVec3 {
-        let t = self.share(p, q);
+    pub fn vertex(&mut self, axis: usize, p: (Node, DVec3), q: (Node, DVec3)) -> Crossing {
+        let (t, level) = self.share(p, q);
         let (from, to) = (p.1[axis], q.1[axis]);
+        let mut position = p.1;
+        position[axis] = from + t * (to - from);
+        let (low, high) = (from + self.margin, to - self.margin);
+        let found = level.and_then(|level| {
+            let measured = |node: Node| (node.measured == level.object).then_some(node.nearest.triangle);
+            let likely: [u32; 2] = [p.0, q.0].map(|node| measured(node).unwrap_or(0));
+            self.on_level(level, axis, position, (low, high), &likely)
+        });
         // The surface ends with the objects; an interpolation over a hole in it might not.
-        let place = (from + t * (to - from)).clamp(self.bounds.0[axis], self.bounds.1[axis]);
-        let mut vertex = p.1;
-        vertex[axis] = place.clamp(from + self.margin, to - self.margin);
-        vertex
+        let end = |place: f64| place.clamp(self.bounds.0[axis], self.bounds.1[axis]).clamp(low, high);
+        let (mut position, tangent) = found.unwrap_or((position, Tangent::UNKNOWN));
+        position[axis] = end(position[axis]);
+        Crossing { position, tangent }
     }
 
-    /// How far along the edge the boundary is, 0 at `p`, 1 at `q`.
-    fn share(&mut self, p: (Node, DVec3), q: (Node, DVec3)) -> f64 {
+    /// Moves `position` along `axis`, between `low` and `high`, onto a level set; `None` if it is not found there.
+    fn on_level(
+        &self,
+        level: Level,
+        axis: usize,
+        mut position: DVec3,
+        (low, high): (f64, f64),
+        likely: &[u32],
+    ) -> Option<(DVec3, Tangent)> {
+        let object = &self.objects[usize::from(level.object)];
+        let (from, to) = (low - self.margin, high + self.margin);
+        let mut best: Option<(f64, DVec3, AboveLevel)> = None;
+        for _ in 0..STEPS {
+            let found = object.above_level(level.boundary, position, likely)?;
+            if best.is_none_or(|best| found.off < best.0) {
+                best = Some((found.off, position, found));
+            }
+            if found.off < ON_LEVEL * self.pitch || found.normal[axis].abs() < LEAST_SLOPE {
+                break;
+            }
+            position[axis] = (position[axis] - found.above / found.normal[axis]).clamp(from, to);
+        }
+        let (off, mut position, AboveLevel { above, normal, triangle, .. }) = best?;
+        if off > ON_LEVEL * self.pitch {
+            return None;
+        }
+        if normal[axis].abs() >= LEAST_SLOPE {
+            position[axis] -= above / normal[axis];
+        }
+        Some((position, Tangent { normal: normal.as_vec3(), level, triangle }))
+    }
+
+    /// How far along the edge the boundary is, 0 at `p`, 1 at `q`, and the level set that it is.
+    fn share(&mut self, p: (Node, DVec3), q: (Node, DVec3)) -> (f64, Option<Level>) {
         // Of two objects the earlier one's surface is the boundary: it owns what they share.
         let number = p.0.owner.min(q.0.owner);
         if number == NO_OBJECT {
-            return 0.5;
+            return (0.5, None);
         }
         let object = &self.objects[usize::from(number)];
         let [row_p, row_q] = &mut self.rows;
@@ -88,12 +180,14 @@ impl<'a> Crossings<'a> {
             ends.1.go_exact(object, q.1);
         }
         let (p, q) = ends;
-        let t = if p.passed <= q.passed {
+        let (t, boundary) = if p.passed <= q.passed {
             boundary(object.labels(), self.pitch, &p, &q)
         } else {
-            1.0 - boundary(object.labels(), self.pitch, &q, &p)
+            let (t, boundary) = boundary(object.labels(), self.pitch, &q, &p);
+            (1.0 - t, boundary)
         };
-        if t.is_finite() { t.clamp(0.0, 1.0) } else { 0.5 }
+        let level = boundary.map(|boundary| Level { object: number, boundary: boundary as u16 });
+        if t.is_finite() { (t.clamp(0.0, 1.0), level) } else { (0.5, None) }
     }
 }
 
@@ -126,8 +220,9 @@ impl<'r> End<'r> {
     }
 }
 
-/// The share of the way from the shallower node to the deeper one at which the label changes.
-fn boundary(labels: &[u8], pitch: f64, shallow: &End, deep: &End) -> f64 {
+/// The share of the way from the shallower node to the deeper one at which the label changes, and the boundary at which
+/// it does if that is one.
+fn boundary(labels: &[u8], pitch: f64, shallow: &End, deep: &End) -> (f64, Option<usize>) {
     let label = |passed: usize| match passed {
         n if n == shallow.passed => shallow.label,
         n if n == deep.passed => deep.label,
@@ -137,7 +232,7 @@ fn boundary(labels: &[u8], pitch: f64, shallow: &End, deep: &End) -> f64 {
     let boundaries = shallow.passed..deep.passed;
     let leaving = boundaries.clone().find(|&b| label(b + 1) != shallow.label);
     let entering = boundaries.rev().find(|&b| label(b) != deep.label);
-    let (Some(leaving), Some(entering)) = (leaving, entering) else { return 0.5 };
+    let (Some(leaving), Some(entering)) = (leaving, entering) else { return (0.5, None) };
     let at = |b: usize| {
         let (above, below) = match b {
             0 => (shallow.exact, deep.exact),
@@ -147,14 +242,18 @@ fn boundary(labels: &[u8], pitch: f64, shallow: &End, deep: &End) -> f64 {
     };
     if (deep.depth - shallow.depth).abs() < 0.5 * pitch {
         match (rim(labels, pitch, shallow, deep), rim(labels, pitch, deep, shallow)) {
-            (Some(_), Some(_)) => return 0.5,
-            (Some(share), None) => return share,
-            (None, Some(share)) => return 1.0 - share,
+            (Some(_), Some(_)) => return (0.5, None),
+            (Some(share), None) => return (share, None),
+            (None, Some(share)) => return (1.0 - share, None),
             (None, None) => {}
         }
     }
     // What begins right at the surface begins there, whatever is lost below.
-    if leaving == 0 { at(0) } else { 0.5 * (at(leaving) + at(entering)) }
+    if leaving == 0 {
+        (at(0), Some(0))
+    } else {
+        (0.5 * (at(leaving) + at(entering)), (leaving == entering).then_some(leaving))
+    }
 }
 
 /// How far the layer around `here` reaches towards `there`, along the surface, if it has ended there.

@@ -10,11 +10,13 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    Bounds, MaterialMeshes, MeshingError, PartOf,
+    Bounds, MeshingError,
     cell::{CellOutput, EDGE_START, fill_cell},
-    crossing::Crossings,
+    crossing::{Crossings, Tangent},
+    interfaces::{Facet, Interfaces},
     nodes::{NodeBrick, NodeGrid, TwoLayers},
     object::{BLOCK, BLOCK_BRICKS, BLOCK_NODES, BlockScratch, NodeObject},
+    peaks::{Corner, peak},
     vertices::{BrickVertices, step},
 };
 use crate::{
@@ -40,36 +42,61 @@ pub struct March<'a> {
     pub objects: &'a [NodeObject<'a>],
     /// Bounds of the objects, mm.
     pub bounds: Bounds,
-    /// Which part of the output has the triangles of a material id.
-    pub part_of: &'a PartOf,
+}
+
+/// What a walk makes.
+#[derive(Debug, Default)]
+pub struct Marched {
+    /// The boundaries.
+    pub interfaces: Interfaces,
+    /// Of every vertex.
+    pub tangents: Vec<Tangent>,
+    /// The vertices on edges and corners of the surface, ascending.
+    pub peaks: Vec<u32>,
 }
 
 /// The triangles of one brick.
-struct BrickTriangles<'a> {
-    part_of: &'a PartOf,
+#[derive(Default)]
+struct BrickTriangles {
     inner: Vec<Vec3>,
-    triangles: Vec<(u16, [u32; 3])>,
+    /// Those of `inner` that are on edges and corners of the surface.
+    peaks: Vec<u32>,
+    triangles: Vec<Facet>,
 }
 
-impl CellOutput for BrickTriangles<'_> {
+/// The triangles of a brick, as one cell fills them.
+struct CellTriangles<'a, F> {
+    brick: &'a mut BrickTriangles,
+    /// Place and tangent of a point of the cell.
+    corner: F,
+    march: &'a March<'a>,
+}
+
+impl<F: Fn(usize) -> Corner> CellOutput for CellTriangles<'_, F> {
     fn vertex(&mut self, position: Vec3) -> u32 {
-        self.inner.push(position);
-        INNER | (self.inner.len() - 1) as u32
+        self.brick.inner.push(position);
+        INNER | (self.brick.inner.len() - 1) as u32
     }
 
-    fn triangle(&mut self, behind: u8, front: u8, [a, b, c]: [u32; 3]) {
-        if let Some(part) = self.part_of[usize::from(behind)] {
-            self.triangles.push((part, [a, b, c]));
+    fn triangle(&mut self, behind: u8, front: u8, corners: [u32; 3]) {
+        self.brick.triangles.push(Facet { corners, behind, front });
+    }
+
+    fn peak(&mut self, points: &[u8]) -> Option<u32> {
+        let mut contour = [Corner::default(); 12];
+        for (corner, &point) in contour.iter_mut().zip(points) {
+            *corner = (self.corner)(usize::from(point));
         }
-        if let Some(part) = self.part_of[usize::from(front)] {
-            self.triangles.push((part, [a, c, b]));
-        }
+        let position = peak(&contour[..points.len()], self.march)?;
+        self.brick.peaks.push(self.brick.inner.len() as u32);
+        Some(self.vertex(position))
     }
 }
 
 impl March<'_> {
-    /// Fills `meshes`, whose parts exist.
-    pub fn run(&self, meshes: &mut MaterialMeshes, watch: &dyn Watch) -> Result<(), MeshingError> {
+    /// Walks all layers.
+    pub fn run(&self, watch: &dyn Watch) -> Result<Marched, MeshingError> {
+        let mut marched = Marched::default();
         let all = self.grid.bricks[2];
         let mut layers = VecDeque::new();
         // Number of the layer at the front of `layers`, and of the next one to get vertices.
@@ -82,9 +109,9 @@ impl March<'_> {
                 layers.extend([self.air(), self.air()]);
             }
             while front + layers.len() >= next + 2 {
-                self.add_vertices(&mut layers, next - front, next, meshes)?;
+                self.add_vertices(&mut layers, next - front, next, &mut marched)?;
                 if next > front {
-                    self.add_triangles(&layers, front, meshes)?;
+                    self.add_triangles(&layers, front, &mut marched)?;
                     layers.pop_front();
                     front += 1;
                     watch.advance(1);
@@ -93,7 +120,7 @@ impl March<'_> {
                 next += 1;
             }
         }
-        Ok(())
+        Ok(marched)
     }
 
     fn air(&self) -> Layer {
@@ -151,7 +178,7 @@ impl March<'_> {
         layers: &mut VecDeque<Layer>,
         at: usize,
         layer: usize,
-        meshes: &mut MaterialMeshes,
+        marched: &mut Marched,
     ) -> Result<(), MeshingError> {
         let two = self.two(layers, at, layer);
         let crossings = || Crossings::new(self.objects, self.bounds, self.grid.lattice.pitch.x);
@@ -163,31 +190,28 @@ impl March<'_> {
             })
             .collect();
         for brick in vertices.iter_mut().flatten() {
-            brick.first = next_vertex(meshes, brick.positions.len())?;
-            meshes.positions.append(&mut brick.positions);
-            brick.positions = Vec::new();
+            brick.first = next_vertex(marched, brick.positions.len())?;
+            marched.interfaces.positions.append(&mut brick.positions);
+            marched.tangents.append(&mut brick.tangents);
+            (brick.positions, brick.tangents) = Default::default();
         }
         layers[at].vertices = vertices;
         Ok(())
     }
 
     /// Computes the triangles in the cells of `layers[0]`, which is layer `layer` of the grid.
-    fn add_triangles(
-        &self,
-        layers: &VecDeque<Layer>,
-        layer: usize,
-        meshes: &mut MaterialMeshes,
-    ) -> Result<(), MeshingError> {
+    fn add_triangles(&self, layers: &VecDeque<Layer>, layer: usize, marched: &mut Marched) -> Result<(), MeshingError> {
         let two = self.two(layers, 0, layer);
-        let positions = &meshes.positions;
-        let filled: Vec<_> = self.columns().map(|column| self.fill_brick(&two, layers, column, positions)).collect();
+        let known = &*marched;
+        let filled: Vec<_> = self.columns().map(|column| self.fill_brick(&two, layers, column, known)).collect();
         for brick in filled.into_iter().flatten() {
-            let first = next_vertex(meshes, brick.inner.len())?;
-            meshes.positions.extend(brick.inner.iter().map(|position| position.to_array()));
-            for (part, corners) in brick.triangles {
-                let number = |corner| if corner & INNER != 0 { first + (corner & !INNER) } else { corner };
-                meshes.parts[usize::from(part)].triangles.push(corners.map(number));
-            }
+            let first = next_vertex(marched, brick.inner.len())?;
+            let Marched { interfaces: Interfaces { positions, facets }, tangents, peaks } = marched;
+            positions.extend(brick.inner.iter().map(|position| position.to_array()));
+            tangents.resize(positions.len(), Tangent::UNKNOWN);
+            peaks.extend(brick.peaks.iter().map(|peak| first + peak));
+            let number = |corner| if corner & INNER != 0 { first + (corner & !INNER) } else { corner };
+            facets.extend(brick.triangles.iter().map(|&facet| Facet { corners: facet.corners.map(number), ..facet }));
         }
         Ok(())
     }
@@ -197,8 +221,8 @@ impl March<'_> {
         two: &TwoLayers,
         layers: &VecDeque<Layer>,
         column: [usize; 2],
-        positions: &[[f32; 3]],
-    ) -> Option<BrickTriangles<'_>> {
+        known: &Marched,
+    ) -> Option<BrickTriangles> {
         let labels = two.labels(column)?;
         let width = self.grid.bricks[0];
         // The bricks that own the vertices of this one's cells; beyond the grid there are none.
@@ -213,7 +237,7 @@ impl March<'_> {
             let brick = at[0] / BRICK + 2 * (at[1] / BRICK) + 4 * (at[2] / BRICK);
             (owners[brick], at.map(|n| n % BRICK))
         };
-        let mut out = BrickTriangles { part_of: self.part_of, inner: Vec::new(), triangles: Vec::new() };
+        let mut brick = BrickTriangles::default();
         for n in 0..BRICK_VOXELS {
             let at = [n % BRICK, n / BRICK % BRICK, n / (BRICK * BRICK)];
             let corners = labels.cell(at);
@@ -231,17 +255,22 @@ impl March<'_> {
                     brick.and_then(|brick| brick.face(node, axis)).unwrap_or(0)
                 }
             };
-            let position = |point: usize| Vec3::from(positions[vertex(point) as usize]);
-            fill_cell(&corners, vertex, position, &mut out);
+            let position = |point: usize| Vec3::from(known.interfaces.positions[vertex(point) as usize]);
+            let corner = |point: usize| Corner {
+                position: position(point).as_dvec3(),
+                tangent: known.tangents[vertex(point) as usize],
+            };
+            fill_cell(&corners, vertex, position, &mut CellTriangles { brick: &mut brick, corner, march: self });
         }
-        Some(out)
+        Some(brick)
     }
 }
 
 /// The number that the next of `count` further vertices gets.
-fn next_vertex(meshes: &MaterialMeshes, count: usize) -> Result<u32, MeshingError> {
-    if meshes.positions.len() + count > INNER as usize {
+fn next_vertex(marched: &Marched, count: usize) -> Result<u32, MeshingError> {
+    let positions = &marched.interfaces.positions;
+    if positions.len() + count > INNER as usize {
         return Err(MeshingError::TooManyVertices { max: INNER });
     }
-    Ok(meshes.positions.len() as u32)
+    Ok(positions.len() as u32)
 }

@@ -13,19 +13,27 @@
 //! | `crossing` | where a boundary crosses an edge |
 //! | `vertices` | the vertices one brick owns |
 //! | `cell`     | marching cubes for many materials, one cell |
+//! | `peaks`    | edges and corners of the surface within cells |
 //! | `march`    | layer after layer of bricks |
+//! | `interfaces` | what that makes: every triangle between two materials once |
+//! | `simplify` | fewer and larger triangles within a stated error |
 //! | `stl`, `threemf` | writers |
 //!
 //! Layers thinner than the pitch are rounded to the pitch or to nothing (`taper`). At half the thinnest layer, volumes
 //! are within 0.4% of the voxels' on a slab, a sphere, the 60 mm bunny and a textured cow whose layers taper off.
-//! Creases are cut: edges by up to 0.35, corners by 0.6 of the pitch. Depth is the exact or the Lp-averaged distance,
+//! Edges are kept where a boundary is a level set of the exact distance: the outer surface, and layers that are the same
+//! everywhere and as thick as the pitch. Elsewhere they are cut by up to 0.35, corners by 0.6 of the pitch, and what is
+//! thinner than the pitch is seen by chance anywhere. Depth is the exact or the Lp-averaged distance,
 //! as the object has it; the grid's has steps, and the exact one stands in for it.
 
 mod cell;
 mod crossing;
+mod interfaces;
 mod march;
 mod nodes;
 mod object;
+mod peaks;
+mod simplify;
 mod stl;
 mod taper;
 #[cfg(test)]
@@ -41,9 +49,12 @@ pub use stl::write_stl;
 pub use threemf::write_3mf;
 
 use self::{
-    march::March,
+    interfaces::Facet,
+    march::{March, Marched},
     nodes::{NO_OBJECT, NodeGrid},
     object::NodeObject,
+    peaks::join_peaks,
+    simplify::simplify,
 };
 use super::ObjectField;
 use crate::{
@@ -109,6 +120,8 @@ type PartOf = [Option<u16>; 256];
 pub struct MaterialMesher {
     /// Distance of nodes along every axis, mm.
     pub pitch_mm: f64,
+    /// How far fewer and larger triangles may be from those on the nodes, mm; 0 keeps these.
+    pub error_mm: f64,
 }
 
 /// Meshes over one pool of vertices: where two materials meet, both use the same ones.
@@ -138,6 +151,8 @@ impl MaterialMesher {
     /// Coarsest pitch taken without being asked, mm: a chord of a 10 mm sphere then misses it by 1 µm, a crease is cut
     /// by 70 µm.
     const COARSEST_MM: f64 = 0.2;
+    /// Largest error taken without being asked, mm.
+    const COARSEST_ERROR_MM: f64 = 0.005;
     /// Most nodes along an axis: 2¹⁵ of the 2²⁴ steps of single precision leave 512 to a pitch, to tell vertices apart
     /// by.
     const MAX_NODES: u32 = 1 << 15;
@@ -149,6 +164,11 @@ impl MaterialMesher {
         let edge = voxel_pitch_mm.min_element();
         let half = 0.5 * thinnest_layer_mm.unwrap_or(f64::INFINITY);
         half.max(2.0 * edge).min(Self::COARSEST_MM.max(edge))
+    }
+
+    /// The error for a job that states none: 5 µm, far below a voxel, or a 40th of the pitch where that is less.
+    pub fn default_error_mm(pitch_mm: f64) -> f64 {
+        f64::min(Self::COARSEST_ERROR_MM, pitch_mm / 40.0)
     }
 
     /// Whether the pitch suits these objects.
@@ -181,7 +201,7 @@ impl MaterialMesher {
     /// Meshes the `resins` (id and name, each id once) of `objects`; everything else in them is a void. Where objects
     /// overlap, the earlier one owns the space. `watch` hears of every layer of bricks.
     ///
-    /// Memory is that of the result, plus a few layers of nodes.
+    /// Memory is that of the triangles on the nodes, before fewer are made of them, plus a few layers of nodes.
     ///
     /// # Errors
     /// A pitch that is not positive or too fine for the extent, and more than 2³¹ vertices or 65,534 objects.
@@ -204,8 +224,22 @@ impl MaterialMesher {
         let Some((grid, bounds)) = found else { return Ok(meshes) };
         let objects: Vec<_> =
             (0..).zip(objects).map(|(number, field)| NodeObject::new(field, number, &grid, &part_of)).collect();
-        let march = March { grid: &grid, objects: &objects, bounds, part_of: &part_of };
-        march.run(&mut meshes, watch)?;
+        let Marched { mut interfaces, tangents, peaks } =
+            March { grid: &grid, objects: &objects, bounds }.run(watch)?;
+        join_peaks(&mut interfaces, &tangents, &peaks);
+        drop((tangents, peaks));
+        if self.error_mm > 0.0 {
+            interfaces = simplify(interfaces, self.error_mm, self.pitch_mm, watch)?;
+        }
+        for &Facet { corners: [a, b, c], behind, front } in &interfaces.facets {
+            if let Some(part) = part_of[usize::from(behind)] {
+                meshes.parts[usize::from(part)].triangles.push([a, b, c]);
+            }
+            if let Some(part) = part_of[usize::from(front)] {
+                meshes.parts[usize::from(part)].triangles.push([a, c, b]);
+            }
+        }
+        meshes.positions = interfaces.positions;
         let MaterialMeshes { positions, parts } = &mut meshes;
         for part in parts {
             part.volume_mm3 = volume(positions, &part.triangles);

@@ -55,6 +55,8 @@ pub struct NodeObject<'a> {
     part_of: &'a PartOf,
     /// Layers thinner than this are rounded, and no thick one loses more on a side; 0 where all are thick, mm.
     rounding: f64,
+    /// Depths of the boundaries that are level sets of the exact distance, from the outer surface on, mm.
+    levels: Vec<f64>,
 }
 
 /// The bottoms of slots, and what it takes to make them.
@@ -62,6 +64,19 @@ pub struct NodeObject<'a> {
 pub struct Row {
     bottoms: Vec<f32>,
     tapers: Tapers,
+}
+
+/// How a position lies to a level set of the distance.
+#[derive(Debug, Clone, Copy)]
+pub struct AboveLevel {
+    /// How far above it, by its tangent plane, mm.
+    pub above: f64,
+    /// How far from it, mm.
+    pub off: f64,
+    /// Unit normal of the level set through the position, towards less depth.
+    pub normal: DVec3,
+    /// The triangle nearest to the position.
+    pub triangle: u32,
 }
 
 /// Buffers of one worker.
@@ -97,11 +112,15 @@ impl<'a> NodeObject<'a> {
             Measure::Lp { field, offsets } => Some((field, offsets)),
             Measure::Exact | Measure::Grid { .. } => None,
         };
-        let tapered = field.layers().needs_uv() || {
-            let mut row = Vec::new();
+        let mut row = Vec::new();
+        if !field.layers().needs_uv() {
             field.layers().bottoms(0, glam::Vec2::ZERO, &mut row);
-            is_thin(&row, pitch as f32)
-        };
+        }
+        let tapered = field.layers().needs_uv() || is_thin(&row, pitch as f32);
+        let mut levels = vec![0.0];
+        if !tapered && averaged.is_none() {
+            levels.extend(row.iter().copied().map(f64::from));
+        }
         Self {
             field,
             number,
@@ -112,7 +131,31 @@ impl<'a> NodeObject<'a> {
             labels: field.layers().slot_ids().into_iter().map(|id| label(part_of, id)).collect(),
             part_of,
             rounding: if tapered { pitch } else { 0.0 },
+            levels,
         }
+    }
+
+    /// How `p`, which is near boundary `boundary`, lies to it; `None` where that is no level set of the exact distance.
+    /// Of the outer surface, which has no direction to the nearest point on it, it is the nearest triangle's plane that
+    /// is held against `p`.
+    /// `likely` are triangles that may be near.
+    pub fn above_level(&self, boundary: u16, p: DVec3, likely: &[u32]) -> Option<AboveLevel> {
+        let depth = *self.levels.get(usize::from(boundary))?;
+        let found = self.field.surface().closest_near(p, likely);
+        let normal = if depth > 0.0 {
+            (found.point - p) / found.distance
+        } else {
+            let [a, b, c] = self.field.surface().triangles()[found.triangle as usize];
+            (b - a).cross(c - a).normalize_or_zero()
+        };
+        let above = if depth > 0.0 { depth - found.distance } else { normal.dot(p - found.point) };
+        let off = if depth > 0.0 { above.abs() } else { found.distance };
+        (normal.is_finite() && normal != DVec3::ZERO).then_some(AboveLevel {
+            above,
+            off,
+            normal,
+            triangle: found.triangle,
+        })
     }
 
     /// Label of every slot of the layers, then of the core.

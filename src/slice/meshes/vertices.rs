@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::{
     cell::{FacePattern, face_pattern},
-    crossing::Crossings,
+    crossing::{Crossing, Crossings, Tangent},
     nodes::{Labels, TwoLayers},
 };
 use crate::voxel::{BRICK, BRICK_VOXELS};
@@ -22,6 +22,8 @@ pub struct BrickVertices {
     pub first: u32,
     /// Their positions, until they are handed over.
     pub positions: Vec<[f32; 3]>,
+    /// The surface at each of them, until they are handed over.
+    pub tangents: Vec<Tangent>,
     /// Per node and axis: which of them is on the edge, or [`NONE`].
     edges: [u16; 3 * BRICK_VOXELS],
     /// (node · 3 + normal's axis, which), ascending.
@@ -50,8 +52,13 @@ fn face(at: [usize; 3], axis: usize) -> [[usize; 3]; 4] {
 impl BrickVertices {
     /// The vertices of brick `column` of the lower layer, whose cells see `labels`.
     pub fn new(layers: &TwoLayers, column: [usize; 2], labels: &Labels, crossings: &mut Crossings) -> Box<Self> {
-        let mut vertices =
-            Box::new(Self { first: 0, positions: Vec::new(), edges: [NONE; 3 * BRICK_VOXELS], faces: Vec::new() });
+        let mut vertices = Box::new(Self {
+            first: 0,
+            positions: Vec::new(),
+            tangents: Vec::new(),
+            edges: [NONE; 3 * BRICK_VOXELS],
+            faces: Vec::new(),
+        });
         let junctions = labels.more_than_two();
         let base = [column[0] * BRICK, column[1] * BRICK, 0];
         let global = |at: [usize; 3]| std::array::from_fn(|axis| base[axis] + at[axis]);
@@ -65,7 +72,7 @@ impl BrickVertices {
                 }
                 if junctions && face_pattern(face(at, axis).map(|node| labels.at(node))) == FacePattern::Star {
                     let centre = face_centre(layers, face(global(at), axis), crossings);
-                    let vertex = vertices.push(centre);
+                    let vertex = vertices.push(Crossing { position: centre, tangent: Tangent::UNKNOWN });
                     vertices.faces.push((key(at, axis) as u16, vertex));
                 }
             }
@@ -73,8 +80,9 @@ impl BrickVertices {
         vertices
     }
 
-    fn push(&mut self, position: DVec3) -> u16 {
-        self.positions.push(position.as_vec3().to_array());
+    fn push(&mut self, vertex: Crossing) -> u16 {
+        self.positions.push(vertex.position.as_vec3().to_array());
+        self.tangents.push(vertex.tangent);
         (self.positions.len() - 1) as u16
     }
 
@@ -102,7 +110,7 @@ fn face_centre(layers: &TwoLayers, corners: [[usize; 3]; 4], crossings: &mut Cro
         let (p, q) = (layers.node(a), layers.node(b));
         if p.0.label != q.0.label {
             let axis = (0..3).find(|&axis| a[axis] != b[axis]).unwrap_or(0);
-            sum += crossings.vertex(axis, p, q);
+            sum += crossings.vertex(axis, p, q).position;
             count += 1.0;
         }
     }

@@ -3,6 +3,7 @@
 mod cells;
 mod shapes;
 mod shared;
+mod simplified;
 mod textured;
 mod writers;
 
@@ -167,7 +168,11 @@ fn voxel_volumes(slicer: &Slicer) -> [f64; 256] {
 }
 
 fn mesh(slicer: &Slicer, pitch_mm: f64, ids: &[MaterialId]) -> MaterialMeshes {
-    MaterialMesher { pitch_mm }.mesh(slicer.objects(), &resins(ids), &Unwatched).unwrap()
+    simplified(slicer, pitch_mm, 0.0, ids)
+}
+
+fn simplified(slicer: &Slicer, pitch_mm: f64, error_mm: f64, ids: &[MaterialId]) -> MaterialMeshes {
+    MaterialMesher { pitch_mm, error_mm }.mesh(slicer.objects(), &resins(ids), &Unwatched).unwrap()
 }
 
 /// Checks every part's volume against its voxels; prints the deviations.

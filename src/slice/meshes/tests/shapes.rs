@@ -155,13 +155,15 @@ fn the_default_pitch_is_half_the_thinnest_layer_within_reason() {
 #[test]
 fn bad_pitches_are_refused_and_work_can_be_ended() {
     let slicer = layered_slab();
-    let run = |pitch_mm: f64, watch: &dyn Watch| MaterialMesher { pitch_mm }.mesh(slicer.objects(), &[], watch);
+    let run = |pitch_mm: f64, watch: &dyn Watch| {
+        MaterialMesher { pitch_mm, error_mm: 0.005 }.mesh(slicer.objects(), &[], watch)
+    };
     assert_eq!(run(0.0, &Unwatched).unwrap_err().to_string(), "the mesh pitch is 0 mm, expected a positive length");
     assert!(matches!(run(f64::NAN, &Unwatched), Err(MeshingError::Pitch { .. })));
     assert!(matches!(run(1e-6, &Unwatched), Err(MeshingError::TooFine { axis: 'x', .. })));
     let stop = Interrupt::new();
     stop.request();
     assert_eq!(run(1.0, &stop), Err(MeshingError::Stopped(Stopped)));
-    let empty = MaterialMesher { pitch_mm: 1.0 }.mesh(&[], &resins(&[WHITE]), &Unwatched).unwrap();
+    let empty = MaterialMesher { pitch_mm: 1.0, error_mm: 0.005 }.mesh(&[], &resins(&[WHITE]), &Unwatched).unwrap();
     assert!(empty.positions.is_empty() && empty.parts[0].triangles.is_empty());
 }

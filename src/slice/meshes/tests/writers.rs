@@ -17,11 +17,11 @@ fn ball() -> MaterialMeshes {
 }
 
 /// The corners of a mesh that was read, in the precision they were written in.
-fn read_corners(mesh: &TriangleMesh) -> Vec<[[f32; 3]; 3]> {
+pub(super) fn read_corners(mesh: &TriangleMesh) -> Vec<[[f32; 3]; 3]> {
     mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize].as_vec3().to_array())).collect()
 }
 
-fn corners(meshes: &MaterialMeshes, part: usize) -> Vec<[[f32; 3]; 3]> {
+pub(super) fn corners(meshes: &MaterialMeshes, part: usize) -> Vec<[[f32; 3]; 3]> {
     meshes.parts[part].triangles.iter().map(|t| t.map(|v| meshes.positions[v as usize])).collect()
 }
 
