@@ -28,8 +28,9 @@ pub(super) struct Place {
     pub cluster: u16,
     /// Logarithm of half the thickness in mm, where that counts.
     pub half_ln: Option<f64>,
-    /// Logarithms of the albedos, by channel.
-    pub ln: Vec<f64>,
+    /// Logarithms of the albedos, by channel; where all channels are alike, that of the one factor of what the
+    /// cluster's stacking has.
+    pub ln: [f64; CHANNELS],
     /// Between two steps the upper is taken from here on, 0 to 1: one for all, so that of a cell's corners no more
     /// are used than there are coordinates, and one.
     pub threshold: f64,
@@ -160,10 +161,7 @@ impl<'a> Lattice<'a> {
         };
         let origin = &self.origins[usize::from(place.cluster)];
         match self.classes {
-            Classes::OneEach { alike: true } => {
-                let off = place.ln.iter().zip(self.answers.promised(usize::from(place.cluster)));
-                take(0, off.map(|(wanted, albedo)| wanted - ln(*albedo)).sum::<f64>() / place.ln.len().max(1) as f64);
-            }
+            Classes::OneEach { alike: true } => take(0, place.ln[0]),
             _ => (0..origin.len()).for_each(|n| take(n, coordinate(place.ln[n]) - origin[n])),
         }
         Cell { class: self.classes.of(place.cluster), thickness, rungs }
@@ -239,12 +237,12 @@ mod tests {
         let classes = Classes::by_width(&(0..CLUSTERS).map(flat).collect::<Vec<_>>());
         let place = |n: usize| {
             let part = |step: f64| (n as f64 * step).fract();
-            let off = [0.819, 0.671, 0.550].map(|step| 0.3 * part(step) - 0.15);
-            let promised = answers.promised(n % CLUSTERS).iter();
+            let mut ln = [0.819, 0.671, 0.550, 0.0].map(|step| 0.3 * part(step) - 0.15);
+            ln.iter_mut().zip(answers.promised(n % CLUSTERS)).for_each(|(ln, albedo)| *ln += albedo.ln());
             Place {
                 cluster: (n % CLUSTERS) as u16,
                 half_ln: Some(0.15_f64.ln() + 3.5 * part(0.618)),
-                ln: promised.zip(off).map(|(albedo, off)| albedo.ln() + off).collect(),
+                ln,
                 threshold: part(0.414),
             }
         };

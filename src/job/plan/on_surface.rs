@@ -216,6 +216,7 @@ impl ObjectPlan {
         let alike = self.factors() < self.channels;
         let classes =
             if asked.texels() == 0 || alike { Classes::OneEach { alike } } else { Classes::by_width(&asked.targets) };
+        let promised = |cluster: ClusterId, n: usize| libm::log(self.answers.promised(cluster.index())[n].max(BLACK));
         let places: Vec<Place> = self
             .sites
             .par_iter()
@@ -223,10 +224,16 @@ impl ObjectPlan {
                 let triangle = site.triangle as usize;
                 let known = self.points.interpolate(site.position(&corners[triangle]), normals[triangle], &known);
                 let cluster = self.cluster(site);
-                let mut ln = wanted[cluster.index()].clone();
                 let own = asked.ln_own(starts[usize::from(site.page)] + site.texel as usize, cluster, BLACK);
-                ln.iter_mut().zip(own).for_each(|(ln, own)| *ln += own);
-                ln.iter_mut().enumerate().for_each(|(n, ln)| *ln += known[1 + if alike { 0 } else { n }]);
+                let wanted = &wanted[cluster.index()];
+                let mut ln: [f64; CHANNELS] = std::array::from_fn(|n| known[1 + n]);
+                if alike {
+                    let own = (0..wanted.len()).map(|n| wanted[n] + own.get(n).unwrap_or(&0.0) - promised(cluster, n));
+                    ln[0] += own.sum::<f64>() / wanted.len() as f64;
+                } else {
+                    let own = own.iter().chain(std::iter::repeat(&0.0));
+                    ln.iter_mut().zip(wanted.iter().zip(own)).for_each(|(ln, (wanted, own))| *ln += wanted + own);
+                }
                 let page = usize::from(site.page);
                 let width = self.atlas.pages()[page].width;
                 let threshold = if self.shared_out[page] { threshold(site.texel, width) } else { 0.5 };
