@@ -27,7 +27,8 @@ fn textured_layers_are_closed_and_keep_their_volumes() {
 }
 
 /// But for what a uniform stack alone gets, vertices on the exact boundary and on edges: at this coarse pitch volumes
-/// differ by up to 0.28%, and those of the uniform stack are the right ones.
+/// differ by up to 0.28%. Vertices on a ball of radius R inscribe it: its volume comes out less by up to about h²/4R² of
+/// it, 0.23% of the core at a pitch of 0.25 mm.
 #[test]
 fn a_texture_of_one_stacking_is_a_uniform_stack() {
     let patched = patched_sphere(|_, _| 0);
@@ -35,7 +36,7 @@ fn a_texture_of_one_stacking_is_a_uniform_stack() {
     let uniform = slicer(vec![(sphere(DVec3::splat(5.0), 5.0, 48), layers)], DVec3::splat(10.0), 0.08);
     let ids = [WHITE, SUPPORT, CYAN];
     let [patched, exact] = [&patched, &uniform].map(|slicer| mesh(slicer, 0.25, &ids));
-    assert_volumes(&exact, &uniform, 1e-3);
+    assert_volumes(&exact, &uniform, 2.5e-3);
     for (a, b) in patched.parts.iter().zip(&exact.parts) {
         assert!((a.volume_mm3 - b.volume_mm3).abs() <= 4e-3 * b.volume_mm3, "{} {}", a.volume_mm3, b.volume_mm3);
     }
