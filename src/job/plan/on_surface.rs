@@ -290,7 +290,7 @@ impl ObjectPlan {
 
 /// An albedo that is asked for, as near as `promised` is where that is far from it: what is a few percent off is made up
 /// for, and what no stacking reaches is not striven for in one channel at the cost of another.
-pub(in crate::job) fn within_reach(asked: f64, promised: f64) -> f64 {
+fn within_reach(asked: f64, promised: f64) -> f64 {
     if asked <= 0.0 || promised <= 0.0 {
         return asked.max(promised);
     }

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::super::interfaces::{Facet, Interfaces};
+use super::groups::Groups;
 use crate::sdf::closest_point;
 
 /// The triangles that simplification starts from.
@@ -14,33 +15,19 @@ pub struct Fine {
     pub facets: Vec<Facet>,
     /// Lowest and highest corner of a box around all, mm.
     pub bounds: [DVec3; 2],
-    /// Where each vertex's entries of `around` begin.
-    first: Vec<u32>,
     /// The triangles around every vertex.
-    around: Vec<u32>,
+    around: Groups,
 }
 
 impl Fine {
     /// Gathers the triangles around every vertex.
     pub fn new(Interfaces { positions, facets }: Interfaces) -> Self {
-        let mut first = vec![0_u32; positions.len() + 1];
-        let corners = || (0..).zip(&facets).flat_map(|(n, facet): (u32, _)| facet.corners.map(|corner| (n, corner)));
-        for (_, corner) in corners() {
-            first[corner as usize + 1] += 1;
-        }
-        for n in 1..first.len() {
-            first[n] += first[n - 1];
-        }
-        let mut next = first.clone();
-        let mut around = vec![0; 3 * facets.len()];
-        for (n, corner) in corners() {
-            around[next[corner as usize] as usize] = n;
-            next[corner as usize] += 1;
-        }
+        let corners = || (0..).zip(&facets).flat_map(|(n, facet): (u32, _)| facet.corners.map(|corner| (corner, n)));
+        let around = Groups::new(positions.len(), corners);
         let all = positions.iter().map(|p| DVec3::from(p.map(f64::from)));
         let [low, high] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let bounds = all.fold([low, high], |[low, high], p| [low.min(p), high.max(p)]);
-        Self { positions, facets, bounds, first, around }
+        Self { positions, facets, bounds, around }
     }
 
     /// A vertex, mm.
@@ -49,14 +36,9 @@ impl Fine {
         DVec3::from(self.positions[vertex as usize].map(f64::from))
     }
 
-    fn around(&self, vertex: u32) -> &[u32] {
-        let [first, end] = [0, 1].map(|n| self.first[vertex as usize + n] as usize);
-        &self.around[first..end]
-    }
-
     /// The other ends of the edges at a vertex.
     pub fn ends(&self, vertex: u32) -> impl Iterator<Item = u32> {
-        self.around(vertex).iter().map(move |&facet| {
+        self.around.of(vertex).iter().map(move |&facet| {
             let [a, b, c] = self.facets[facet as usize].corners;
             if a == vertex {
                 b
@@ -71,13 +53,13 @@ impl Fine {
     /// Whether `p` is certainly within √`limit` of a fine triangle, one of those around `vertex` or around these.
     pub fn is_near(&self, p: DVec3, vertex: u32, limit: f64) -> bool {
         let near = |vertex: u32| {
-            self.around(vertex).iter().any(|&facet| {
+            self.around.of(vertex).iter().any(|&facet| {
                 let corners = self.facets[facet as usize].corners.map(|corner| self.at(corner));
                 closest_point(p, &corners).distance_squared <= limit
             })
         };
         near(vertex)
-            || self.around(vertex).iter().any(|&facet| {
+            || self.around.of(vertex).iter().any(|&facet| {
                 self.facets[facet as usize].corners.iter().any(|&corner| corner != vertex && near(corner))
             })
     }

@@ -16,6 +16,7 @@
 //! | `queue` | which edge comes next |
 //! | `tile` | collapses in one cube of space |
 //! | `fine` | distance to the fine triangles |
+//! | `groups` | numbers by group: triangles around vertices, vertices near facets |
 //!
 //! Cubes are worked on in parallel, and all vertices with a triangle in another cube stay where they are. Then cubes are
 //! larger and lie elsewhere, and what could not move is looked at again. So the result does not depend on threads.
@@ -23,6 +24,7 @@
 //! Not guaranteed: that two boundaries nearer to each other than twice the error do not touch.
 
 mod fine;
+mod groups;
 mod quadric;
 mod queue;
 mod tile;
@@ -32,6 +34,7 @@ use rayon::prelude::*;
 
 use self::{
     fine::Fine,
+    groups::Groups,
     tile::{Changes, Tile},
 };
 use super::{
@@ -154,27 +157,13 @@ impl Whole<'_> {
     }
 
     /// The fine vertices that lie near each facet.
-    fn held(&self) -> Held {
-        let mut first = vec![0_u32; self.facets.len() + 1];
-        let facets = || {
+    fn held(&self) -> Groups {
+        Groups::new(self.facets.len(), || {
             (0..).zip(&self.homes).filter_map(|(vertex, home): (u32, _)| match home {
-                Home::Facet(facet) => Some((vertex, *facet as usize)),
+                Home::Facet(facet) => Some((*facet, vertex)),
                 Home::Itself | Home::Curve => None,
             })
-        };
-        for (_, facet) in facets() {
-            first[facet + 1] += 1;
-        }
-        for n in 1..first.len() {
-            first[n] += first[n - 1];
-        }
-        let mut next = first.clone();
-        let mut vertices = vec![0; first[self.facets.len()] as usize];
-        for (vertex, facet) in facets() {
-            vertices[next[facet] as usize] = vertex;
-            next[facet] += 1;
-        }
-        Held { first, vertices }
+        })
     }
 
     /// The vertices in use, numbered anew, no two of them in one place.
@@ -190,18 +179,5 @@ impl Whole<'_> {
             *corner = *number;
         }
         out
-    }
-}
-
-/// Fine vertices by facet.
-struct Held {
-    first: Vec<u32>,
-    vertices: Vec<u32>,
-}
-
-impl Held {
-    fn of(&self, facet: u32) -> &[u32] {
-        let [first, end] = [0, 1].map(|n| self.first[facet as usize + n] as usize);
-        &self.vertices[first..end]
     }
 }

@@ -4,7 +4,7 @@ mod checks;
 
 use glam::DVec3;
 
-use super::{Held, Home, Whole, fine::Fine, quadric::Quadric, queue::Queue};
+use super::{Home, Whole, fine::Fine, groups::Groups, quadric::Quadric, queue::Queue};
 use crate::slice::meshes::interfaces::Facet;
 
 /// The share of the error that is used up where it is measured: what lies between the places may be off by more.
@@ -134,7 +134,7 @@ impl<'a> Tile<'a> {
     pub fn new(
         whole: &'a Whole<'a>,
         facets: &[u32],
-        held: &Held,
+        held: &Groups,
         free: impl Fn(u32) -> bool,
         [error, pitch]: [f64; 2],
         local: &mut [u32],
