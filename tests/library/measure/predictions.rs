@@ -1,12 +1,11 @@
 //! What is predicted from a measurement against photons in the true resins.
 
-use lumislice::measure::simulate::Laboratory;
 use lumislice::optics::{
     ChannelPrediction, Light, MaterialFile, MaterialSet, Model, Stack, TransportOptions, VolumeCoefficients, predict,
 };
 use lumislice::watch::Unwatched;
 
-use super::Round;
+use super::whole;
 
 type Layers = &'static [(&'static str, f64)];
 
@@ -24,8 +23,7 @@ const THIN: [Layers; 4] = [
 fn measured_set(folder: &std::path::Path) -> MaterialFile {
     let mut file = String::from("provenance = \"measured\"\n");
     for name in ["white", "black", "support"] {
-        let measurement = Round::new(name, 22.0).measure(&Laboratory::default());
-        for (path, text) in measurement.files(name) {
+        for (path, text) in whole(name).1.files(name) {
             if path.ends_with(".toml") {
                 file += &text[text.find("[[resin]]").unwrap()..];
             } else {

@@ -3,15 +3,14 @@
 use lumislice::measure::Finding;
 use lumislice::measure::simulate::{Defects, Laboratory};
 
-use super::{Round, errors, hold, measured, show};
+use super::{Round, errors, hold, measured, show, whole};
 
-fn round_trip(resin: &str, farthest_mm: f64) {
-    let round = Round::new(resin, farthest_mm);
-    let measurement = round.measure(&Laboratory::default());
+fn round_trip(resin: &str) {
+    let (round, measurement) = whole(resin);
     let channel = &measurement.channels[0];
     let reflection = errors(&channel.reflection, &round.reflection);
     let transmission = errors(&channel.transmission, &round.transmission);
-    show(&format!("{resin} reflection"), &measurement, &reflection);
+    show(&format!("{resin} reflection"), measurement, &reflection);
     println!("{resin} transmission: {transmission:.4?}");
     hold(resin, &reflection, 1.0);
     hold(resin, &transmission, 1.0);
@@ -19,17 +18,17 @@ fn round_trip(resin: &str, farthest_mm: f64) {
 
 #[test]
 fn white_comes_back() {
-    round_trip("white", 22.0);
+    round_trip("white");
 }
 
 #[test]
 fn black_comes_back() {
-    round_trip("black", 22.0);
+    round_trip("black");
 }
 
 #[test]
 fn support_comes_back() {
-    round_trip("support", 22.0);
+    round_trip("support");
 }
 
 #[test]
