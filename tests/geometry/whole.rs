@@ -136,7 +136,8 @@ fn runs_and_threads_change_no_byte_of_the_output() {
     };
     let first = run("a", "1");
     assert!(first.len() > 70);
-    assert!(run("b", "1") == first && run("c", "4") == first);
+    // Another run, and on more threads: what either changes shows.
+    assert!(run("b", "4") == first);
 }
 
 /// Most memory a run holds, KiB: the kernel's own record of it, read until the process is gone.
