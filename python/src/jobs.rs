@@ -54,7 +54,7 @@ pub fn slice<'py>(
         let job = Job::load(&job)?;
         let folder = output.unwrap_or_else(|| PathBuf::from(format!("{}-out", job.name)));
         OutputFolder::check(&folder, &job::OWNER, existing)?;
-        let prepared = Prepared::for_folder(job, &folder, watch)?;
+        let prepared = Prepared::for_folders(job, &[&folder], watch)?;
         let options = RunOptions { existing, slices: slices.map(|(start, end)| start..end) };
         let Finished { manifest, .. } = job::run(&prepared, &folder, &options, watch)?;
         Ok(manifest)
@@ -103,7 +103,7 @@ pub fn look<'py>(
             OutputFolder::check(output, &job::look::OWNER, existing).map_err(RunError::from)?;
         }
         let prepared = match &folder {
-            Some(folder) => Prepared::for_folder(job, folder, watch),
+            Some(folder) => Prepared::for_folders(job, &[folder], watch),
             None => Prepared::new(job, watch),
         }?;
         let scene = scene_for(&prepared, folder.as_deref(), watch)?;

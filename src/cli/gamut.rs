@@ -9,11 +9,11 @@ use lumislice::{
         self, Job,
         file::{MaterialSource, StackingModel, StackingOptions},
     },
-    optics::{FrequencyGrid, MaterialSet, ResinId, Stack},
+    optics::{FrequencyGrid, Grains, MaterialSet, ResinId, Stack},
     plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
     search::{
-        self, ChannelGamut, Gamut, GamutMap, GamutPoint, MatchOptions, RefineOptions, SearchError, SearchOptions,
-        SearchTarget,
+        self, ChannelGamut, Gamut, GamutMap, GamutPoint, MatchOptions, Matcher, Objective, RefineOptions, SearchError,
+        SearchOptions, SearchTarget, place_of,
     },
     watch::Watch,
 };
@@ -34,6 +34,9 @@ use super::{
 };
 
 /// Show what albedos and half-energy radii a set of resins can reach, and where targets lie.
+///
+/// The gamut is that of layers of one resin each. Where layers may be mixtures, as in jobs and matches by default, more
+/// is reached: targets outside are searched for with mixtures too, and count as reached where one looks like them.
 #[derive(Debug, Args)]
 pub struct GamutArgs {
     /// Resins: a material file (TOML), or the name of a built-in set; default: the job's.
@@ -63,6 +66,9 @@ pub struct GamutArgs {
     /// have them) or km; default: the job's.
     #[arg(long, value_enum, help_heading = "Stackings")]
     model: Option<Judge>,
+    /// Layers of one resin each only: targets outside are not searched for with mixtures.
+    #[arg(long, help_heading = "Stackings")]
+    no_mixtures: bool,
     /// A profile whose place to show, CSV with r_mm,reflection_per_mm2, the same in all channels. Repeatable.
     #[arg(long, value_name = "PROFILE.csv", help_heading = "Targets")]
     target: Vec<PathBuf>,
@@ -138,10 +144,14 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     let by_job = stacking.filter(|stacking| stacking.model == StackingModel::KubelkaMunk).map(|_| Judge::Km);
     let by_transport = args.fit(&mut materials, args.model.or(by_job), &named, &bars)?;
     let layers = args.layers(job.as_ref(), by_transport);
+    let mixes =
+        by_transport && !args.no_mixtures && layers.step_mm.is_none() && job.as_ref().is_none_or(Job::allows_mixtures);
+    let objective = stacking.map_or(Objective::default(), |stacking| stacking.objective);
+    let grains = job.as_ref().map(|job| Grains::of_voxels(job.printer.pitch_mm.to_array()));
     if let (Some(path), Some(job)) = (&args.job, job) {
         targets.extend(job_targets(path, job, materials.file.channels(), &bars)?);
     }
-    let set = materials.load(&bars)?;
+    let mut set = materials.load(&bars)?;
     bars.stage("gamut", 0);
     let judge = if by_transport { search::Judge::Transport } else { search::Judge::KubelkaMunk };
     let options = MatchOptions { search, judge, layers, mixtures: false };
@@ -158,8 +168,32 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     let plain: Vec<_> = targets.iter().map(|named| named.target.clone()).collect();
     let weights: Vec<_> = targets.iter().map(|named| named.weight).collect();
     let map = GamutMap::new(&gamut, &plain, &weights, &set.grid);
-    let shown =
-        Shown { options: &options.search, set: &set, gamut: &gamut, targets: &targets, map: &map, by_transport };
+    let mut reached: Vec<Option<bool>> = map.moves.iter().map(|moved| moved.inside.then_some(true)).collect();
+    let outside: Vec<usize> = (0..plain.len()).filter(|&target| !map.moves[target].inside).collect();
+    if mixes && !outside.is_empty() {
+        set.grains = grains.unwrap_or(set.grains);
+        let options = MatchOptions {
+            search: SearchOptions { objective, ..options.search.clone() },
+            mixtures: true,
+            ..options.clone()
+        };
+        let asked: Vec<_> = outside.iter().map(|&target| plain[target].clone()).collect();
+        bars.stage("mixtures", asked.len() as u64);
+        let found = Matcher::matched(&set, &options, &asked, &bars, args.cache.cache().as_ref());
+        bars.finish();
+        for ((&target, asked), found) in outside.iter().zip(&asked).zip(&found?) {
+            reached[target] = Some(looks_like(asked, found.reflection(), &set.grid));
+        }
+    }
+    let shown = Shown {
+        options: &options.search,
+        set: &set,
+        gamut: &gamut,
+        targets: &targets,
+        map: &map,
+        reached: &reached,
+        by_transport,
+    };
     if let Some(plot) = plot {
         plot.finish(&shown.figure())?;
     }
@@ -171,7 +205,22 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     } else {
         print(&shown.report())?;
     }
-    Ok(if map.moves.iter().all(|moved| moved.inside) { Answer::Yes } else { Answer::No })
+    Ok(if reached.iter().all(|reached| *reached == Some(true)) { Answer::Yes } else { Answer::No })
+}
+
+/// A stacking looks like a target where its albedo is within this of the target's, and its half-energy radius within
+/// that, as shares: both are below what an eye sees.
+const ALIKE: [f64; 2] = [0.02, 0.1];
+
+/// Whether a stacking that was found looks like its target in every channel.
+fn looks_like(target: &SearchTarget, found: &[Vec<f64>], grid: &FrequencyGrid) -> bool {
+    let alike = |(asked, found): (&Vec<f64>, &Vec<f64>)| match (place_of(asked, grid), place_of(found, grid)) {
+        (Some(asked), Some(found)) => (0..2).all(|axis| (found[axis] / asked[axis] - 1.0).abs() <= ALIKE[axis]),
+        // Black, or wider than can be told.
+        (None, _) => asked.iter().zip(found).all(|(asked, found)| (asked - found).abs() <= 1e-3),
+        _ => false,
+    };
+    target.channels.len() == found.len() && target.channels.iter().zip(found).all(alike)
 }
 
 /// The targets of a job.
@@ -240,6 +289,8 @@ struct Shown<'a> {
     gamut: &'a Gamut,
     targets: &'a [Named],
     map: &'a GamutMap,
+    /// Whether each target is reached, by mixtures too if they were tried; `None` where they were not.
+    reached: &'a [Option<bool>],
     by_transport: bool,
 }
 
@@ -258,7 +309,7 @@ impl Shown<'_> {
 
     fn title(&self) -> String {
         let below = self.options.core.map_or("nothing", |core| &self.set[core].name);
-        format!("Gamut of {}, up to {} mm over {below}", self.set.name, self.options.max_thickness_mm)
+        format!("Gamut of {} in pure layers, up to {} mm over {below}", self.set.name, self.options.max_thickness_mm)
     }
 
     fn figure(&self) -> Figure {
@@ -340,20 +391,21 @@ impl Shown<'_> {
                 "points": channel.points.iter().map(point).collect::<Vec<_>>(),
             })
         };
-        let target = |(named, moved): (&Named, &lumislice::search::Move)| {
+        let target = |((named, moved), reached): ((&Named, &lumislice::search::Move), &Option<bool>)| {
             let each = |axis: usize| moved.from.iter().map(|from| from.map(|from| from[axis])).collect::<Vec<_>>();
             json!({
                 "target": named.name,
                 "albedo": each(0),
                 "half_energy_radius_mm": each(1),
                 "inside": moved.inside,
+                "reached": reached,
                 "gamut_map": { "albedo_factor": moved.albedo_factor, "width_factor": moved.width_factor },
             })
         };
         json!({
             "model": self.model(),
             "channels": self.channels().map(channel).collect::<Vec<_>>(),
-            "targets": self.targets.iter().zip(&self.map.moves).map(target).collect::<Vec<_>>(),
+            "targets": self.targets.iter().zip(&self.map.moves).zip(self.reached).map(target).collect::<Vec<_>>(),
         })
     }
 
@@ -376,13 +428,19 @@ impl Shown<'_> {
         let header = ["channel", "albedo", "narrowest, mm", "widest, mm", "stackings"];
         let mut text = format!("{}; placed by {}\n{}", self.title(), self.model(), table(&header, &rows));
         if self.targets.is_empty() {
-            return text;
+            return text + "pure layers: mixtures, which jobs and matches lay by default, reach more\n";
         }
         let rows: Vec<_> = self
             .targets
             .iter()
             .zip(&self.map.moves)
-            .map(|(named, moved)| {
+            .zip(self.reached)
+            .map(|((named, moved), reached)| {
+                let lies = match (moved.inside, reached) {
+                    (true, _) => "inside",
+                    (false, Some(true)) => "reached by mixtures",
+                    (false, _) => "outside",
+                };
                 let each = |axis: usize, decimals: usize| {
                     let channels = moved.from.iter().map(|from| number(from.map(|from| from[axis]), decimals));
                     channels.collect::<Vec<_>>().join(" ")
@@ -391,7 +449,7 @@ impl Shown<'_> {
                     named.name.clone(),
                     each(0, 3),
                     each(1, 3),
-                    if moved.inside { "inside" } else { "outside" }.to_owned(),
+                    lies.to_owned(),
                     format!("{:.3}", moved.albedo_factor),
                     format!("{:.3}", moved.width_factor),
                 ]
@@ -399,7 +457,11 @@ impl Shown<'_> {
             .collect();
         let header = ["target", "albedo", "50% within mm", "lies", "albedo ×", "width ×"];
         text += &table(&header, &rows);
-        text + "albedo and width: what gamut-map would scale these targets by, taken together\n"
+        text += "albedo and width: what gamut-map would scale these targets by, taken together\n";
+        match self.reached.contains(&None) {
+            true => text + "outside of pure layers: mixtures, which were not tried, may reach more\n",
+            false => text,
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use clap::{Args, builder::TypedValueParser};
 use lumislice::{
     glam::DVec3,
     job::{
-        Job, RunError,
+        Job, ROUNDS, RunError,
         look::{
             self, Differences, FinishedFolder, Fit, Look, LookError, LookOptions, PictureOptions, look_at, scene_for,
             write_mitsuba,
@@ -23,6 +23,7 @@ use super::{
     print, print_json,
     progress::Bars,
     say,
+    slice::default_folder,
     start::is_mesh,
     table::table,
 };
@@ -43,6 +44,11 @@ pub struct LookArgs {
     /// Resins of OUT without a job, where they are of no built-in set: a TOML file or the name of a set.
     #[arg(long, value_name = "M", conflicts_with = "job", help_heading = "Input")]
     materials: Option<PathBuf>,
+    /// Take what rounds of correction found from this folder, where a run of the same job left it; else they are found
+    /// anew, to the same numbers. Without this flag they are looked for in OUT, or for a job in the folders that
+    /// `slice` writes by default: <job name>-out, here or beside the job.
+    #[arg(long, value_name = "FOLDER", conflicts_with = "materials", help_heading = "Work")]
+    rounds_from: Option<PathBuf>,
     /// Folder to write pictures and look.json into.
     #[arg(short, long, value_name = "FOLDER", help_heading = "Output")]
     output: Option<PathBuf>,
@@ -136,6 +142,9 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         (Some(_), job) => job.as_ref(),
         (None, Some(_)) => refuse!("{}: found no folder, expected one with --job", args.what.display()),
     };
+    if job.is_none() && args.rounds_from.is_some() {
+        refuse!("--rounds-from: found a folder without its job, whose slices are looked at, expected --job beside it");
+    }
     if job.is_some() && args.materials.is_some() {
         refuse!("--materials: found a job, which names its resins, expected a folder without");
     }
@@ -171,7 +180,12 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         pictures: args.output.is_some().then_some(pictures),
     };
     let with_job = |job: Job| -> Result<(Look, Vec<PathBuf>), LookError> {
-        let prepared = prepared(job, &args.cache, folder.map_or(Corrected::Anew, Corrected::As), &bars)?;
+        let folders = rounds_folders(args, &job);
+        let prepared = prepared(job, &args.cache, Corrected::AsAnyOf(&folders), &bars)?;
+        if let Some(found) = folders.iter().find(|folder| prepared.took_rounds_from(folder)) {
+            bars.finish();
+            say(&format!("note: rounds of correction as {} has them", found.join(ROUNDS).display()));
+        }
         let scene = scene_for(&prepared, folder, &bars)?;
         if let Some(folder) = &args.mitsuba {
             write_mitsuba(&prepared, &scene, &pictures, folder, existing, &bars)?;
@@ -207,6 +221,16 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
+/// Folders that rounds of correction of `job` may lie in, the likeliest first.
+fn rounds_folders(args: &LookArgs, job: &Job) -> Vec<PathBuf> {
+    if let Some(given) = args.rounds_from.as_deref().or(args.what.is_dir().then_some(&args.what)) {
+        return vec![given.to_path_buf()];
+    }
+    let name = default_folder(job);
+    let beside = args.what.with_file_name(&name);
+    if beside == name { vec![name] } else { vec![name, beside] }
+}
+
 /// Spots that are listed where nothing is known of what they should show.
 const FIRST: usize = 10;
 
@@ -232,7 +256,7 @@ pub(super) fn summary(look: &Look) -> String {
     if !rows.is_empty() {
         text += &table(&["channel", "printed against", "bias", "rms", "relative"], &rows);
     }
-    if let Some(Differences { median, ninety_percent, worst }) = look.delta_e_2000 {
+    if let Some(Differences { median, ninety_percent, worst, .. }) = look.delta_e_2000 {
         text += &format!("ΔE2000 to asked: median {median:.2}, 90% below {ninety_percent:.2}, worst {worst:.2}\n");
     }
     let numbers = |values: &[f64]| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(" ");

@@ -1,6 +1,6 @@
 //! `--materials`: a TOML file or the name of a built-in set.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use lumislice::{
     job::{
@@ -80,6 +80,8 @@ pub enum Corrected<'a> {
     Anew,
     /// Likewise, by what an earlier run of it left in a folder, if one did.
     As(&'a Path),
+    /// Likewise, in the first of several folders that has it.
+    AsAnyOf(&'a [PathBuf]),
 }
 
 /// A job with everything read and matched; says where a built-in set's numbers come from.
@@ -89,7 +91,8 @@ pub fn prepared(mut job: Job, cache: &CacheArgs, corrected: Corrected<'_>, bars:
     let prepared = match corrected {
         Corrected::Draft => Prepared::draft(job, bars),
         Corrected::Anew => Prepared::new(job, bars),
-        Corrected::As(folder) => Prepared::for_folder(job, folder, bars),
+        Corrected::As(folder) => Prepared::for_folders(job, &[folder], bars),
+        Corrected::AsAnyOf(folders) => Prepared::for_folders(job, folders, bars),
     };
     if let Some(set) = prepared.as_ref().ok().map(|prepared| &prepared.materials).filter(|_| built_in) {
         bars.finish();

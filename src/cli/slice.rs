@@ -15,7 +15,7 @@ use lumislice::{
 use serde_json::{Value, json};
 
 use super::{
-    Answer, Result,
+    Answer, Result, WIDTH,
     cache::CacheArgs,
     failure::{Failure, refusal, refuse},
     materials::{Corrected, prepared},
@@ -23,6 +23,7 @@ use super::{
     progress::Bars,
     say,
     start::{MeshArgs, is_mesh, job_for},
+    table::wrapped,
 };
 
 /// Slice a job into printer-ready files.
@@ -83,7 +84,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     if args.quick {
         return quick(args, job, made_up.as_deref());
     }
-    let folder = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-out", job.name)));
+    let folder = args.output.clone().unwrap_or_else(|| default_folder(&job));
     let existing = if args.resume { Existing::Resume } else { Existing::overwrite(args.overwrite) };
     if !args.dry_run {
         OutputFolder::check(&folder, &job::OWNER, existing).map_err(RunError::from)?;
@@ -131,6 +132,11 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
+/// Where a job goes unless it is said.
+pub(super) fn default_folder(job: &Job) -> PathBuf {
+    PathBuf::from(format!("{}-out", job.name))
+}
+
 /// A document with the job that was made up, if one was.
 fn with_job(mut document: Value, made_up: Option<String>) -> Value {
     if let Some(text) = made_up {
@@ -176,6 +182,9 @@ fn summary(manifest: &Manifest, folder: &str) -> String {
     text += &material_table(&manifest.materials, "");
     text += &rounds(&manifest.rounds);
     if manifest.files.iter().any(|file| file.path == REPORT) {
+        for words in manifest.verdict() {
+            text += &wrapped(&format!("  - {words}\n"), WIDTH);
+        }
         text += &format!("  pictures and stackings: {folder}/{REPORT}\n");
     }
     text
@@ -187,7 +196,8 @@ fn rounds(rounds: &[RoundRecord]) -> String {
         let fits = round.fit.iter();
         let fits: Vec<_> =
             fits.map(|fit| format!("{} ({:.1}% rms)", signed(fit.bias, 3), 100.0 * fit.relative_rms)).collect();
-        format!("  round {number}: printed less asked {} over {} points\n", fits.join(" "), round.points)
+        let ended = round.ended.map(|ended| format!("  {}\n", ended.words())).unwrap_or_default();
+        format!("  round {number}: printed less asked {} over {} points\n{ended}", fits.join(" "), round.points)
     };
     (1..).zip(rounds).map(line).collect()
 }

@@ -41,8 +41,9 @@ pub fn run(args: &VerifyArgs) -> Result<Answer> {
         None => verify(&args.folder, &bars).map_err(RemakeError::from),
         Some(path) => {
             let remake = if args.deep { Remake::All } else { Remake::Sample };
-            let prepared =
-                Job::load(path).map_err(RunError::from).and_then(|job| Prepared::for_folder(job, &args.folder, &bars));
+            let prepared = Job::load(path)
+                .map_err(RunError::from)
+                .and_then(|job| Prepared::for_folders(job, &[&args.folder], &bars));
             prepared.map_err(RemakeError::from).and_then(|prepared| verify_job(&args.folder, &prepared, remake, &bars))
         }
     };

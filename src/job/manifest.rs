@@ -71,6 +71,9 @@ pub struct Manifest {
     pub files: Vec<FileEntry>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// How many of the warnings tell of what will not print well.
+    #[serde(default)]
+    pub print_warnings: usize,
 }
 
 /// An object.
@@ -158,6 +161,8 @@ pub(super) struct Outcome {
     pub counts: [u64; 256],
     pub meshes: Vec<MeshRecord>,
     pub warnings: Vec<String>,
+    /// How many of them tell of what will not print well.
+    pub print_warnings: usize,
 }
 
 /// `value` as JSON; what lumislice writes always has a form in it.
@@ -202,6 +207,7 @@ impl Manifest {
             look: None,
             files: Vec::new(),
             warnings: outcome.warnings,
+            print_warnings: outcome.print_warnings,
         }
     }
 }

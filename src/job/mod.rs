@@ -9,6 +9,7 @@
 //! | `rounds`  | a [`Prepared`] job as a draft | the same job, its targets corrected where its print would miss |
 //! | [`printable`](mod@printable) | a [`Prepared`] job | what of it will break, fall off or wash away |
 //! | `run`     | a [`Prepared`] job | the output folder and its [`Manifest`] |
+//! | `verdict` | a [`Manifest`] | what the job comes to, in a few sentences |
 //! | [`verify`](mod@verify) | a finished folder | what is not as its manifest has it |
 //! | [`factor`]  | a measured BSSRDF | a folder of profiles and clusters to print from |
 //! | [`look`](mod@look) | a [`Prepared`] job, or its folder | what is asked for beside what is printed |
@@ -27,6 +28,7 @@ mod rounds;
 mod run;
 mod run_error;
 pub mod start;
+mod verdict;
 pub mod verify;
 
 pub use file::{Job, JobError};
@@ -35,7 +37,7 @@ pub use plan::{
     Asked, AskedMap, GamutMapEntry, InputFile, JobTarget, Prepared, PreparedObject, SearchEntry, StackingEntry,
     StackingReport, TransportEntry, VariantEntry, targets,
 };
-pub use record::{ObjectCorrection, ROUNDS, RoundRecord, Rounds};
+pub use record::{Ended, ObjectCorrection, ROUNDS, RoundRecord, Rounds};
 pub use run::{
     ConvertError, Converted, Estimate, Finished, ObjectPlace, RedrawError, RunOptions, convert, redraw, refuse_another,
     run,

@@ -21,6 +21,9 @@ pub struct LookSummary {
     /// Where colours were asked for: their differences.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delta_e_2000: Option<Differences>,
+    /// How far single spots are from what was asked for, as shares of that; `None` where nothing was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relative: Option<Spread>,
     /// The spots that are farthest from what was asked for (or predicted), the worst first.
     pub worst: Vec<SpotRecord>,
 }
@@ -44,8 +47,21 @@ pub struct Differences {
     pub median: f64,
     /// Nine tenths of the spots are nearer.
     pub ninety_percent: f64,
+    /// 95% of the spots are nearer; `None` in what was written before this was told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ninety_five_percent: Option<f64>,
     /// The largest.
     pub worst: f64,
+}
+
+/// How far printed albedos are from what was asked for at single spots: |printed − asked| over |asked|, of all channels
+/// together; noise is in it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    /// Half of the spots are nearer.
+    pub median: f64,
+    /// 95% of the spots are nearer.
+    pub ninety_five_percent: f64,
 }
 
 /// A shadow's edge at a spot, by channel and distance.
@@ -130,6 +146,35 @@ pub struct RoundRecord {
     pub worst: f64,
     /// Share of the points where what should be corrected is out of reach of the resins.
     pub out_of_reach: f64,
+    /// Why no round followed, where the job asked for more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ended: Option<Ended>,
+}
+
+/// Why rounds of correction ended early.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Ended {
+    /// What the print misses is less than noise lets a round see.
+    NothingLeft,
+    /// What is left is out of reach of the resins.
+    OutOfReach,
+    /// The round before brought the print no nearer, beyond noise.
+    NoBetter,
+    /// The round before brought the print farther off, beyond noise: what had been laid before it is laid again.
+    Worse,
+}
+
+impl Ended {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::NothingLeft => "no further round: what is left to correct is below the noise",
+            Self::OutOfReach => "no further round: what is left is out of reach of the resins",
+            Self::NoBetter => "no further round: this one found the print no nearer than the one before, beyond noise",
+            Self::Worse => "no further round: this one found the print farther off, and what lay before is laid again",
+        }
+    }
 }
 
 /// The factors of an object's albedo.

@@ -137,7 +137,7 @@ impl Earlier {
         }
         if let Some(found) = lies_at(root, TIMINGS)? {
             let path = root.join(TIMINGS);
-            let numbers = |text: Vec<u8>| serde_json::from_slice::<BTreeMap<String, f64>>(&text).is_ok();
+            let numbers = |text: Vec<u8>| serde_json::from_slice::<BTreeMap<String, Seconds>>(&text).is_ok();
             let ours = found.is_file()
                 && (found.len() == 0 || regular_file::read(&path, MAX_TIMINGS_BYTES).is_ok_and(numbers));
             if !ours {
@@ -171,6 +171,15 @@ impl Earlier {
         }
         Ok(())
     }
+}
+
+/// What timings hold under a name.
+#[derive(Deserialize)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "only whether it can be read is asked")]
+enum Seconds {
+    One(f64),
+    Each(Vec<f64>),
 }
 
 impl Owner {

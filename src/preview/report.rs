@@ -40,7 +40,9 @@ pub struct ReportData {
     pub warnings: Vec<String>,
     /// What was found in the meshes.
     pub health: Vec<ReportHealth>,
-    /// What the numbers of the look say, a sentence each, the most telling first.
+    /// What the job comes to, a sentence or two each, the most telling first: what the page opens with.
+    pub verdict: Vec<String>,
+    /// What the numbers of the look say, a sentence each.
     pub look: Vec<String>,
     /// Points of the surface, with the stackings there.
     pub labels: Vec<ReportLabel>,
@@ -136,6 +138,7 @@ fn write_body(page: &mut String, data: &ReportData) -> fmt::Result {
     let extent = std::array::from_fn::<_, 3, _>(|axis| f64::from(data.dims[axis]) * data.pitch_mm[axis]);
     writeln!(page, "<main>\n<header>\n<h1>{}</h1>", escape(&data.job))?;
     writeln!(page, "<p>{} mm{}</p>\n</header>", times(extent.map(|mm| number(mm, 2))), on(&data.printer))?;
+    verdict(page, &data.verdict)?;
     // The look opens the page, or without one the first picture; the rest follow the tables.
     let looks = data.pictures.iter().take_while(|picture| picture.path.starts_with("look/")).count();
     let (first, rest) = data.pictures.split_at(looks.max(1).min(data.pictures.len()));
@@ -183,15 +186,23 @@ fn write_body(page: &mut String, data: &ReportData) -> fmt::Result {
     writeln!(page, "</main>")
 }
 
-/// The first sentence, and the rest to be unfolded.
-fn numbers_of_look(page: &mut String, sentences: &[String]) -> fmt::Result {
+/// What it comes to: the first sentence large, the rest as a list.
+fn verdict(page: &mut String, sentences: &[String]) -> fmt::Result {
     let Some((first, rest)) = sentences.split_first() else { return Ok(()) };
-    writeln!(page, "<p class=\"lead\">{}</p>", escape(first))?;
-    if rest.is_empty() {
+    writeln!(page, "<section class=\"verdict\">\n<p class=\"lead\">{}</p>\n<ul>", escape(first))?;
+    for sentence in rest {
+        writeln!(page, "<li>{}</li>", escape(sentence))?;
+    }
+    writeln!(page, "</ul>\n</section>")
+}
+
+/// The numbers behind the look, to be unfolded.
+fn numbers_of_look(page: &mut String, sentences: &[String]) -> fmt::Result {
+    if sentences.is_empty() {
         return Ok(());
     }
-    writeln!(page, "<details class=\"numbers\">\n<summary>More numbers</summary>\n<ul>")?;
-    for sentence in rest {
+    writeln!(page, "<details class=\"numbers\">\n<summary>Numbers of the look</summary>\n<ul>")?;
+    for sentence in sentences {
         writeln!(page, "<li>{}</li>", escape(sentence))?;
     }
     writeln!(page, "</ul>\n</details>")
@@ -270,7 +281,7 @@ fn figure(page: &mut String, picture: &ReportPicture) -> fmt::Result {
     let caption = escape(&picture.caption);
     let shown = |png: &[u8]| if png.is_empty() { escape(&url(&picture.path)) } else { png_address(png) };
     if picture.panels.is_empty() {
-        writeln!(page, "<figure>\n<img src=\"{}\" alt=\"{caption}\">", shown(&picture.png))?;
+        writeln!(page, "<figure class=\"drawn\">\n<img src=\"{}\" alt=\"{caption}\">", shown(&picture.png))?;
     } else {
         writeln!(page, "<figure class=\"panels n{}\">", picture.panels.len())?;
     }

@@ -195,3 +195,35 @@ fn what_a_format_cannot_hold_is_refused_before_work_starts() {
     bench.run(["slice", "job.toml", "-o", "part", "--slices", "3..9"]).exits(0);
     bench.run(["convert", "part", "--to", "vti"]).refuses(2, &["found slices 3..9", "all 40 of the job"]);
 }
+
+/// What a search may lay is known before it: nothing is searched to be refused afterwards.
+#[test]
+fn more_resins_than_a_printer_or_a_format_holds_are_refused_before_the_search() {
+    let bench = bench("[\"bmp\"]");
+    let good = fs::read_to_string(bench.path("job.toml")).unwrap();
+    let searched = good
+        .replace("set = \"synthetic\"", "set = \"inks-rgb-7\"")
+        .replace("kind = \"stacking\"", "kind = \"texture\"")
+        .replace("stack = \"white:0.5,support:0.6\"", "albedo-colour = [0.5, 0.3, 0.2]\nmean-free-path-mm = 0.5");
+    // The mesh is read after the resins: what is refused for its resins has not come to it.
+    let ball = fs::read(bench.path("ball.stl")).unwrap();
+    bench.write("ball.stl", b"solid of no triangles");
+    let refuses = |job: &str, parts: &[&str]| {
+        bench.write("job.toml", job.as_bytes());
+        bench.run(["slice", "job.toml", "-o", "never"]).refuses(2, parts);
+        bench.run(["slice", "job.toml", "--dry-run"]).refuses(2, parts);
+    };
+    let cure = "at most 3: a material file without the others, or for each that is to be left out a [[stacking.limit]]";
+    refuses(&searched, &["output.formats: found \"bmp\" of 6 resins: ", "clear", cure, "min-depth-mm = 5"]);
+    let three = searched.replace("bmp", "png").replace("[materials]", "max-colors = 3\n[materials]");
+    refuses(&three, &["printer: found custom of 6 resins: ", cure]);
+    // With all but three of them left out the mesh is next.
+    let limit = |name: &str| format!("\n[[stacking.limit]]\nresin = \"{name}\"\nmin-depth-mm = 5\n");
+    let few = three.clone() + &["cyan", "yellow", "clear"].map(limit).concat();
+    refuses(&few, &["ball.stl"]);
+    // And what is left out is in nothing that is found.
+    bench.write("ball.stl", &ball);
+    bench.run(["slice", "job.toml", "-o", "few"]).exits(0);
+    let counts = counts(&bench.manifest("few"));
+    assert!(["cyan", "yellow", "clear"].iter().all(|name| counts[*name] == 0), "{counts:?}");
+}

@@ -141,3 +141,24 @@ fn a_job_brings_targets_into_the_gamut_and_says_so() {
     );
     bench.run(["slice", "job.toml", "-o", "out2"]).refuses(2, &["job.toml:", "gamut-map", "found 1", "true or false"]);
 }
+
+/// Grains of black at the surface make a narrower glow than any layers of one resin each that a printer can lay.
+#[test]
+fn what_mixtures_reach_is_no_no() {
+    let bench = Bench::new();
+    let narrow =
+        ["gamut", "--materials", "synthetic", "--core", "black", "--min-layer-mm", "0.0847", "--albedo", "0.12"];
+    let narrow = |more: &[&str]| bench.run(narrow.iter().chain(&["--mean-free-path-mm", "0.25"]).chain(more));
+    let pure = narrow(&["--no-mixtures", "--json"]).exits(1).json();
+    assert_eq!(
+        (&pure["targets"][0]["inside"], &pure["targets"][0]["reached"]),
+        (&false.into(), &serde_json::Value::Null)
+    );
+    let mixed = narrow(&["--json"]).exits(0).json();
+    assert_eq!((&mixed["targets"][0]["inside"], &mixed["targets"][0]["reached"]), (&false.into(), &true.into()));
+    assert!(narrow(&[]).exits(0).stdout.contains("reached by mixtures"));
+    // What nothing reaches stays outside.
+    let bright =
+        ["gamut", "--materials", "synthetic", "--core", "black", "--albedo", "0.9", "--mean-free-path-mm", "0.5"];
+    assert_eq!(bench.run(bright.iter().chain(&["--json"])).exits(1).json()["targets"][0]["reached"], false);
+}

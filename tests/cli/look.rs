@@ -111,3 +111,31 @@ fn what_cannot_be_looked_at_is_refused() {
     std::fs::remove_file(bench.path("out/manifest.json")).unwrap();
     bench.run(["look", "out", "--job", "job.toml"]).refuses(2, &["no manifest.json"]);
 }
+
+/// Rounds of correction are slow: a look takes those that a run of the same job left, and says so.
+#[test]
+fn a_look_at_a_job_takes_the_rounds_of_its_finished_folder() {
+    let bench = Bench::new();
+    bench.job_with(
+        "kind = \"stacking\"\nstack = \"white:0.5,support:0.6\"",
+        "kind = \"texture\"\nalbedo-value = 0.3\nmean-free-path-mm = 0.5",
+    );
+    let job = std::fs::read_to_string(bench.path("job.toml")).unwrap();
+    bench.write("job.toml", (job.replace(", \"masks\"", "") + "[appearance]\nrounds = 1\n").as_bytes());
+    let look = |more: &[&str]| bench.run(["look", "job.toml", "--spots", "4", "--photons", "500"].iter().chain(more));
+    let anew = look(&[]).exits(0);
+    assert!(!anew.stderr.contains("rounds of correction"), "{}", anew.stderr);
+    bench.slice("job-out");
+    let taken = look(&[]).exits(0);
+    assert!(taken.stderr.contains("note: rounds of correction as job-out/rounds.json has them"), "{}", taken.stderr);
+    assert_eq!(taken.stdout, anew.stdout);
+    // Elsewhere they are found where it is said; those of another job are not taken.
+    std::fs::rename(bench.path("job-out"), bench.path("elsewhere")).unwrap();
+    assert!(look(&["--rounds-from", "elsewhere"]).exits(0).stderr.contains("elsewhere/rounds.json"));
+    let other = std::fs::read_to_string(bench.path("job.toml")).unwrap().replace("= 0.3", "= 0.32");
+    bench.write("job.toml", other.as_bytes());
+    assert!(!look(&["--rounds-from", "elsewhere"]).exits(0).stderr.contains("rounds.json"));
+    bench
+        .run(["look", "elsewhere", "--rounds-from", "elsewhere"])
+        .refuses(2, &["--rounds-from: found a folder without its job", "--job"]);
+}

@@ -107,3 +107,43 @@ fn without_rounds_nothing_is_looked_at() {
     assert!(!bench.files("out").contains_key("rounds.json"));
     assert!(bench.manifest("out")["rounds"].is_null());
 }
+
+#[test]
+fn the_timings_tell_of_every_round() {
+    let bench = bench();
+    bench.slice("out");
+    let timings: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(bench.path("out/timings.json")).unwrap()).unwrap();
+    let seconds = |name: &str| timings[name].as_f64().unwrap();
+    let rounds: Vec<f64> =
+        timings["rounds_s"].as_array().unwrap().iter().map(|round| round.as_f64().unwrap()).collect();
+    assert_eq!(rounds.len(), 2);
+    assert!(
+        rounds.iter().all(|round| *round > 0.0) && rounds.iter().sum::<f64>() < seconds("preparing_s"),
+        "{timings}"
+    );
+    assert!(seconds("preparing_s") + seconds("slicing_s") <= seconds("total_s"), "{timings}");
+    // Those that lie in the folder are not made again.
+    bench.run(["slice", "job.toml", "-o", "part", "--slices", "3..5", "--rounds-from", "out"]).exits(0);
+    let part: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(bench.path("part/timings.json")).unwrap()).unwrap();
+    assert_eq!(part["rounds_s"], serde_json::json!([]));
+}
+
+/// An albedo that no resin has: after the first correction all that is left is out of reach.
+#[test]
+fn rounds_end_where_nothing_is_left_to_reach() {
+    let bench = bench();
+    bench.write(
+        "job.toml",
+        JOB.replace("albedo-value = 0.3", "albedo-value = 0.99").replace("rounds = 2", "rounds = 6").as_bytes(),
+    );
+    let ran = bench.slice("out");
+    let rounds = bench.manifest("out")["rounds"].as_array().unwrap().clone();
+    assert!(rounds.len() < 6, "{}", ran.stdout);
+    let last = &rounds[rounds.len() - 1];
+    let words = ["nothing-left", "out-of-reach", "no-better", "worse"];
+    assert!(words.iter().any(|word| last["ended"] == *word), "{last}");
+    assert!(rounds[..rounds.len() - 1].iter().all(|round| round.get("ended").is_none()));
+    assert!(ran.stdout.contains("no further round: "), "{}", ran.stdout);
+}

@@ -138,3 +138,70 @@ fn profiles_that_a_material_file_names_are_inputs() {
     let measured = ["measured/black.csv", "measured/resins.toml", "measured/support.csv", "measured/white.csv"];
     assert_eq!(paths, ["cube.stl"].into_iter().chain(measured).collect::<Vec<_>>());
 }
+
+/// The page and the terminal say the same, and first what a designer asks: does it look as asked, where not and why,
+/// is it ready for the printer.
+#[test]
+fn a_report_opens_with_a_verdict() {
+    let bench = Bench::new();
+    let formats = "formats = [\"png\", \"masks\"]";
+    bench.job_with(formats, "formats = [\"png\", \"preview\"]");
+    let verdict = |out: &str| -> Vec<String> {
+        let page = std::fs::read_to_string(bench.path(out).join("report.html")).unwrap();
+        let section = page.split("<section class=\"verdict\">").nth(1).unwrap().split("</section>").next().unwrap();
+        assert!(page.find("class=\"verdict\"").unwrap() < page.find("<figure").unwrap());
+        let bare =
+            section.replace("<p class=\"lead\">", "\n").replace("<li>", "\n").replace("</p>", "").replace("</li>", "");
+        let bare = bare.replace("<ul>", "").replace("</ul>", "").replace("&#39;", "'");
+        bare.lines().map(str::trim).filter(|line| !line.is_empty()).map(str::to_owned).collect()
+    };
+    let says = |verdict: &[String], parts: &[&str]| {
+        let all = verdict.join("\n");
+        parts.iter().for_each(|part| assert!(all.contains(part), "{part} in\n{all}"));
+    };
+    // Layers that are given ask for no look.
+    let ran = bench.slice("given");
+    let given = verdict("given");
+    says(&given, &["No look was asked for", "Ready for the printer: 20 slices for GrabCAD Voxel Print (slices/)"]);
+    says(&given, &["built-in resins `synthetic`", "The worst place is "]);
+    let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    given.iter().for_each(|words| assert!(one_line(&ran.stdout).contains(&one_line(words)), "{words}\n{}", ran.stdout));
+    assert!(ran.stdout.lines().all(|line| line.chars().count() <= 80), "{}", ran.stdout);
+    // A part of the slices is no job, and is not looked at.
+    bench.run(["slice", "job.toml", "-o", "part", "--slices", "3..9"]).exits(0);
+    let part = verdict("part");
+    assert!(part[0].contains("not all of its slices"), "{part:?}");
+    says(&part, &["Not ready for the printer: 6 of 20 slices"]);
+    // Nor are pictures alone.
+    bench.job_with("formats = [\"png\", \"masks\"]", "formats = [\"preview\"]");
+    bench.slice("drawn");
+    says(&verdict("drawn"), &["Not for the printer yet"]);
+    // Brighter than white can be.
+    let target = "kind = \"stacking\"\nstack = \"white:0.5,support:0.6\"";
+    let bright = "kind = \"texture\"\nalbedo-value = 0.95\nmean-free-path-mm = 0.5";
+    bench.job_with(target, bright);
+    let job = std::fs::read_to_string(bench.path("job.toml")).unwrap();
+    let job = job.replace(formats, "formats = [\"png\", \"preview\"]") + "[appearance]\nrounds = 0\n";
+    bench.write("job.toml", job.as_bytes());
+    bench.slice("bright");
+    let bright = verdict("bright");
+    says(&bright, &["The print looks ", "places looked at, half are within ", "95% within "]);
+    says(&bright, &["these resins come no nearer", "Out of reach: 100% of the surface", "warning"]);
+}
+
+/// Paper and looks lie on dark pages without glare.
+#[test]
+fn pages_have_a_dark_theme_for_their_pictures() {
+    let bench = Bench::new();
+    bench.job_with("formats = [\"png\", \"masks\"]", "formats = [\"preview\"]");
+    bench.slice("out");
+    let page = std::fs::read_to_string(bench.path("out/report.html")).unwrap();
+    let dark = page.split("prefers-color-scheme: dark").nth(1).unwrap().split("@media").next().unwrap();
+    for rule in [".panels { background: #", ".drawn img", ".film #frame", "filter: brightness("] {
+        assert!(dark.contains(rule), "{rule}: {dark}");
+    }
+    // Every picture is one or the other.
+    assert!(
+        !page.contains("<figure>") && page.contains("<figure class=\"panels") && page.contains("<figure class=\"drawn")
+    );
+}

@@ -111,14 +111,21 @@ pub fn min_depth_limits<'a>(
 }
 
 impl StackingOptions {
+    /// Whether a limit leaves no room for a resin above the core.
+    pub fn leaves_out(&self, resin: &str) -> bool {
+        let limit = self.limits.iter().find(|limit| limit.resin == resin);
+        limit.is_some_and(|limit| limit.min_depth_mm >= self.max_thickness_mm)
+    }
+
     /// The limits in the order of `resins`; [`ResinLimit::NONE`] for those without. Names that no resin bears are
-    /// left out ([`Job::check_resins`](super::Job::check_resins) reports them).
+    /// left out ([`Job::check_resins`](super::Job::check_resins) reports them). What has no room is in no layer and
+    /// no mixture, not even in one of no thickness.
     pub fn resin_limits(&self, resins: &[&str]) -> Vec<ResinLimit> {
         let limit = |name: &&str| self.limits.iter().find(|limit| limit.resin == **name);
         let plain = |limit: &NamedLimit| ResinLimit {
             min_depth_mm: limit.min_depth_mm,
-            min_mm: limit.min_mm,
-            max_mm: limit.max_mm,
+            min_mm: if self.leaves_out(&limit.resin) { 0.0 } else { limit.min_mm },
+            max_mm: if self.leaves_out(&limit.resin) { 0.0 } else { limit.max_mm },
         };
         resins.iter().map(|name| limit(name).map_or(ResinLimit::NONE, plain)).collect()
     }

@@ -38,7 +38,7 @@ use surface::Expected;
 pub(in crate::job) use surface::{SurfaceSpot, normal_and_area};
 pub(in crate::job) use voxels::LOOK_VOXELS;
 
-pub use super::record::{Differences, EdgeRecord, Fit, LookSummary, SpotRecord};
+pub use super::record::{Differences, EdgeRecord, Fit, LookSummary, SpotRecord, Spread};
 use super::{
     Prepared,
     finished::{Finding, read_manifest},
@@ -118,6 +118,9 @@ pub struct Look {
     /// Where colours were asked for: their differences.
     #[serde(default)]
     pub delta_e_2000: Option<Differences>,
+    /// How far single spots are from what was asked for, as shares of that; `None` where nothing was.
+    #[serde(default)]
+    pub relative: Option<Spread>,
     /// Distances from a shadow's edge at which the spots have values, mm, negative in the shadow: [`EDGE_MM`], or none.
     #[serde(default)]
     pub edge_mm: Vec<f64>,
@@ -264,6 +267,7 @@ fn look_at_spots(
     let against = |goal: &Vec<Vec<f64>>| fits(&spots, goal, channels.len());
     Ok(Look {
         delta_e_2000: differences.and_then(Differences::of),
+        relative: asked.as_ref().and_then(|asked| Spread::of(&spots, asked)),
         edge_mm: edge_mm.to_vec(),
         edges_against_asked: edges::against_asked(&spots, channels.len()),
         generator: GENERATOR.to_owned(),
@@ -291,6 +295,7 @@ impl Look {
             against_asked: self.against_asked.clone(),
             against_predicted: self.against_predicted.clone(),
             delta_e_2000: self.delta_e_2000,
+            relative: self.relative,
             worst: self.worst.iter().map(|&spot| SpotRecord { edge: None, ..self.spots[spot].clone() }).collect(),
         }
     }
@@ -316,9 +321,36 @@ impl Differences {
     /// `None` of none.
     fn of(mut differences: Vec<f64>) -> Option<Self> {
         differences.sort_by(f64::total_cmp);
-        let at = |share: usize| differences.get((differences.len() * share / 100).min(differences.len().max(1) - 1));
-        Some(Self { median: *at(50)?, ninety_percent: *at(90)?, worst: *differences.last()? })
+        let at = |share: usize| percentile(&differences, share);
+        Some(Self {
+            median: at(50)?,
+            ninety_percent: at(90)?,
+            ninety_five_percent: Some(at(95)?),
+            worst: *differences.last()?,
+        })
     }
+}
+
+impl Spread {
+    /// `None` of no spots.
+    fn of(spots: &[SpotRecord], asked: &[Vec<f64>]) -> Option<Self> {
+        let length = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
+        let off = |(spot, asked): (&SpotRecord, &Vec<f64>)| {
+            let apart = length(&mut spot.printed.iter().zip(asked).map(|(printed, asked)| printed - asked));
+            apart / length(&mut asked.iter().copied()).max(BLACK)
+        };
+        let mut shares: Vec<f64> = spots.iter().zip(asked).map(off).collect();
+        shares.sort_by(f64::total_cmp);
+        Some(Self { median: percentile(&shares, 50)?, ninety_five_percent: percentile(&shares, 95)? })
+    }
+}
+
+/// Albedos below this are black.
+const BLACK: f64 = 1e-3;
+
+/// The number that so many percent of ascending ones lie below; `None` of none.
+fn percentile(ascending: &[f64], percent: usize) -> Option<f64> {
+    ascending.get((ascending.len() * percent / 100).min(ascending.len().max(1) - 1)).copied()
 }
 
 fn fits(spots: &[SpotRecord], expected: &[Vec<f64>], channels: usize) -> Vec<Fit> {

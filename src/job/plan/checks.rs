@@ -1,12 +1,14 @@
 //! What the user should know of a job that is otherwise in order.
 
 use super::object::PreparedObject;
-use crate::job::{Job, JobError, file::DepthFrom};
+use crate::job::{
+    Job, JobError,
+    file::{DepthFrom, OutputFormat, TargetSpec},
+};
 use crate::{
     container::{bmp, gcvf},
-    job::file::OutputFormat,
-    optics::MaterialSet,
-    voxel::{Lattice, MaterialId},
+    optics::Mixture,
+    voxel::Lattice,
     words::counted,
 };
 
@@ -39,15 +41,44 @@ pub(super) fn formats(job: &Job, lattice: &Lattice, warnings: &mut Vec<String>) 
     }
 }
 
-/// Refuses formats that cannot hold so many resins: known once stackings are.
-pub(super) fn materials_of_formats(job: &Job, used: &[MaterialId], materials: &MaterialSet) -> Result<(), JobError> {
-    for (format, most) in [(OutputFormat::Bmp, bmp::MAX_MATERIALS), (OutputFormat::Gcvf, gcvf::MAX_COLORS)] {
-        if job.wants(format) && used.len() > most {
-            let names: Vec<_> =
-                used.iter().filter_map(|id| Some(materials.resins.get(id.resin()?)?.name.as_str())).collect();
-            let found = format!("\"{}\" of {} resins: {}", format.name(), used.len(), names.join(", "));
-            let expected = format!("at most {most}: a material file without the others");
-            return Err(job.refuse("output.formats", found, expected));
+/// Names of the printed resins that a job may lay: those of its stacks, and where stackings are searched for all that
+/// no limit keeps out. `resins` are those of its set, each with whether it is printed.
+pub(super) fn requested<'a>(job: &Job, resins: &[(&'a str, bool)]) -> Vec<&'a str> {
+    let given = |name: &str| {
+        job.objects.iter().any(|object| match &object.target {
+            TargetSpec::Stacking { stack } => stack.pairs().any(|(mixture, _)| {
+                Mixture::parts_of_name(mixture).is_some_and(|parts| parts.iter().any(|part| part.0 == name))
+            }),
+            _ => false,
+        })
+    };
+    let searches = job.objects.iter().any(|object| !matches!(object.target, TargetSpec::Stacking { .. }));
+    let printed = resins.iter().filter(|resin| resin.1).map(|resin| resin.0);
+    let laid =
+        |name: &&str| name == &job.stacking.core_name() || given(name) || (searches && !job.stacking.leaves_out(name));
+    printed.filter(laid).collect()
+}
+
+/// Refuses printers and formats that cannot hold so many resins: those that the job may lay before anything slow, and
+/// those that its stackings have once they are known.
+pub(super) fn resins(job: &Job, names: &[&str]) -> Result<(), JobError> {
+    let formats = [(OutputFormat::Bmp, bmp::MAX_MATERIALS), (OutputFormat::Gcvf, gcvf::MAX_COLORS)];
+    let formats = formats.into_iter().filter(|(format, _)| job.wants(*format));
+    let formats = formats.map(|(format, most)| ("output.formats", format!("\"{}\"", format.name()), most));
+    let printer = job.printer.max_colors.map(|most| ("printer", job.printer.name.clone(), most));
+    for (key, holder, most) in printer.into_iter().chain(formats) {
+        if names.len() > most {
+            let found = format!("{holder} of {}: {}", counted(names.len(), "resin"), names.join(", "));
+            let searched = job.objects.iter().any(|object| !matches!(object.target, TargetSpec::Stacking { .. }));
+            let cure = match searched {
+                true => format!(
+                    "a material file without the others, or for each that is to be left out a [[stacking.limit]] with \
+                     min-depth-mm = {}",
+                    job.stacking.max_thickness_mm
+                ),
+                false => "stacks of fewer resins".to_owned(),
+            };
+            return Err(job.refuse(key, found, format!("at most {most}: {cure}")));
         }
     }
     Ok(())

@@ -3,6 +3,7 @@
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
+    time::{Duration, Instant},
 };
 
 use glam::{DMat4, DVec3};
@@ -56,7 +57,18 @@ pub struct Prepared {
     pub rounds: Option<Rounds>,
     /// What the objects are laid from that can still be corrected.
     pub(in crate::job) plans: Vec<ObjectPlan>,
+    /// What preparing took.
+    pub(in crate::job) took: Took,
     slicer: Slicer,
+}
+
+/// What preparing took; results do not depend on it.
+#[derive(Debug, Clone, Default)]
+pub(in crate::job) struct Took {
+    /// All of it, the rounds among it.
+    pub whole: Duration,
+    /// Each round of correction: voxels, light, new layers.
+    pub rounds: Vec<Duration>,
 }
 
 /// A file that was read.
@@ -78,9 +90,11 @@ impl Prepared {
     /// # Errors
     /// Any input that cannot be used; see [`RunError`].
     pub fn draft(mut job: Job, watch: &dyn Watch) -> Result<Self, RunError> {
+        let started = Instant::now();
         let mut warnings = Vec::new();
         let mut inputs = read_inputs(&job)?;
         let draft = read_materials(&job)?;
+        checks::resins(&job, &checks::requested(&job, &draft.resins()))?;
         if let (MaterialDraft::File(file), MaterialSource::File(named)) = (&draft, &job.materials) {
             for path in file.profile_files() {
                 add_input(&mut inputs, named.beside(path), path)?;
@@ -154,10 +168,10 @@ impl Prepared {
         let inputs = inputs.into_iter().map(|(path, (sha256, file))| InputFile { path, sha256, file }).collect();
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);
+        let took = Took { whole: started.elapsed(), rounds: Vec::new() };
         let prepared =
-            Self { job, materials, lattice, objects, palette, inputs, warnings, rounds: None, plans, slicer };
-        prepared.check_colors()?;
-        checks::materials_of_formats(&prepared.job, &prepared.bitmap_materials(), &prepared.materials)?;
+            Self { job, materials, lattice, objects, palette, inputs, warnings, rounds: None, plans, took, slicer };
+        checks::resins(&prepared.job, &prepared.laid_resins())?;
         prepared.check_meshes()?;
         Ok(prepared)
     }
@@ -214,29 +228,17 @@ impl Prepared {
         found
     }
 
+    /// Names of the printed resins that may occur in stackings.
+    fn laid_resins(&self) -> Vec<&str> {
+        let used: Vec<_> = self.objects.iter().flat_map(|object| object.stackings.materials()).collect();
+        let printed = self.printed().filter(|(id, _)| used.contains(id));
+        printed.map(|(_, resin)| self.materials[resin].name.as_str()).collect()
+    }
+
     /// Ids that stand for a printed resin, with that: all but the background and what prints as background.
     pub fn printed(&self) -> impl Iterator<Item = (MaterialId, ResinId)> {
         let ids = self.materials.ids().map(|resin| (MaterialId::from_resin(resin.0), resin));
         ids.filter(|(id, _)| self.palette[usize::from(id.0)][3] != 0)
-    }
-
-    fn check_colors(&self) -> Result<(), RunError> {
-        let used: std::collections::BTreeSet<_> =
-            self.objects.iter().flat_map(|object| object.stackings.materials()).collect();
-        let printed = self.printed().filter(|(id, _)| used.contains(id));
-        let names: Vec<_> = printed.map(|(_, resin)| self.materials[resin].name.as_str()).collect();
-        match self.job.printer.max_colors {
-            Some(most) if names.len() > most => {
-                let found = format!("{} resins in the stackings ({})", names.len(), names.join(", "));
-                let expected = format!(
-                    "at most {most} for {}: a set of fewer resins, or a [[stacking.limit]] whose min-depth-mm is \
-                     beyond max-thickness-mm for each that is to be left out",
-                    self.job.printer.name
-                );
-                Err(self.job.refuse("printer", found, expected).into())
-            }
-            _ => Ok(()),
-        }
     }
 }
 
@@ -287,12 +289,21 @@ pub(super) fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
         }
         MaterialSource::File(path) => MaterialDraft::File(MaterialFile::read(path.as_ref())?),
     };
-    let names: Vec<_> = match &draft {
-        MaterialDraft::Ready(set) => set.resins.iter().map(|resin| resin.name.as_str()).collect(),
-        MaterialDraft::File(file) => file.resin_names().collect(),
-    };
+    let names: Vec<_> = draft.resins().into_iter().map(|resin| resin.0).collect();
     job.check_resins(&names)?;
     Ok(draft)
+}
+
+impl MaterialDraft {
+    /// The resins' names, each with whether it is printed, as the background is not.
+    fn resins(&self) -> Vec<(&str, bool)> {
+        match self {
+            Self::Ready(set) => {
+                set.resins.iter().map(|resin| (resin.name.as_str(), !resin.print_as_background)).collect()
+            }
+            Self::File(file) => file.resins_printed().collect(),
+        }
+    }
 }
 
 /// Simulates the resins that come without profiles, and fits coefficients to those that come with nothing else if the

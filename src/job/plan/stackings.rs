@@ -91,7 +91,7 @@ pub(super) fn object_layers(
 }
 
 /// Albedos that differ by less look much alike.
-const ALIKE: f64 = 0.05;
+pub(in crate::job) const ALIKE: f64 = 0.05;
 
 /// How much of the surface comes out lighter or darker than asked, if any does.
 fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {

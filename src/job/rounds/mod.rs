@@ -21,13 +21,15 @@
 //! Points, walks and means are drawn and summed in a fixed order, and factors are rounded to a thousandth before they
 //! are used: what is found is the same for any number of threads, and reads back from a file as what it was.
 
+mod progress;
 mod residual;
 mod shape;
 
-use std::path::Path;
+use std::{path::Path, time::Instant};
 
 use rayon::prelude::*;
 
+use progress::Wanting;
 use residual::{Looked, Seen, residuals};
 use shape::Shape;
 
@@ -35,7 +37,7 @@ use super::{
     Job, Prepared, RunError,
     look::{LOOK_VOXELS, shade},
     plan::{CHANNELS, ObjectPlan},
-    record::{ObjectCorrection, RoundRecord, Rounds},
+    record::{Ended, ObjectCorrection, RoundRecord, Rounds},
 };
 use crate::{
     look::{Scene, Spot},
@@ -68,18 +70,32 @@ impl Prepared {
     /// # Errors
     /// Any input that cannot be used; see [`RunError`].
     pub fn new(job: Job, watch: &dyn Watch) -> Result<Self, RunError> {
-        Self::corrected(job, None, watch)
+        Self::corrected(job, &[], watch)
     }
 
-    /// [`Self::new`], which takes what an earlier run of the same job left in `folder` in place of looking again.
+    /// [`Self::new`], which takes what an earlier run of the same job left in the first of `folders` that has it in place
+    /// of looking again.
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn for_folder(job: Job, folder: &Path, watch: &dyn Watch) -> Result<Self, RunError> {
-        Self::corrected(job, Some(folder), watch)
+    pub fn for_folders(job: Job, folders: &[impl AsRef<Path>], watch: &dyn Watch) -> Result<Self, RunError> {
+        Self::corrected(job, &folders.iter().map(AsRef::as_ref).collect::<Vec<_>>(), watch)
     }
 
-    fn corrected(job: Job, folder: Option<&Path>, watch: &dyn Watch) -> Result<Self, RunError> {
+    /// Whether its rounds of correction are those that lie in `folder`.
+    pub fn took_rounds_from(&self, folder: &Path) -> bool {
+        let Some(rounds) = &self.rounds else { return false };
+        self.took.rounds.is_empty() && Rounds::read(folder, &rounds.sha256).as_ref() == Some(rounds)
+    }
+
+    fn corrected(job: Job, folders: &[&Path], watch: &dyn Watch) -> Result<Self, RunError> {
+        let started = Instant::now();
+        let mut prepared = Self::corrected_draft(job, folders, watch)?;
+        prepared.took.whole = started.elapsed();
+        Ok(prepared)
+    }
+
+    fn corrected_draft(job: Job, folders: &[&Path], watch: &dyn Watch) -> Result<Self, RunError> {
         let mut prepared = Self::draft(job, watch)?;
         let plans = std::mem::take(&mut prepared.plans);
         if prepared.job.rounds() == 0 || plans.is_empty() {
@@ -94,8 +110,8 @@ impl Prepared {
             return Ok(prepared);
         }
         let sha256 = prepared.digest();
-        let known = folder.and_then(|folder| Rounds::read(folder, &sha256));
-        prepared.rounds = Some(match known.filter(|known| known.fits(&plans)) {
+        let mut known = folders.iter().filter_map(|folder| Rounds::read(folder, &sha256));
+        prepared.rounds = Some(match known.find(|known| known.fits(&plans)) {
             Some(known) => {
                 for (plan, correction) in plans.iter().zip(&known.objects) {
                     prepared.lay_again(plan, &factors(correction), watch)?;
@@ -111,10 +127,12 @@ impl Prepared {
         let none = |plan: &ObjectPlan| vec![[0.0; CHANNELS]; plan.points.points().len()];
         let mut factors_of: Vec<Factors> = plans.iter().map(none).collect();
         let mut short_of: Vec<Vec<[f64; CHANNELS]>> = vec![Vec::new(); plans.len()];
-        let mut records = Vec::new();
+        let mut records: Vec<RoundRecord> = Vec::new();
+        let mut before: Option<(Looked, Vec<Factors>)> = None;
         let rounds = self.job.rounds();
         let mut spots = None;
         for round in 0..rounds {
+            let started = Instant::now();
             watch.stage(&format!("round {} of {rounds}: voxels", round + 1), 0);
             let scene = self.scene(&StopOnly(watch))?;
             // Where they lie and what is asked for does not change.
@@ -123,7 +141,8 @@ impl Prepared {
             let looked = self.look_at_points(plans, &scene, spots, round, watch)?;
             drop(scene);
             let mut record = looked.record();
-            let mut lost = 0;
+            let (mut lost, mut wanting) = (0, Wanting::default());
+            let laid = factors_of.clone();
             for (n, plan) in plans.iter().enumerate() {
                 let (off, worst) = residuals(plan, &looked.objects[n]);
                 record.worst = record.worst.max(worst);
@@ -138,6 +157,7 @@ impl Prepared {
                         }
                     }
                     lost += usize::from(short[..plan.factors()].iter().any(|short| short.abs() > SHORT));
+                    wanting.count(&off[..plan.factors()], &short[..plan.factors()], SHORT);
                     for channel in 0..plan.factors() {
                         let reached = factor[channel] - short[channel];
                         factor[channel] = (reached + DAMPING * off[channel]).clamp(-GREATEST, GREATEST);
@@ -145,11 +165,27 @@ impl Prepared {
                 }
             }
             record.out_of_reach = lost as f64 / record.points.max(1) as f64;
+            let ends = wanting.ends(before.as_ref().map(|(looked, _)| looked), &looked);
+            // After the last round no other would have followed.
+            record.ended = ends.filter(|&ends| round + 1 < rounds || ends == Ended::Worse);
             records.push(record);
+            if let Some(ends) = ends {
+                factors_of = laid;
+                if let (Ended::Worse, Some((_, better))) = (ends, before) {
+                    factors_of = better;
+                    for (plan, factors) in plans.iter().zip(&factors_of) {
+                        self.lay_again(plan, factors, watch)?;
+                    }
+                }
+                self.took.rounds.push(started.elapsed());
+                break;
+            }
+            before = Some((looked, laid));
             for (n, plan) in plans.iter().enumerate() {
                 factors_of[n] = factors(&correction(plan, &factors_of[n]));
                 short_of[n] = self.lay_again(plan, &factors_of[n], watch)?;
             }
+            self.took.rounds.push(started.elapsed());
         }
         let objects = plans.iter().zip(&factors_of).map(|(plan, factors)| correction(plan, factors)).collect();
         Ok(Rounds::new(sha256, records, objects))

@@ -62,7 +62,7 @@ impl Looked {
             Fit { bias, rms, relative_rms: if level > 0.0 { rms / level.sqrt() } else { 0.0 } }
         };
         let fit = (0..self.channels).map(fit).collect();
-        RoundRecord { points: seen.len(), walks: self.walks, fit, worst: 0.0, out_of_reach: 0.0 }
+        RoundRecord { points: seen.len(), walks: self.walks, fit, worst: 0.0, out_of_reach: 0.0, ended: None }
     }
 }
 

@@ -4,7 +4,10 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::{
-    job::{Prepared, PreparedObject, RunError, manifest::MaterialRecord, plan::TEXEL_BYTES, printable::Printable},
+    job::{
+        Prepared, PreparedObject, RunError, file::OutputFormat, look::LOOK_VOXELS, manifest::MaterialRecord,
+        plan::TEXEL_BYTES, printable::Printable,
+    },
     machine::{self, Shortage},
     voxel::{BlockShape, Lattice, Slab},
     watch::Watch,
@@ -49,6 +52,12 @@ pub struct Estimate {
 const SAMPLES: f64 = 4e6;
 /// Least memory of a process with its code and buffers, bytes.
 const BASE_MEMORY: u64 = 24 << 20;
+/// Bytes per texel while layers are laid by place: whatever the light, and for each channel of it.
+const LAID_TEXEL_BYTES: u64 = 90;
+const LAID_CHANNEL_BYTES: u64 = 27;
+/// What pictures of a job and its look take beside their voxels, and material meshes beside theirs, bytes.
+const PICTURES_MEMORY: u64 = 72 << 20;
+const MESHES_MEMORY: u64 = 110 << 20;
 /// Bytes per triangle in the mesh, the hierarchy and the sorted rows.
 const TRIANGLE_BYTES: u64 = 480;
 
@@ -101,16 +110,27 @@ impl Prepared {
         })
     }
 
-    /// Memory that slicing needs, roughly.
+    /// Memory that the job needs where it needs most, as `scripts/check-memory` measures it: while layers are laid by
+    /// place, while a round looks at the print, or while files are written.
     fn memory_bytes(&self) -> u64 {
         let lattice = &self.lattice;
         let slab_height = u64::from(BlockShape::for_lattice(lattice).voxels()[2]);
         let slab = u64::from(lattice.dims[0]) * u64::from(lattice.dims[1]) * slab_height;
         let triangles: u64 = self.objects.iter().map(|object| object.health.triangles as u64).sum();
         let texels: u64 = self.objects.iter().map(|object| object.asked.texels() as u64).sum();
-        // The draft whose print was looked at is gone when slices are written.
-        let looked_at = if self.job.rounds() > 0 { lattice.voxels() / 2 } else { 0 };
-        BASE_MEMORY + triangles * TRIANGLE_BYTES + texels * TEXEL_BYTES + looked_at.max(slab / 2)
+        let wants = |format| self.job.wants(format);
+        let volume = |wanted: bool| if wanted && lattice.voxels() <= LOOK_VOXELS { lattice.voxels() / 2 } else { 0 };
+        let channels = self.materials.channels.len() as u64;
+        let laying = match self.plans.is_empty() {
+            true => 0,
+            false => texels * (LAID_TEXEL_BYTES + channels * LAID_CHANNEL_BYTES),
+        };
+        let looking = texels * TEXEL_BYTES + volume(self.job.rounds() > 0);
+        let drawing = wants(OutputFormat::Preview);
+        let drawn = if drawing { PICTURES_MEMORY + volume(true) } else { 0 };
+        let meshed = if wants(OutputFormat::Stl) || wants(OutputFormat::ThreeMf) { MESHES_MEMORY } else { 0 };
+        let writing = texels * TEXEL_BYTES + slab / 2 + drawn.max(meshed);
+        BASE_MEMORY + triangles * TRIANGLE_BYTES + laying.max(looking).max(writing)
     }
 
     /// Refuses a job that needs more memory than the machine has.

@@ -16,7 +16,7 @@ use std::{
     collections::BTreeMap,
     ops::Range,
     path::{Path, PathBuf},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use rayon::prelude::*;
@@ -173,10 +173,12 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     }
     // Whatever is written will be printed; who slices by parts is told by one dry run.
     let checked = (whole || pictures.is_some()).then(|| prepared.printable(watch)).transpose()?;
-    warnings.extend(checked.iter().flat_map(Printable::warnings));
-    let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings };
+    let print_warnings: Vec<String> = checked.iter().flat_map(Printable::warnings).collect();
+    let counted = print_warnings.len();
+    warnings.extend(print_warnings);
+    let outcome = Outcome { slices: [slices.start, slices.end], counts, meshes, warnings, print_warnings: counted };
     let mut manifest = Manifest::new(prepared, outcome);
-    let mut looked = std::time::Duration::ZERO;
+    let mut looked = Duration::ZERO;
     if let Some(builder) = pictures {
         watch.stage("pictures", 0);
         let mut pictures = builder.finish(volume.as_ref())?;
@@ -194,10 +196,12 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     }
     manifest.files = output.files();
     let timings = json!({
+        "preparing_s": prepared.took.whole.as_secs_f64(),
+        "rounds_s": prepared.took.rounds.iter().map(Duration::as_secs_f64).collect::<Vec<_>>(),
         "slicing_s": sliced.as_secs_f64(),
         "meshes_s": meshed.as_secs_f64(),
         "look_s": looked.as_secs_f64(),
-        "total_s": started.elapsed().as_secs_f64(),
+        "total_s": (prepared.took.whole + started.elapsed()).as_secs_f64(),
     });
     output.write_unlisted(TIMINGS, &pretty(&timings))?;
     // Last: a folder with a manifest is a finished job.

@@ -125,6 +125,7 @@ fn report_data(manifest: &Manifest, pictures: &[PreviewFile], labels: &[SurfaceL
         error_name: "rms error of R\u{302}".to_owned(),
         warnings: manifest.warnings.clone(),
         health: manifest.objects.iter().map(health).collect(),
+        verdict: manifest.verdict(),
         look: (manifest.look.iter().flat_map(|look| look_words(look, &manifest.material_set.channels)))
             .chain(rounds_words(&manifest.rounds, &manifest.material_set.channels))
             .collect(),
@@ -191,8 +192,14 @@ fn rounds_words<'a>(rounds: &'a [RoundRecord], channels: &'a [String]) -> impl I
             share => format!(" At {:.0}% of them what the round before asked for was out of reach.", 100.0 * share),
         };
         let fits = fits_words(&round.fit, channels);
-        format!("Round {number} of correction, {} points: printed less asked {fits}.{out}", round.points)
+        let ended = round.ended.map(|ended| format!(" {}.", capitalized(ended.words()))).unwrap_or_default();
+        format!("Round {number} of correction, {} points: printed less asked {fits}.{out}{ended}", round.points)
     })
+}
+
+fn capitalized(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// Bias and rms of every channel.
@@ -211,7 +218,7 @@ fn look_words(look: &LookSummary, channels: &[String]) -> Vec<String> {
         let fits = fits_words(fits, channels);
         format!("Printed albedo less the one that was {name}, over {} spots: {fits}.", look.spots)
     };
-    let colour = look.delta_e_2000.map(|Differences { median, ninety_percent, worst }| {
+    let colour = look.delta_e_2000.map(|Differences { median, ninety_percent, worst, .. }| {
         format!(
             "Colour difference to what was asked for (CIEDE2000; 1 is just visible), over {} spots: {median:.1} in the \
              median, 90% below {ninety_percent:.1}, worst {worst:.1}.",

@@ -107,8 +107,13 @@ struct Again<'a> {
 
 impl Again<'_> {
     fn sample(&self, watch: &dyn Watch) -> Result<Vec<Finding>, RunError> {
-        let outcome =
-            Outcome { slices: self.manifest.slices, counts: [0; 256], meshes: Vec::new(), warnings: Vec::new() };
+        let outcome = Outcome {
+            slices: self.manifest.slices,
+            counts: [0; 256],
+            meshes: Vec::new(),
+            warnings: Vec::new(),
+            print_warnings: 0,
+        };
         let expected = Manifest::new(self.prepared, outcome);
         let mut findings = self.keys(&expected, |key| PREPARED_KEYS.contains(&key));
         findings.extend(self.file(STACKINGS, &self.prepared.stackings_json()));

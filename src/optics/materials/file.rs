@@ -92,6 +92,11 @@ impl MaterialFile {
         self.resins.iter().map(|draft| draft.name.as_str())
     }
 
+    /// Names of the resins in the order of the file, each with whether it is printed, as the background is not.
+    pub fn resins_printed(&self) -> impl Iterator<Item = (&str, bool)> + Clone {
+        self.resins.iter().map(|draft| (draft.name.as_str(), !draft.background))
+    }
+
     /// Which resin has this name.
     ///
     /// # Errors
