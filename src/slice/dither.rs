@@ -1,4 +1,4 @@
-//! Boundaries between layers that are no staircase of whole voxels.
+//! Boundaries between layers that are no staircase of whole voxels, and that lie as deep below the print as they should.
 //!
 //! A voxel is asked for the layer at a depth that is moved by up to half a voxel up or down, by a mask of thresholds:
 //!
@@ -14,10 +14,28 @@
 //!
 //! Nearer to the surface than w/2 there is no room for the ramp. There it has the width that there is, twice the
 //! boundary's depth: still right on average, and a layer of no thickness stays away.
+//!
+//! # Where the print begins
+//!
+//! Voxels are whole, so the print does not end at the surface: along a face that runs with the lattice it ends up to
+//! half a voxel before or behind it, the same everywhere, and on a gentle slope as far, in rings. Depths are counted
+//! from where the print ends, else the first layer would be that much thicker or thinner. With the planes of voxels
+//! that the surface runs along, g of them in a mm along its normal, voxels lie at depths (k + h) / g, where h tells how
+//! the surface falls between the planes, and the print ends half a plane above the first:
+//!
+//! ```text
+//!   depth + (sgn f / 2 − f) / g,   f = depth g − round(depth g)
+//! ```
+//!
+//! That no position counts but the depth itself is because planes go through the centres of voxels. Where the surface
+//! is inclined to the planes by t of them in a mm, they end in rings 1/t wide, and where the surface is half way
+//! between two, the print has a step. Over the length of a voxel ρ to either side steps are averaged, so the sign gives
+//! way to clamp(f / (t ρ), −1, 1); from t ρ = ½ on nothing is left. That is the sawtooth's mean over a box, exactly.
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, IVec3};
+use rayon::prelude::*;
 
 use crate::{
     sdf::{BrickSurface, DepthRange, Surface},
@@ -28,18 +46,60 @@ use crate::{
 #[derive(Debug, Clone)]
 pub(super) struct Dither {
     mask: Arc<ThresholdMask>,
-    /// Extent of a voxel along each triangle's normal, mm.
-    widths: Arc<[f32]>,
-    /// The greatest of them.
-    widest: f64,
+    /// How voxels lie along each triangle's normal.
+    grains: Arc<[Grain]>,
+    /// The furthest that a depth is moved, mm.
+    reach: f64,
+}
+
+/// How voxels lie along a normal.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Grain {
+    /// Extent of a voxel, mm.
+    width: f32,
+    /// Planes of voxels that the surface runs along, in a mm; 0 where it runs along none.
+    planes: f32,
+    /// Half the width that a step between two of them is averaged over, as a share of their rings' width; 0 to ½.
+    blur: f32,
+}
+
+/// Indices of planes that a surface may run along: those further up are too close together to count.
+const HIGHEST_INDEX: i32 = 2;
+
+impl Grain {
+    /// Along a unit normal, for voxels of `pitch` mm.
+    fn new(normal: DVec3, pitch: DVec3) -> Self {
+        let width = normal.abs().dot(pitch) as f32;
+        let none = Self { width, planes: 0.0, blur: 0.5 };
+        let indices = || -HIGHEST_INDEX..=HIGHEST_INDEX;
+        let all = indices().flat_map(|x| indices().flat_map(move |y| indices().map(move |z| IVec3::new(x, y, z))));
+        let along = all.map(|index| Self::along(index.as_dvec3() / pitch, normal, pitch, width));
+        // Multiples of a plane's indices come after it, and move depths less.
+        along.flatten().fold(none, |best, next| if next.greatest() > best.greatest() { next } else { best })
+    }
+
+    /// Along planes of this reciprocal vector, 1/mm, if the surface runs along them.
+    fn along(vector: DVec3, normal: DVec3, pitch: DVec3, width: f32) -> Option<Self> {
+        let planes = vector.dot(normal);
+        let blur = (vector - normal * planes).length() * pitch.max_element();
+        (planes > 0.0 && blur < 0.5).then_some(Self { width, planes: planes as f32, blur: blur as f32 })
+    }
+
+    /// The furthest from the surface that the print ends, averaged, mm.
+    fn greatest(&self) -> f32 {
+        if self.planes > 0.0 { (0.5 - self.blur) / self.planes } else { 0.0 }
+    }
 }
 
 impl Dither {
     pub fn new(mask: Arc<ThresholdMask>, surface: &Surface, pitch: DVec3) -> Self {
-        let width = |&[a, b, c]: &[DVec3; 3]| (b - a).cross(c - a).normalize_or_zero().abs().dot(pitch) as f32;
-        let widths: Arc<[f32]> = surface.triangles().iter().map(width).collect();
-        let widest = f64::from(widths.iter().copied().fold(0.0, f32::max));
-        Self { mask, widths, widest }
+        let grain = |&[a, b, c]: &[DVec3; 3]| Grain::new((b - a).cross(c - a).normalize_or_zero(), pitch);
+        Self::of(mask, surface.triangles().par_iter().map(grain).collect::<Vec<_>>().into())
+    }
+
+    fn of(mask: Arc<ThresholdMask>, grains: Arc<[Grain]>) -> Self {
+        let reach = grains.iter().map(|grain| grain.width / 2.0 + grain.greatest()).fold(0.0, f32::max);
+        Self { mask, grains, reach: f64::from(reach) }
     }
 
     /// The same by the same mask on a lattice of another pitch.
@@ -49,38 +109,49 @@ impl Dither {
 
     /// The furthest that a depth is moved, mm.
     pub fn reach(&self) -> f64 {
-        self.widest / 2.0
+        self.reach
     }
 
     /// What depths in `range` below `candidates` can be moved to.
     pub fn moved(&self, range: DepthRange, candidates: &[u32]) -> DepthRange {
-        let widths = candidates.iter().map(|&triangle| self.widths[triangle as usize]);
-        let width = f64::from(widths.fold(0.0, f32::max));
-        let min = range.min.max(0.0);
+        let grains = || candidates.iter().map(|&triangle| &self.grains[triangle as usize]);
+        let width = f64::from(grains().map(|grain| grain.width).fold(0.0, f32::max));
+        let end = f64::from(grains().map(Grain::greatest).fold(0.0, f32::max));
+        let min = (range.min - end).max(0.0);
         let min = if min >= width { min - width / 2.0 } else { min / 2.0 };
         // Single precision rounds what is moved.
         let rounding = 4.0 * f64::from(f32::EPSILON) * range.max;
-        DepthRange { min: (min - rounding).max(0.0), max: range.max + width / 2.0 + rounding }
+        DepthRange { min: (min - rounding).max(0.0), max: range.max + end + width / 2.0 + rounding }
     }
 
     /// Moves the depths of the brick at `at`, counted in bricks.
-    pub fn apply(&self, at: [u32; 3], candidates: &[u32], surface: &mut BrickSurface, widths: &mut Vec<f32>) {
-        widths.clear();
-        widths.extend(candidates.iter().map(|&triangle| self.widths[triangle as usize]));
-        let mut width = [0.0; BRICK_VOXELS];
-        for (to, &candidate) in width.iter_mut().zip(&surface.candidate) {
+    pub fn apply(&self, at: [u32; 3], candidates: &[u32], surface: &mut BrickSurface) {
+        let mut grains = [Grain::default(); BRICK_VOXELS];
+        for (to, &candidate) in grains.iter_mut().zip(&surface.candidate) {
             // Voxels that were not asked for have any candidate.
-            *to = widths.get(candidate as usize).copied().unwrap_or_default();
+            let triangle = candidates.get(candidate as usize);
+            *to = triangle.map_or_else(Grain::default, |&triangle| self.grains[triangle as usize]);
         }
-        move_depths(self.mask.second(at), &width, &mut surface.distance);
+        move_depths(self.mask.second(at), &grains, &mut surface.distance);
     }
 }
 
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
-fn move_depths(ranks: &[u16; BRICK_VOXELS], widths: &[f32; BRICK_VOXELS], depths: &mut [f32; BRICK_VOXELS]) {
-    for ((depth, rank), width) in depths.iter_mut().zip(ranks).zip(widths) {
-        *depth = moved(*depth, *rank, *width);
+fn move_depths(ranks: &[u16; BRICK_VOXELS], grains: &[Grain; BRICK_VOXELS], depths: &mut [f32; BRICK_VOXELS]) {
+    for ((depth, rank), grain) in depths.iter_mut().zip(ranks).zip(grains) {
+        *depth = moved(below_print(*depth, grain), *rank, grain.width);
     }
+}
+
+/// How deep below the end of the print a depth below the surface is.
+#[inline(always)]
+fn below_print(depth: f32, grain: &Grain) -> f32 {
+    let cycles = depth * grain.planes;
+    let f = cycles - (cycles + 0.5).floor();
+    let sign = (f / grain.blur.max(1e-6)).clamp(-1.0, 1.0);
+    let end = (0.5 * sign - f) / grain.planes.max(1.0);
+    // No print ends below a voxel's centre.
+    (depth + end).max(0.0)
 }
 
 /// A depth moved by a mask's rank.
@@ -96,6 +167,8 @@ fn moved(depth: f32, rank: u16, width: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const STEEP: Grain = Grain { width: 0.1, planes: 0.0, blur: 0.5 };
 
     /// The share of ranks above a boundary, summed over planes of voxels `step` apart, is the boundary's depth.
     #[test]
@@ -131,17 +204,72 @@ mod tests {
         }
     }
 
+    /// Columns of voxels on a plane: what lies above a boundary in all of them is as thick as it should be, wherever
+    /// the plane lies between the voxels, where it runs along them or is a little inclined.
+    #[test]
+    fn layers_are_as_thick_as_asked_wherever_the_surface_lies() {
+        let pitch = DVec3::new(0.042, 0.085, 0.027);
+        let boundary = 0.21;
+        for (normal, columns) in [
+            (DVec3::Y, 1),
+            (-DVec3::Z, 1),
+            (DVec3::new(0.0, 1.0, 0.004), 40),
+            (DVec3::new(0.01, 1.0, 0.0), 40),
+            (DVec3::new(0.003, -0.002, 1.0), 40),
+        ] {
+            let normal = normal.normalize();
+            let grain = Grain::new(normal, pitch);
+            let axis = (0..3).find(|&axis| normal[axis].abs() > 0.9).unwrap();
+            let [across, along] = [(axis + 1) % 3, (axis + 2) % 3];
+            for surface in [7.0, 7.011, 7.02, 7.0333, 7.05] {
+                let mut mean = 0.0;
+                for (i, j) in (0..columns).flat_map(|i| (0..columns).map(move |j| (i, j))) {
+                    for k in -400..400 {
+                        let mut index = DVec3::ZERO;
+                        (index[axis], index[across], index[along]) = (f64::from(k), f64::from(i), f64::from(j));
+                        let depth = surface - ((index + 0.5) * pitch).dot(normal);
+                        if depth <= 0.0 || depth > 1.0 {
+                            continue;
+                        }
+                        let depth = below_print(depth as f32, &grain);
+                        let above = (boundary - f64::from(depth)) / f64::from(grain.width) + 0.5;
+                        mean += above.clamp(0.0, 1.0) * pitch[axis] * normal[axis].abs();
+                    }
+                }
+                mean /= f64::from(columns * columns);
+                // A few columns see a few of a slope's rings.
+                let least = if columns == 1 { 1e-4 } else { 0.03 * pitch.max_element() };
+                assert!((mean - boundary).abs() < least, "{normal} {surface}: {mean}");
+            }
+        }
+    }
+
+    #[test]
+    fn surfaces_that_run_along_no_planes_keep_their_depths() {
+        let steep = Grain::new(DVec3::new(0.3, 0.7, 0.6).normalize(), DVec3::new(0.042, 0.085, 0.027));
+        assert_eq!(steep.planes, 0.0);
+        for depth in [0.0, 0.01, 0.123, 2.0] {
+            assert_eq!(below_print(depth, &steep), depth);
+        }
+        let cubes = Grain::new(DVec3::ONE.normalize(), DVec3::splat(0.1));
+        assert!((f64::from(cubes.planes) - 300_f64.sqrt()).abs() < 1e-5, "{cubes:?}");
+    }
+
     #[test]
     fn depths_move_within_their_range() {
         let mask = ThresholdMask::shared(DVec3::splat(0.1));
-        let dither = Dither { mask, widths: Arc::new([0.1, 0.05]), widest: f64::from(0.1_f32) };
+        let even = Grain { width: 0.05, planes: 20.0, blur: 0.0 };
+        let gentle = Grain { width: 0.05, planes: 20.0, blur: 0.2 };
+        let dither = Dither::of(mask, Arc::new([STEEP, even, gentle]));
         for depth in [0.0, 0.001, 0.02, 0.05, 0.0999, 0.1, 0.3, 4.0_f32] {
-            for (candidates, width) in [(&[0_u32][..], 0.1), (&[1], 0.05)] {
+            for triangle in 0..3_u32 {
                 let exact = f64::from(depth);
-                let range = dither.moved(DepthRange { min: exact, max: exact }, candidates);
+                let range = dither.moved(DepthRange { min: exact, max: exact }, &[triangle]);
                 for rank in 0..ThresholdMask::LEVELS as u16 {
-                    let found = f64::from(moved(depth, rank, width));
+                    let grain = &dither.grains[triangle as usize];
+                    let found = f64::from(moved(below_print(depth, grain), rank, grain.width));
                     assert!(range.min <= found && found <= range.max, "{depth} {rank}: {found} {range:?}");
+                    assert!((found - exact).abs() <= dither.reach() + 1e-6);
                 }
             }
         }

@@ -51,8 +51,6 @@ pub(super) struct LeafScratch {
     part: Vec<u32>,
     /// Of the brick's candidates, as far as asked for.
     faces: Vec<Option<Face>>,
-    /// Extents of a voxel along their normals, mm.
-    widths: Vec<f32>,
 }
 
 /// Where a block is: its first voxel, and what is known of its slab.
@@ -302,8 +300,7 @@ impl Leaves for VoxelLeaves<'_> {
                 return self.fill_uniform(Bricks::one(at), filling, masks);
             }
             if let Some(dither) = &field.dither {
-                let LeafScratch { surface, widths, .. } = &mut *self.scratch;
-                dither.apply(self.site.brick(at), candidates, surface, widths);
+                dither.apply(self.site.brick(at), candidates, &mut self.scratch.surface);
             }
         }
         let (site, scratch) = (self.site, &mut *self.scratch);

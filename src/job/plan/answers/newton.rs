@@ -1,6 +1,8 @@
 //! Newton's rule: the numbers of a stacking that make its albedo what is asked for.
 
-use super::{Answer, Answers, BLACK, Base};
+use std::ops::Range;
+
+use super::{Answer, Answers, BLACK, Base, MIXED};
 use crate::{
     numeric::{positive_definite, rounding::rounded},
     optics::{Mixture, Stack},
@@ -81,26 +83,7 @@ impl Answers {
         missing: &dyn Fn(&[f64]) -> Vec<f64>,
         size: &dyn Fn(&[f64]) -> f64,
     ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
-        // What cannot move the way it should is left out, and the others make up for it.
-        let mut slopes = slopes.to_vec();
-        let mut step = least_step(&slopes, off);
-        for _ in 0..numbers.len() {
-            let mut probe = numbers.to_vec();
-            (0..probe.len()).for_each(|n| base.shift(&mut probe, n, 1e-3 * step[n]));
-            let wanted = probe.clone();
-            self.keep_limits(base, &mut probe);
-            let mut left_out = false;
-            for n in 0..numbers.len() {
-                if step[n] != 0.0 && (probe[n] - wanted[n]).abs() > 1e-6 * wanted[n].abs().max(1e-6) {
-                    slopes[n].fill(0.0);
-                    left_out = true;
-                }
-            }
-            if !left_out {
-                break;
-            }
-            step = least_step(&slopes, off);
-        }
+        let step = self.allowed_step(base, numbers, off, slopes);
         for shorter in [1.0, 0.5, 0.2] {
             let mut next = numbers.to_vec();
             (0..next.len()).for_each(|n| base.shift(&mut next, n, shorter * step[n]));
@@ -113,6 +96,48 @@ impl Answers {
         }
         None
     }
+}
+
+impl Answers {
+    /// The least change that makes up for `off`, by numbers that can move the way it asks for: others are left out, and
+    /// a top layer that is full gives one resin's place to another.
+    fn allowed_step(&self, base: &Base, numbers: &[f64], off: &[f64], slopes: &[Vec<f64>]) -> Vec<f64> {
+        let shares = base.layers.len()..numbers.len();
+        let mut moves = vec![true; numbers.len()];
+        let mut full = false;
+        let mut step = least_step(slopes, off);
+        for _ in 0..=numbers.len() {
+            let mut wanted = numbers.to_vec();
+            (0..wanted.len()).for_each(|n| base.shift(&mut wanted, n, 1e-3 * step[n]));
+            let filled: f64 = wanted[shares.clone()].iter().map(|share| share.max(0.0)).sum();
+            if !full && filled > MIXED {
+                full = true;
+            } else {
+                let mut kept = wanted.clone();
+                self.keep_limits(base, &mut kept);
+                let held = |n: &usize| (kept[*n] - wanted[*n]).abs() > 1e-6 * wanted[*n].abs().max(1e-6);
+                let left_out: Vec<usize> = (0..numbers.len()).filter(|&n| step[n] != 0.0).filter(held).collect();
+                if left_out.is_empty() {
+                    break;
+                }
+                left_out.into_iter().for_each(|n| moves[n] = false);
+            }
+            step = least_step(&allowed(slopes, &moves, full.then(|| shares.clone())), off);
+        }
+        step
+    }
+}
+
+/// Slopes of the numbers that move; those in `exchanged` along changes that leave their sum as it is.
+fn allowed(slopes: &[Vec<f64>], moves: &[bool], exchanged: Option<Range<usize>>) -> Vec<Vec<f64>> {
+    let mut allowed = slopes.to_vec();
+    allowed.iter_mut().zip(moves).filter(|(_, moves)| !**moves).for_each(|(slope, _)| slope.fill(0.0));
+    let moved: Vec<usize> = exchanged.into_iter().flatten().filter(|&n| moves[n]).collect();
+    for channel in 0..slopes.first().map_or(0, Vec::len) {
+        let mean = moved.iter().map(|&n| slopes[n][channel]).sum::<f64>() / moved.len().max(1) as f64;
+        moved.iter().for_each(|&n| allowed[n][channel] -= mean);
+    }
+    allowed
 }
 
 /// The least change x of ln thicknesses with slopesᵀ x = off: slopes (slopesᵀ slopes + damping)⁻¹ off.

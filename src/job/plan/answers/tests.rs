@@ -116,6 +116,30 @@ fn answers_keep_their_promise() {
     }
 }
 
+/// A top layer that is full of inks still becomes darker: of one ink more, of another less.
+#[test]
+fn a_full_layer_gives_one_inks_place_to_another() {
+    let set = MaterialSet::builtin("inks-rgb-7").unwrap();
+    let of = |names: &[(&str, f64)]| {
+        Mixture::new(names.iter().map(|(name, share)| (set.resin(name).unwrap().0, *share))).unwrap()
+    };
+    let top = of(&[("clear", 0.61), ("magenta", 0.17), ("black", 0.135), ("yellow", 0.08), ("white", 0.005)]);
+    let answers = answers(&set, &[(top, 0.479), (of(&[("white", 1.0)]), 4.5)], true);
+    let mut questions = Vec::new();
+    for half_mm in [0.212, 0.3, 0.424] {
+        for [r, g, b] in [[0.268, 0.146, 0.084], [0.342, 0.196, 0.098], [0.436, 0.227, 0.131], [0.55, 0.33, 0.2]] {
+            questions.push(Question { cluster: 0, half_mm: Some(half_mm), ln_albedo: vec![r, g, b] });
+        }
+    }
+    questions.iter_mut().for_each(|question| question.ln_albedo.iter_mut().for_each(|albedo| *albedo = albedo.ln()));
+    let found = answers.answer(&questions, &Unwatched).unwrap();
+    for (question, answer) in questions.iter().zip(&found) {
+        println!("{:?} {:?} {:?} {:?}", question.half_mm, answer.short, answer.albedo, answer.stacking.layers);
+        let far = answer.short.iter().fold(0.0, |far: f64, short| far.max(short.abs()));
+        assert!(far < CLOSE || question.half_mm == Some(0.212), "{question:?} {answer:?}");
+    }
+}
+
 #[test]
 fn what_is_asked_for_as_it_is_stays_bit_for_bit() {
     let set = MaterialSet::builtin("synthetic").unwrap();
