@@ -58,7 +58,7 @@ pub(in crate::job) struct Answers {
     limits: Vec<ResinLimit>,
     core: ResinId,
     min_layer_mm: f64,
-    /// Resins that the top layer may take in.
+    /// Resins that the top layer may take in, but for those that have limits.
     inks: Vec<ResinId>,
 }
 
@@ -191,7 +191,10 @@ impl Answers {
     fn top(&self, layers: &[(Mixture, f64)]) -> Option<(ResinId, Vec<ResinId>)> {
         let (mixture, _) = layers.first()?;
         let carrier = mixture.parts().iter().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?.0;
-        let known = |resin: &ResinId| mixture.share(*resin) > 0.0 || self.inks.contains(resin);
+        // A resin that is to stay below some depth is none for the surface.
+        let anywhere = |resin: &ResinId| self.limits.get(resin.0).is_none_or(|limit| *limit == ResinLimit::NONE);
+        let free = |resin: &ResinId| self.inks.contains(resin) && anywhere(resin);
+        let known = |resin: &ResinId| mixture.share(*resin) > 0.0 || free(resin);
         let others: Vec<ResinId> = (0..self.volumes.first()?.len()).map(ResinId).filter(known).collect();
         // Mixtures of unlike indices are more than these models know.
         let alike = |of: &Vec<VolumeCoefficients>| {

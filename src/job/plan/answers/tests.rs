@@ -140,6 +140,25 @@ fn a_full_layer_gives_one_inks_place_to_another() {
     }
 }
 
+/// Whatever darkness is asked for: one voxel of the resin in the top layer of one label, and the limit would push the top
+/// layers of all aside.
+#[test]
+fn resins_with_limits_stay_out_of_the_top_layer() {
+    let set = MaterialSet::builtin("inks-rgb-7").unwrap();
+    let [white, yellow, black] = ["white", "yellow", "black"].map(|name| set.resin(name).unwrap().0);
+    let top = Mixture::new([(white, 0.9), (yellow, 0.1)]).unwrap();
+    let mut answers = answers(&set, &[], true);
+    answers.limits = vec![ResinLimit::NONE; set.resins.len()];
+    answers.limits[black.0].min_depth_mm = 0.3;
+    answers.found(&[(top, 0.35), (white.into(), 0.5)]);
+    for half_mm in [None, Some(0.3), Some(0.6)] {
+        let ln_albedo = answers.promised(1).iter().map(|albedo| (0.4 * albedo).ln()).collect();
+        let found = answers.answer(&[Question { cluster: 1, half_mm, ln_albedo }], &Unwatched).unwrap();
+        let (mixture, _) = found[0].stacking.pairs().next().unwrap();
+        assert!(mixture.share(black) == 0.0 && mixture.share(yellow) > 0.1, "{found:?}");
+    }
+}
+
 #[test]
 fn what_is_asked_for_as_it_is_stays_bit_for_bit() {
     let set = MaterialSet::builtin("synthetic").unwrap();
