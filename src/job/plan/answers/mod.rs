@@ -56,6 +56,9 @@ pub(in crate::job) struct Answers {
     volumes: Vec<Vec<VolumeCoefficients>>,
     grains: Grains,
     limits: Vec<ResinLimit>,
+    /// Depth above which layers must not begin, mm, by their places in all stackings: clusters that have as many layers
+    /// share slots, and a slot keeps the limits of all resins that it has anywhere.
+    slot_depths: Vec<f64>,
     core: ResinId,
     min_layer_mm: f64,
     /// Resins that the top layer may take in, but for those that have limits.
@@ -116,6 +119,7 @@ impl Answers {
             volumes,
             grains: materials.grains,
             limits: context.limits(),
+            slot_depths: Vec::new(),
             core: context.core()?,
             min_layer_mm: context.job.layer_options(context.object).min_layer_mm,
             inks: if context.may_mix() { context.printed_resins() } else { Vec::new() },
@@ -128,7 +132,24 @@ impl Answers {
             base.promised = answers.albedo(&base, &base.numbers(), None);
             answers.clusters.push(base);
         }
+        answers.slot_depths = answers.depths_of_slots();
         Ok(answers)
+    }
+
+    fn depths_of_slots(&self) -> Vec<f64> {
+        let slots = self.clusters.first().map_or(0, |base| base.layers.len());
+        if self.clusters.iter().any(|base| base.layers.len() != slots) {
+            return Vec::new();
+        }
+        let depth = |mixture: &Mixture| {
+            mixture.parts().iter().map(|(resin, _)| self.limit(*resin).min_depth_mm).fold(0.0, f64::max)
+        };
+        let of = |slot: usize| self.clusters.iter().map(|base| depth(&base.layers[slot].0)).fold(0.0, f64::max);
+        (0..slots).map(of).collect()
+    }
+
+    fn limit(&self, resin: ResinId) -> ResinLimit {
+        self.limits.get(resin.0).copied().unwrap_or(ResinLimit::NONE)
     }
 
     /// Clusters.
@@ -192,7 +213,7 @@ impl Answers {
         let (mixture, _) = layers.first()?;
         let carrier = mixture.parts().iter().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?.0;
         // A resin that is to stay below some depth is none for the surface.
-        let anywhere = |resin: &ResinId| self.limits.get(resin.0).is_none_or(|limit| *limit == ResinLimit::NONE);
+        let anywhere = |resin: &ResinId| self.limit(*resin) == ResinLimit::NONE;
         let free = |resin: &ResinId| self.inks.contains(resin) && anywhere(resin);
         let known = |resin: &ResinId| mixture.share(*resin) > 0.0 || free(resin);
         let others: Vec<ResinId> = (0..self.volumes.first()?.len()).map(ResinId).filter(known).collect();
@@ -247,15 +268,15 @@ impl Answers {
         let (thickness, shares) = numbers.split_at_mut(base.layers.len());
         let mut above = 0.0;
         for n in 0..thickness.len() {
-            let limit = |resin: ResinId| self.limits.get(resin.0).copied().unwrap_or(ResinLimit::NONE);
-            let parts = || base.layers[n].0.parts().iter().map(|(resin, _)| limit(*resin));
+            let parts = || base.layers[n].0.parts().iter().map(|(resin, _)| self.limit(*resin));
             // A layer that was found to be none may stay so.
             let free = !self.inks.is_empty() || base.layers[n].1 == 0.0;
             let thinnest = if free { 0.0 } else { self.min_layer_mm.min(base.layers[n].1) };
             let least = parts().map(|limit| limit.min_mm).fold(thinnest, f64::max);
             let most = parts().map(|limit| limit.max_mm).fold(f64::INFINITY, f64::min);
             thickness[n] = thickness[n].max(least).min(most.max(least));
-            let depth = parts().map(|limit| limit.min_depth_mm).fold(0.0, f64::max);
+            let of_slot = self.slot_depths.get(n).copied().unwrap_or_default();
+            let depth = parts().map(|limit| limit.min_depth_mm).fold(of_slot, f64::max);
             if above < depth && above > 0.0 && thickness[n] > 0.0 {
                 thickness[..n].iter_mut().for_each(|mm| *mm *= depth / above);
                 above = depth;

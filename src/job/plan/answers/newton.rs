@@ -15,8 +15,9 @@ const STEPS: usize = 12;
 pub(super) const CLOSE: f64 = 0.004;
 /// Change of ln thickness, or of shares in their unit, that slopes are taken over.
 const DIFFERENCE: f64 = 0.04;
-/// Against slopes so flat that a step would be without end.
-const DAMPING: f64 = 1e-4;
+/// Against slopes so flat that a step would be without end; more where a step went astray, for part of what is missing
+/// is out of reach (Levenberg and Marquardt).
+const DAMPINGS: [f64; 3] = [1e-4, 3e-3, 3e-2];
 
 impl Answers {
     /// The numbers that make the albedo what is wanted, from `start` on; `slopes` are those of an answer nearby, and
@@ -83,15 +84,17 @@ impl Answers {
         missing: &dyn Fn(&[f64]) -> Vec<f64>,
         size: &dyn Fn(&[f64]) -> f64,
     ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
-        let step = self.allowed_step(base, numbers, off, slopes);
-        for shorter in [1.0, 0.5, 0.2] {
-            let mut next = numbers.to_vec();
-            (0..next.len()).for_each(|n| base.shift(&mut next, n, shorter * step[n]));
-            self.keep_limits(base, &mut next);
-            let there = self.albedo(base, &next, half);
-            let left = missing(&there);
-            if size(&left) < 0.98 * size(off) {
-                return Some((next, there, left));
+        for damping in DAMPINGS {
+            let step = self.allowed_step(base, numbers, off, slopes, damping);
+            for shorter in [1.0, 0.5, 0.2] {
+                let mut next = numbers.to_vec();
+                (0..next.len()).for_each(|n| base.shift(&mut next, n, shorter * step[n]));
+                self.keep_limits(base, &mut next);
+                let there = self.albedo(base, &next, half);
+                let left = missing(&there);
+                if size(&left) < 0.98 * size(off) {
+                    return Some((next, there, left));
+                }
             }
         }
         None
@@ -101,11 +104,11 @@ impl Answers {
 impl Answers {
     /// The least change that makes up for `off`, by numbers that can move the way it asks for: others are left out, and
     /// a top layer that is full gives one resin's place to another.
-    fn allowed_step(&self, base: &Base, numbers: &[f64], off: &[f64], slopes: &[Vec<f64>]) -> Vec<f64> {
+    fn allowed_step(&self, base: &Base, numbers: &[f64], off: &[f64], slopes: &[Vec<f64>], damping: f64) -> Vec<f64> {
         let shares = base.layers.len()..numbers.len();
         let mut moves = vec![true; numbers.len()];
         let mut full = false;
-        let mut step = least_step(slopes, off);
+        let mut step = least_step(slopes, off, damping);
         for _ in 0..=numbers.len() {
             let mut wanted = numbers.to_vec();
             (0..wanted.len()).for_each(|n| base.shift(&mut wanted, n, 1e-3 * step[n]));
@@ -122,7 +125,7 @@ impl Answers {
                 }
                 left_out.into_iter().for_each(|n| moves[n] = false);
             }
-            step = least_step(&allowed(slopes, &moves, full.then(|| shares.clone())), off);
+            step = least_step(&allowed(slopes, &moves, full.then(|| shares.clone())), off, damping);
         }
         step
     }
@@ -141,10 +144,10 @@ fn allowed(slopes: &[Vec<f64>], moves: &[bool], exchanged: Option<Range<usize>>)
 }
 
 /// The least change x of ln thicknesses with slopesᵀ x = off: slopes (slopesᵀ slopes + damping)⁻¹ off.
-fn least_step(slopes: &[Vec<f64>], off: &[f64]) -> Vec<f64> {
+fn least_step(slopes: &[Vec<f64>], off: &[f64], damping: f64) -> Vec<f64> {
     let product = |a: usize, b: usize| slopes.iter().map(|slope| slope[a] * slope[b]).sum::<f64>();
     let row =
-        |a: usize| -> Vec<f64> { (0..off.len()).map(|b| product(a, b) + if a == b { DAMPING } else { 0.0 }).collect() };
+        |a: usize| -> Vec<f64> { (0..off.len()).map(|b| product(a, b) + if a == b { damping } else { 0.0 }).collect() };
     // Damped it is positive definite; what is no number moves nothing.
     let solved = positive_definite::solve((0..off.len()).map(row).collect(), off.to_vec(), 0.0);
     let solved = solved.unwrap_or_else(|| vec![0.0; off.len()]);
