@@ -134,3 +134,25 @@ fn a_texture_finer_than_voxels_is_averaged() {
     let mean = f64::midpoint(linear(COLOURS[0][0]), linear(COLOURS[1][0]));
     assert!((asked - mean).abs() < 2e-3, "{asked} for {mean}");
 }
+
+/// A plate so thin that its layers are bent, in a colour that black would make easy: it stays below its depth, on all
+/// sides, and the plate is made of other inks.
+#[test]
+fn a_resin_that_is_to_stay_deep_is_in_no_voxel_above() {
+    let bench = Bench::new();
+    // The upper four corners.
+    bench.write("plate.obj", BOX.replace(" 4\nv", " 0.8\nv").as_bytes());
+    let job = "[[object]]\nmesh = \"plate.obj\"\n[printer]\npitch-mm = [0.1, 0.1, 0.05]\n[materials]\nset = \"inks-rgb-7\"\n\
+               [target]\nkind = \"texture\"\nalbedo-colour = [0.3, 0.16, 0.1]\nmean-free-path-mm = 0.4\n\
+               [[stacking.limit]]\nresin = \"black\"\nmin-depth-mm = 0.3\n[appearance]\nrounds = 0\n\
+               [output]\nformats = [\"png\"]\n";
+    bench.write("job.toml", job.as_bytes());
+    bench.run(["slice", "job.toml", "-o", "top", "--slices", "0..6"]).exits(0);
+    let manifest = bench.manifest("top");
+    let voxels = |resin: &str| {
+        let of = manifest["materials"].as_array().unwrap().iter().find(|material| material["name"] == resin);
+        of.and_then(|material| material["voxels"].as_u64()).unwrap_or(0)
+    };
+    assert_eq!(voxels("black"), 0);
+    assert!(voxels("magenta") > 1000 && voxels("yellow") > 1000, "{}", manifest["materials"]);
+}
