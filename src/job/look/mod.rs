@@ -267,7 +267,7 @@ fn look_at_spots(
     let against = |goal: &Vec<Vec<f64>>| fits(&spots, goal, channels.len());
     Ok(Look {
         delta_e_2000: differences.and_then(Differences::of),
-        relative: asked.as_ref().and_then(|asked| Spread::of(&spots, asked)),
+        relative: asked.as_ref().and_then(|asked| Spread::of_spots(&spots, asked)),
         edge_mm: edge_mm.to_vec(),
         edges_against_asked: edges::against_asked(&spots, channels.len()),
         generator: GENERATOR.to_owned(),
@@ -321,19 +321,24 @@ impl Differences {
     /// `None` of none.
     fn of(mut differences: Vec<f64>) -> Option<Self> {
         differences.sort_by(f64::total_cmp);
-        let at = |share: usize| percentile(&differences, share);
+        let Spread { median, ninety_five_percent } = Spread::of(&differences)?;
         Some(Self {
-            median: at(50)?,
-            ninety_percent: at(90)?,
-            ninety_five_percent: Some(at(95)?),
+            median,
+            ninety_percent: percentile(&differences, 90)?,
+            ninety_five_percent: Some(ninety_five_percent),
             worst: *differences.last()?,
         })
     }
 }
 
 impl Spread {
-    /// `None` of no spots.
-    fn of(spots: &[SpotRecord], asked: &[Vec<f64>]) -> Option<Self> {
+    /// Of ascending numbers; `None` of none.
+    fn of(ascending: &[f64]) -> Option<Self> {
+        Some(Self { median: percentile(ascending, 50)?, ninety_five_percent: percentile(ascending, 95)? })
+    }
+
+    /// How far spots are from what was asked for, as shares of that; `None` of no spots.
+    fn of_spots(spots: &[SpotRecord], asked: &[Vec<f64>]) -> Option<Self> {
         let length = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
         let off = |(spot, asked): (&SpotRecord, &Vec<f64>)| {
             let apart = length(&mut spot.printed.iter().zip(asked).map(|(printed, asked)| printed - asked));
@@ -341,7 +346,7 @@ impl Spread {
         };
         let mut shares: Vec<f64> = spots.iter().zip(asked).map(off).collect();
         shares.sort_by(f64::total_cmp);
-        Some(Self { median: percentile(&shares, 50)?, ninety_five_percent: percentile(&shares, 95)? })
+        Self::of(&shares)
     }
 }
 
