@@ -13,7 +13,7 @@ use lumislice::{
     plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
     search::{
         self, ChannelGamut, Gamut, GamutMap, GamutPoint, MatchOptions, Matcher, Objective, RefineOptions, SearchError,
-        SearchOptions, SearchTarget, place_of,
+        SearchOptions, SearchTarget,
     },
     watch::Watch,
 };
@@ -182,7 +182,7 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
         let found = Matcher::matched(&set, &options, &asked, &bars, args.cache.cache().as_ref());
         bars.finish();
         for ((&target, asked), found) in outside.iter().zip(&asked).zip(&found?) {
-            reached[target] = Some(looks_like(asked, found.reflection(), &set.grid));
+            reached[target] = Some(asked.looks_like(found.reflection(), &set.grid));
         }
     }
     let shown = Shown {
@@ -206,21 +206,6 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
         print(&shown.report())?;
     }
     Ok(if reached.iter().all(|reached| *reached == Some(true)) { Answer::Yes } else { Answer::No })
-}
-
-/// A stacking looks like a target where its albedo is within this of the target's, and its half-energy radius within
-/// that, as shares: both are below what an eye sees.
-const ALIKE: [f64; 2] = [0.02, 0.1];
-
-/// Whether a stacking that was found looks like its target in every channel.
-fn looks_like(target: &SearchTarget, found: &[Vec<f64>], grid: &FrequencyGrid) -> bool {
-    let alike = |(asked, found): (&Vec<f64>, &Vec<f64>)| match (place_of(asked, grid), place_of(found, grid)) {
-        (Some(asked), Some(found)) => (0..2).all(|axis| (found[axis] / asked[axis] - 1.0).abs() <= ALIKE[axis]),
-        // Black, or wider than can be told.
-        (None, _) => asked.iter().zip(found).all(|(asked, found)| (asked - found).abs() <= 1e-3),
-        _ => false,
-    };
-    target.channels.len() == found.len() && target.channels.iter().zip(found).all(alike)
 }
 
 /// The targets of a job.

@@ -20,7 +20,7 @@ use crate::{
     },
     numeric::rounding::{four_digits, rounded},
     optics::{Mixture, OpticsError, ResinId, Stack},
-    search::{Found, Matcher, RefineOptions, SearchTarget},
+    search::{Found, Matcher, RefineOptions, SearchTarget, far_miss},
 };
 
 /// What an object's target became.
@@ -90,21 +90,15 @@ pub(super) fn object_layers(
     Ok(ObjectLayers { layers, report, asked, plan: None })
 }
 
-/// Albedos that differ by less look much alike.
-pub(in crate::job) const ALIKE: f64 = 0.05;
-
 /// How much of the surface comes out lighter or darker than asked, if any does.
 fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
-    let gap = |(asked, found): (f64, f64)| (asked - found).abs();
-    let wider = |a: &(f64, f64), b: &(f64, f64)| gap(*a).total_cmp(&gap(*b));
     let off = |entry: &StackingEntry| {
-        let asked = entry.target_albedo.iter().flatten().copied();
-        asked.zip(entry.predicted_albedo.iter().copied()).max_by(wider)
+        let asked = entry.target_albedo.iter().flatten();
+        far_miss(asked.zip(&entry.predicted_albedo).map(|(asked, found)| [*asked, *found]))
     };
-    let far = entries.iter().filter_map(|entry| Some((entry.share, off(entry)?)));
-    let far: Vec<_> = far.filter(|(_, pair)| gap(*pair) > ALIKE).collect();
+    let far: Vec<_> = entries.iter().filter_map(|entry| Some((entry.share, off(entry)?))).collect();
     let share: f64 = far.iter().map(|(share, _)| share).sum();
-    let (asked, found) = far.into_iter().map(|(_, pair)| pair).max_by(wider)?;
+    let [asked, found] = far_miss(far.into_iter().map(|(_, pair)| pair))?;
     Some(format!(
         "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: \
          the resins reach no nearer, see the job's gamut, gamut-map and dc-weight",
