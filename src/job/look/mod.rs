@@ -12,10 +12,12 @@
 //! | `mitsuba` | the same scene for Mitsuba 3 |
 //! | `edges` | what shows by a shadow's edge, asked and printed |
 //! | `surface` | spots of the surface, and what is expected there |
+//! | `by_area` | points of all surfaces, evenly over their area |
 //! | `alone`   | a finished folder without its job |
 
 mod alone;
 mod asked;
+mod by_area;
 mod edges;
 mod mitsuba;
 mod pictures;
@@ -30,6 +32,7 @@ use serde::{Deserialize, Serialize};
 
 pub use super::run_error::LookError;
 pub use alone::FinishedFolder;
+pub(in crate::job) use by_area::{ByArea, SurfacePoint};
 use edges::EdgeShape;
 pub use mitsuba::{OWNER as MITSUBA, write_mitsuba};
 pub use pictures::PictureOptions;
@@ -40,7 +43,7 @@ pub(in crate::job) use voxels::LOOK_VOXELS;
 
 pub use super::record::{Differences, EdgeRecord, Fit, LookSummary, SpotRecord, Spread};
 use super::{
-    Prepared,
+    Manifest, Prepared,
     finished::{Finding, read_manifest},
     manifest::LOOK,
 };
@@ -157,16 +160,14 @@ pub fn look(
 pub fn scene_for(prepared: &Prepared, folder: Option<&Path>, watch: &dyn Watch) -> Result<Scene, LookError> {
     let volume = match folder {
         None => prepared.volume(watch)?,
-        Some(folder) => {
-            let fault = |finding: Finding| LookError::Folder {
-                folder: folder.to_owned(),
-                found: finding.to_string(),
-                expected: "the manifest of a finished job".to_owned(),
-            };
-            voxels::read_volume(folder, &read_manifest(folder)?.map_err(fault)?, prepared, watch)?
-        }
+        Some(folder) => voxels::read_volume(folder, &finished_manifest(folder)?, prepared, watch)?,
     };
     prepared.lit(volume)
+}
+
+fn finished_manifest(folder: &Path) -> Result<Manifest, LookError> {
+    let fault = |finding: Finding| LookError::folder(folder, finding.to_string(), "the manifest of a finished job");
+    read_manifest(folder)?.map_err(fault)
 }
 
 /// Looks at what fills a scene, which must be on the lattice of `prepared`: its own print, or another of the same

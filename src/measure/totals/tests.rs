@@ -45,6 +45,16 @@ fn photons(volume: VolumeCoefficients, mm: f64, seed: u64) -> [f64; 2] {
     [found.reflection.mean + found.glint.mean, found.transmission.mean]
 }
 
+fn instrument() -> Instrument {
+    Instrument {
+        model: String::new(),
+        light: Light::Normal,
+        specular: true,
+        relative_error: NOISE,
+        absolute_error: 5e-4,
+    }
+}
+
 fn folder_with(table: &str, resin: &str, g: f64) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let file = format!(
@@ -117,13 +127,7 @@ fn coefficients_come_back_and_predict_stacks() {
 fn backings_tell_absorption() {
     let (_, sigma_s, sigma_a, g, _) = RESINS[2];
     let truth = volume(sigma_s, sigma_a, g);
-    let instrument = Instrument {
-        model: String::new(),
-        light: Light::Normal,
-        specular: true,
-        relative_error: NOISE,
-        absolute_error: 5e-4,
-    };
+    let instrument = instrument();
     let [bare, through] = seen(truth, 2.0, None, &instrument);
     let [white, same] = seen(truth, 2.0, Some(0.9), &instrument);
     let diffuse = Instrument { light: Light::Diffuse, ..instrument.clone() };
@@ -155,13 +159,7 @@ fn backings_tell_absorption() {
 #[test]
 fn spectra_become_channels() {
     let truth = volume(8.0, 0.17, 0.5);
-    let instrument = Instrument {
-        model: String::new(),
-        light: Light::Normal,
-        specular: true,
-        relative_error: NOISE,
-        absolute_error: 5e-4,
-    };
+    let instrument = instrument();
     let mut text = String::from("sample,thickness_mm,wavelength_nm,reflectance,transmittance\n");
     for (name, mm) in [("thin", 0.5), ("thick", 2.0)] {
         let [r, t] = seen(truth, mm, None, &instrument);
