@@ -152,8 +152,8 @@ impl FinishedFolder {
 
 /// The spots of the folder's `look.json`; none where there is none, or one of another form.
 fn recorded(folder: &Path, channels: usize) -> Vec<SpotRecord> {
-    let text = fs::read_to_string(folder.join(LOOK)).unwrap_or_default();
-    let look = serde_json::from_str::<Look>(&text).ok().filter(|look| look.version == LOOK_VERSION);
+    let text = fs::read(folder.join(LOOK)).unwrap_or_default();
+    let look = serde_json::from_slice::<Look>(&text).ok().filter(|look| look.version == LOOK_VERSION);
     let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
     let sound = |spot: &SpotRecord| {
         let albedos = [Some(&spot.predicted), spot.asked.as_ref()];
