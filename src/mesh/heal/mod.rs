@@ -132,7 +132,7 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     let tolerance = union::tolerance(mesh.corner_bounds());
     let meetings = crossing::count(&mesh, tolerance);
     health.self_intersections = Some(meetings.crossings);
-    let may_be_buried = meetings.crossings + meetings.contacts + health.non_manifold_edges > 0;
+    let may_be_buried = meetings.crossings + meetings.contacts + meetings.folds + health.non_manifold_edges > 0;
     let whole = if may_be_buried || shells.may_meet(tolerance.touch) {
         union::bare(&mut mesh, &caps, &mut health)
     } else {
