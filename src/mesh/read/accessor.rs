@@ -34,6 +34,17 @@ pub(super) fn colors(accessor: &Accessor, buffers: &[Vec<u8>]) -> Parsed<Vec<[f3
     }
 }
 
+/// Alpha of an accessor of colours, where it has any.
+pub(super) fn alphas(accessor: &Accessor, buffers: &[Vec<u8>]) -> Parsed<Option<Vec<f32>>> {
+    match accessor.dimensions() {
+        Dimensions::Vec4 => {
+            let colors = normalised_vectors::<4>(accessor, true, buffers)?;
+            Ok(Some(colors.into_iter().map(|[.., alpha]| alpha as f32).collect()))
+        }
+        _ => Ok(None),
+    }
+}
+
 fn normalised_vectors<const N: usize>(
     accessor: &Accessor,
     normalized: bool,

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::Source;
 use super::raw::{RawMesh, finite};
-use super::text::{Lines, decoded};
+use super::text::{Lines, decoded, expected_number};
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::counted;
 
@@ -180,8 +180,10 @@ fn text(bytes: &[u8]) -> Parsed<RawMesh> {
                     let word = words.next().map(|(_, word)| word);
                     said.extend([b" ", word.unwrap_or_default()].concat());
                     let parsed = word.and_then(|w| std::str::from_utf8(w).ok()?.parse().ok());
-                    *value =
-                        parsed.ok_or_else(|| Fault::new(place(), quote(&said), "`vertex x y z` with three numbers"))?;
+                    *value = parsed.ok_or_else(|| {
+                        let expected = expected_number(&said, "`vertex x y z` with three numbers");
+                        Fault::new(place(), quote(&said), expected)
+                    })?;
                 }
                 raw.positions.push(finite(DVec3::from_array(p), place)?);
                 corners += 1;
