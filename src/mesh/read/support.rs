@@ -184,7 +184,8 @@ pub(super) const ROWS: &[Row] = &[
         "STL",
         Fate::Read,
         &[],
-        "both kinds, told apart by size and content; several solids; a count of 0 in the header; `end solid`, or \
+        "both kinds, told apart by size and content; several solids; too low a count in the header, with a \
+         warning; `end solid`, or \
          none; `outerloop` and `facetnormal` in one word; no `endfacet` before the next facet",
     ),
     row("STL", Fate::Ignored, &[], "normals, attribute bytes and colours in them: an STL has no base colour"),
