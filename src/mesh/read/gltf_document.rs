@@ -22,6 +22,7 @@ pub(super) fn document(json: &[u8], raw: &mut RawMesh) -> Parsed<Document> {
         let document = Document::from_json(root)
             .map_err(|error| Fault::new("the JSON part", one_line(error), "a valid glTF 2.0 document"))?;
         raw.warnings.extend(warnings);
+        note_unread_morphs(&document, json, raw);
         Ok(document)
     };
     let document = checked(gltf::json::deserialize::from_slice(json));
@@ -33,6 +34,29 @@ pub(super) fn document(json: &[u8], raw: &mut RawMesh) -> Parsed<Document> {
         true => checked(gltf::json::deserialize::from_value(untidy)),
         false => document,
     }
+}
+
+/// Says that colours and coordinates of morph targets are lost where default weights show them: the crate passes them
+/// over.
+fn note_unread_morphs(document: &Document, json: &[u8], raw: &mut RawMesh) {
+    let is_shown = |weights: Option<&[f32]>| weights.is_some_and(|weights| weights.iter().any(|weight| *weight != 0.0));
+    let of_nodes = document.nodes().any(|node| is_shown(node.weights()));
+    if !of_nodes && !document.meshes().any(|mesh| is_shown(mesh.weights())) {
+        return;
+    }
+    let Ok(value) = serde_json::from_slice::<Value>(json) else { return };
+    let primitives = list(&value, "meshes").flat_map(|mesh| list(mesh, "primitives"));
+    let targets = primitives.flat_map(|primitive| list(primitive, "targets")).filter_map(Value::as_object);
+    let mut names = targets.flat_map(|target| target.keys());
+    let unread = names.find(|name| ["COLOR_", "TEXCOORD_"].iter().any(|start| name.starts_with(start)));
+    if let Some(name) = unread {
+        raw.lose_color(format!("the {name} of morph targets is not read, and default weights show it"));
+    }
+}
+
+/// What stands in a list of this name.
+fn list<'a>(of: &'a Value, name: &str) -> impl Iterator<Item = &'a Value> + use<'a> {
+    of.get(name).and_then(Value::as_array).into_iter().flatten()
 }
 
 /// Refuses what is required and not read, by its exact name, and names what is in use, changes shape or colour and is

@@ -101,7 +101,7 @@ fn are_triangles<'a>(mut records: impl DoubleEndedIterator<Item = &'a [u8]>) -> 
         .next_back()
         .map(corners)
         .is_some_and(|[a, b, c]| a.is_finite() && b.is_finite() && c.is_finite() && a != b && b != c && c != a);
-    is_last && records.map(corners).flatten().all(DVec3::is_finite)
+    is_last && records.flat_map(corners).all(DVec3::is_finite)
 }
 
 /// Words with the numbers of their lines; `#` begins a comment, `solid` and `endsolid` take a name up to the end of

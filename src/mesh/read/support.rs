@@ -171,7 +171,7 @@ pub(super) const ROWS: &[Row] = &[
         Fate::Lost,
         &["KHR_materials_cmnBlinnPhong", "KHR_materials_common", "KHR_techniques_webgl"],
         "missing or unreadable images; what alpha cuts out whole; a texture without TEXCOORD; sets of colours beyond COLOR_0 without that; \
-         colours that only glow (emissive), and those of instances (`_COLOR_0`)",
+         colours that only glow (emissive), those of instances (`_COLOR_0`), and those of morph targets",
     ),
     row(
         "glTF",

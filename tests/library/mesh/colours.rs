@@ -120,6 +120,7 @@ fn what_an_mtl_leaves_open_is_said() {
         ("newmtl m\nKs 1 1 1", None, "without Kd or map_Kd"),
         ("newmtl other\nKd 1 0 0", None, "nowhere defined"),
         ("newmtl m\nKd spectral red.rfl", None, "expected three numbers"),
+        ("newmtl m\nKd 0.6 0.6 0.6\nmap_Ka half.png", Some(WHOLE), "`m` (map_Ka)"),
         ("newmtl m\nKd 128 64 0", None, "found colour `128 64 0`, expected three numbers of 0 to 1"),
         ("newmtl m\nKd -1 0 0", None, "expected three numbers of 0 to 1"),
         (
@@ -628,6 +629,16 @@ fn gltf_colours_that_are_lost() {
         gltf.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1.into();
     });
     assert!(lost(&other_set).contains("no texture coordinates"));
+    // What default weights add to colours or coordinates; without weights nothing does.
+    for (name, weights, shown) in [("COLOR_0", [0.5], true), ("TEXCOORD_0", [0.5], true), ("COLOR_0", [0.0], false)] {
+        let morphed = textured(&|gltf| {
+            let values = gltf.floats("VEC3", &[0.1; 108]);
+            let mesh = &mut gltf.json["meshes"][0];
+            mesh["primitives"][0]["targets"] = json!([{name: values}]);
+            mesh["weights"] = json!(weights);
+        });
+        assert_eq!(lost(&morphed).contains(&format!("the {name} of morph targets")), shown, "{}", lost(&morphed));
+    }
     let codec =
         textured(&|gltf| gltf.json["textures"][0] = json!({"extensions": {"KHR_texture_basisu": {"source": 0}}}));
     assert!(lost(&codec).contains("a codec other than PNG and JPEG"));
