@@ -3,7 +3,8 @@
 //!
 //! Where such a patch meets the body an odd number of triangles share the edge, so that the body with it has a
 //! boundary and without it has none. It goes if the mesh is better closed without it, and it cannot be seen from
-//! outside, or lies on or in what is left.
+//! outside, or lies on or in what is left. Where open sheets hang on the same edges, as a brim on a can, they go later
+//! ([`sheets`]), and no face of the body for them, if that takes less surface away or makes less up.
 
 use std::f64::consts::{PI, TAU};
 
@@ -27,20 +28,35 @@ pub(super) fn drop(mesh: &mut TriangleMesh, edges: &Edges, health: &mut HealthRe
     }
     let before = mesh.triangles.len();
     let area_before: f64 = mesh.corners().map(area).sum();
-    let is_attached = attached(mesh, edges);
-    let walls = match is_attached.contains(&true) {
-        true => {
+    let mut is_out = within(mesh, edges);
+    if is_out.contains(&true) {
+        let is_attached = attached(mesh, edges);
+        if is_attached.contains(&true) {
             let body = sheets::without(mesh, |t| is_attached[t]);
-            within(&body, &Edges::new(body.positions.len(), &body.triangles))
+            let walls = within(&body, &Edges::new(body.positions.len(), &body.triangles));
+            let mut is_wall = vec![false; before];
+            let of_body = (0..before).filter(|&t| !is_attached[t]);
+            of_body.zip(walls).for_each(|(t, wall)| is_wall[t] = wall);
+            // Without the sheets less surface is lost, or made up, than without what seems to be walls.
+            let without: Vec<bool> =
+                is_wall.iter().zip(&is_attached).map(|(wall, attached)| *wall || *attached).collect();
+            if cost(mesh, &without) < cost(mesh, &is_out) {
+                is_out = is_wall;
+            }
         }
-        false => within(mesh, edges),
-    };
-    let mut is_out = vec![false; before];
-    let of_body = (0..before).filter(|&t| !is_attached[t]);
-    of_body.zip(walls).for_each(|(t, is_wall)| is_out[t] = is_wall);
+    }
     mesh.keep(|t| !is_out[t]);
     health.buried_area_mm2 += area_before - mesh.corners().map(area).sum::<f64>();
     mesh.triangles.len() < before
+}
+
+/// Area of what is left out, and of what closes the rest, mm².
+fn cost(mesh: &TriangleMesh, is_out: &[bool]) -> f64 {
+    let lost: f64 = mesh.corners().zip(is_out).filter(|(_, is_out)| **is_out).map(|(corners, _)| area(corners)).sum();
+    let mut rest = sheets::without(mesh, |t| is_out[t]);
+    let edges = Edges::new(rest.positions.len(), &rest.triangles);
+    orient::orient(&mut rest, edges, &mut HealthReport::default());
+    lost + sheets::cap_area(&rest)
 }
 
 /// Triangles of open patches that hang on the rest by edges of an odd number of triangles, and leave no opening there:

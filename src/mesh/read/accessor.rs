@@ -22,9 +22,10 @@ pub(super) fn vectors<const N: usize>(accessor: &Accessor, buffers: &[Vec<u8>]) 
     normalised_vectors(accessor, accessor.normalized(), buffers)
 }
 
-/// Reads an accessor of colours, with or without alpha. Integers are fractions, whether the file says so or forgot to.
+/// Reads an accessor of colours, with or without alpha, cut to 0 to 1 (glTF 2.0, section 3.7.2.1). Integers are
+/// fractions, whether the file says so or forgot to.
 pub(super) fn colors(accessor: &Accessor, buffers: &[Vec<u8>]) -> Parsed<Vec<[f32; 3]>> {
-    let kept = |c: f64| if c.is_finite() { c.max(0.0) as f32 } else { 0.0 };
+    let kept = |c: f64| if c.is_finite() { c.clamp(0.0, 1.0) as f32 } else { 0.0 };
     match accessor.dimensions() {
         Dimensions::Vec4 => {
             let colors = normalised_vectors::<4>(accessor, true, buffers)?;
@@ -39,7 +40,7 @@ pub(super) fn alphas(accessor: &Accessor, buffers: &[Vec<u8>]) -> Parsed<Option<
     match accessor.dimensions() {
         Dimensions::Vec4 => {
             let colors = normalised_vectors::<4>(accessor, true, buffers)?;
-            Ok(Some(colors.into_iter().map(|[.., alpha]| alpha as f32).collect()))
+            Ok(Some(colors.into_iter().map(|[.., alpha]| alpha.clamp(0.0, 1.0) as f32).collect()))
         }
         _ => Ok(None),
     }

@@ -421,6 +421,12 @@ fn colours_of_gltf_vertices() {
         gltf.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = colors.into();
         assert_shares(&gltf.read(), &[(RED, 1.0)]);
     }
+    // Cut at 1 before they multiply anything.
+    let mut gltf = Gltf::new([0.0, 1.0]);
+    let bright = gltf.floats("VEC3", &[2.0, -1.0, 1.5].repeat(36));
+    gltf.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = bright.into();
+    gltf.json["materials"][0]["pbrMetallicRoughness"] = json!({"baseColorFactor": [0.57758, 1, 0.021_219, 1]});
+    assert_shares(&gltf.read(), &[([200, 0, 40], 1.0)]);
     // Times the factor and the texture: white becomes the colour, red and blue lose what it lacks.
     let mut gltf = Gltf::new([0.0, 1.0]);
     let color = gltf.floats("VEC3", &[0.5, 0.25, 1.0].repeat(36));
