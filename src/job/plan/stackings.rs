@@ -7,6 +7,7 @@ use super::{
     answers::Answers,
     asked::{AskedMap, Surface, wanted},
     context::TargetContext,
+    gamut_mapping::Mapped,
     on_surface::{CHANNELS, Laid, ObjectPlan},
 };
 use crate::{
@@ -48,13 +49,14 @@ pub(super) fn object_layers(
         return Ok(ObjectLayers { layers, report, asked: AskedMap::default(), plan: None });
     }
     let wanted = wanted(context, target, warnings)?;
-    let map = context.gamut_map(core, &wanted, warnings)?;
-    let targets = map.as_ref().map_or_else(|| wanted.targets.clone(), |map| context.mapped(map, &wanted.targets));
-    let matches = context.search(core, &targets)?;
+    let mut mapped = context.gamut_map(core, &wanted, warnings)?;
+    let found = mapped.as_mut().and_then(|mapped| mapped.found.take());
+    let targets = mapped.as_ref().map_or(&wanted.targets, |mapped| &mapped.targets);
+    let matches = found.map_or_else(|| context.search(core, targets), Ok)?;
     let mut entries = Vec::with_capacity(matches.len());
     for (index, found) in matches.iter().enumerate() {
         let mut entry = context.matched_entry(found, &targets[index], wanted.shares[index], wanted.rms[index]);
-        if let Some(map) = &map {
+        if let Some(Mapped { map, .. }) = &mapped {
             entry.target_albedo = Some(wanted.targets[index].channels.iter().map(|channel| channel[0]).collect());
             let asked = context.job.stacking.objective.of(found.reflection(), &wanted.targets[index]);
             entry.gamut_map = Some(GamutMapEntry::new(&map.moves[index], asked));
@@ -140,7 +142,8 @@ impl Job {
 }
 
 impl TargetContext<'_> {
-    fn search(&self, core: ResinId, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
+    /// One stacking for each target.
+    pub(super) fn search(&self, core: ResinId, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
         self.watch.stage("stackings", targets.len() as u64);
         let (options, cache) = (self.match_options(core), self.job.search_cache.as_ref());
         let found = Matcher::matched(self.materials, &options, targets, self.watch, cache);

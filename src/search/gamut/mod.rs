@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 pub use alike::far_miss;
 pub use boundary::Boundary;
 use explore::{Explorer, Runs, TRIALS};
-pub use map::{GamutMap, Move};
+pub use map::{GamutMap, Lies, Move};
 
 use super::{MatchOptions, RefineOptions, ResinLimit, SearchCache, SearchError, SearchOptions, options::MAX_UNITS};
 use crate::optics::{
