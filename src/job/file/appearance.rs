@@ -15,7 +15,7 @@ pub struct AppearanceOptions {
 }
 
 /// Rounds that README's job can afford.
-const DEFAULT_ROUNDS: u32 = 3;
+const DEFAULT_ROUNDS: u32 = 4;
 
 pub(super) const APPEARANCE_KEYS: &[&str] = &["rounds", "thin-parts"];
 

@@ -43,7 +43,7 @@ const FINEST_NODE_MM: f64 = 0.1;
 /// A texture whose triangles overlap by more than this share repeats itself.
 const OVERLAP: f64 = 1.2;
 /// Distance of points, mm, at most; small objects have at least so many, closer together.
-const POINT_MM: f64 = 0.5;
+const POINT_MM: f64 = 0.25;
 const FEWEST_POINTS: f64 = 500.0;
 const MOST_POINTS: usize = 20_000;
 /// Thinner parts are as good as this: light comes in from all sides, and no layers fit.
@@ -167,6 +167,11 @@ impl ObjectPlan {
             answers,
             channels,
         }))
+    }
+
+    /// Logarithm of half the thickness in mm at a point.
+    pub fn half_ln(&self, point: usize) -> f64 {
+        self.half_ln[point]
     }
 
     /// The solid, with the texture coordinates of its nodes.

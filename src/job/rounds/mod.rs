@@ -23,6 +23,7 @@
 
 mod progress;
 mod residual;
+mod response;
 mod shape;
 
 use std::{path::Path, time::Instant};
@@ -31,6 +32,7 @@ use rayon::prelude::*;
 
 use progress::Wanting;
 use residual::{Looked, Seen, residuals};
+use response::Response;
 use shape::Shape;
 
 use super::{
@@ -40,12 +42,13 @@ use super::{
     record::{Ended, ObjectCorrection, RoundRecord, Rounds},
 };
 use crate::{
+    appearance::PointOfSurface,
     look::{Scene, Spot},
     watch::{StopOnly, Watch},
 };
 
 /// Walks of a round, for each channel, and how many a point has at least and at most.
-const WALKS: u64 = 2_500_000;
+const WALKS: u64 = 4_000_000;
 const WALKS_EACH: [u64; 2] = [128, 512];
 /// Seeds of rounds: apart from those of looks.
 const SEED: u64 = 0x5EED_0F20_0D50;
@@ -62,6 +65,20 @@ const SPREAD: f64 = 0.754_877_666_246_692_7;
 
 /// Factors of an object's albedo at its points, as logarithms.
 type Factors = Vec<[f64; CHANNELS]>;
+
+/// What a round saw, of all objects.
+struct Round {
+    looked: Looked,
+    /// The factors that were asked for, and those that the stackings came to.
+    laid: Vec<Factors>,
+    reached: Vec<Factors>,
+}
+
+impl Round {
+    fn of(&self, object: usize) -> (&[Option<Seen>], &Factors) {
+        (&self.looked.objects[object], &self.reached[object])
+    }
+}
 
 impl Prepared {
     /// Reads the inputs of `job`, searches the stackings, builds the fields; then looks at the print and corrects it,
@@ -128,7 +145,7 @@ impl Prepared {
         let mut factors_of: Vec<Factors> = plans.iter().map(none).collect();
         let mut short_of: Vec<Vec<[f64; CHANNELS]>> = vec![Vec::new(); plans.len()];
         let mut records: Vec<RoundRecord> = Vec::new();
-        let mut before: Option<(Looked, Vec<Factors>)> = None;
+        let mut before: Option<Round> = None;
         let rounds = self.job.rounds();
         let mut spots = None;
         for round in 0..rounds {
@@ -143,36 +160,31 @@ impl Prepared {
             let mut record = looked.record();
             let (mut lost, mut wanting) = (0, Wanting::default());
             let laid = factors_of.clone();
+            let mut reached_of = Vec::with_capacity(plans.len());
             for (n, plan) in plans.iter().enumerate() {
-                let (off, worst) = residuals(plan, &looked.objects[n]);
+                let seen = &looked.objects[n];
+                let (off, worst) = residuals(plan, seen);
                 record.worst = record.worst.max(worst);
-                let clusters = self.objects[plan.object].stackings.stackings.len();
-                let field = &self.slicer().objects()[plan.object];
-                for ((point, factor), off) in plan.points.points().iter().zip(&mut factors_of[n]).zip(&off) {
-                    let mut short = [0.0; CHANNELS];
-                    for shared in field.shares(point.triangle, point.point) {
-                        let label = usize::from(shared.stacking).checked_sub(clusters);
-                        if let Some(of_label) = label.and_then(|label| short_of[n].get(label)) {
-                            short.iter_mut().zip(of_label).for_each(|(sum, one)| *sum += f64::from(shared.share) * one);
-                        }
-                    }
-                    lost += usize::from(short[..plan.factors()].iter().any(|short| short.abs() > SHORT));
-                    wanting.count(&off[..plan.factors()], &short[..plan.factors()], SHORT);
-                    for channel in 0..plan.factors() {
-                        let reached = factor[channel] - short[channel];
-                        factor[channel] = (reached + DAMPING * off[channel]).clamp(-GREATEST, GREATEST);
-                    }
+                let short = self.short_at_points(plan, &short_of[n]);
+                let factors = plan.factors();
+                for (off, short) in off.iter().zip(&short) {
+                    lost += usize::from(short[..factors].iter().any(|short| short.abs() > SHORT));
+                    wanting.count(&off[..factors], &short[..factors], SHORT);
                 }
+                let reached: Factors = laid[n].iter().zip(&short).map(|(laid, short)| minus(laid, short)).collect();
+                let responses = Response::of(plan, before.as_ref().map(|before| before.of(n)), (seen, &reached));
+                factors_of[n] = corrected(seen, &reached, &off, &responses);
+                reached_of.push(reached);
             }
             record.out_of_reach = lost as f64 / record.points.max(1) as f64;
-            let ends = wanting.ends(before.as_ref().map(|(looked, _)| looked), &looked);
+            let ends = wanting.ends(before.as_ref().map(|before| &before.looked), &looked);
             // After the last round no other would have followed.
             record.ended = ends.filter(|&ends| round + 1 < rounds || ends == Ended::Worse);
             records.push(record);
             if let Some(ends) = ends {
                 factors_of = laid;
-                if let (Ended::Worse, Some((_, better))) = (ends, before) {
-                    factors_of = better;
+                if let (Ended::Worse, Some(better)) = (ends, before) {
+                    factors_of = better.laid;
                     for (plan, factors) in plans.iter().zip(&factors_of) {
                         self.lay_again(plan, factors, watch)?;
                     }
@@ -180,7 +192,7 @@ impl Prepared {
                 self.took.rounds.push(started.elapsed());
                 break;
             }
-            before = Some((looked, laid));
+            before = Some(Round { looked, laid, reached: reached_of });
             for (n, plan) in plans.iter().enumerate() {
                 factors_of[n] = factors(&correction(plan, &factors_of[n]));
                 short_of[n] = self.lay_again(plan, &factors_of[n], watch)?;
@@ -191,6 +203,24 @@ impl Prepared {
         Ok(Rounds::new(sha256, records, objects))
     }
 
+    /// By how much what lies at the points of an object falls short of what was asked of its labels, which `short_of`
+    /// tells.
+    fn short_at_points(&self, plan: &ObjectPlan, short_of: &[[f64; CHANNELS]]) -> Factors {
+        let clusters = self.objects[plan.object].stackings.stackings.len();
+        let field = &self.slicer().objects()[plan.object];
+        let short_at = |point: &PointOfSurface| {
+            let mut short = [0.0; CHANNELS];
+            for shared in field.shares(point.triangle, point.point) {
+                let label = usize::from(shared.stacking).checked_sub(clusters);
+                if let Some(of_label) = label.and_then(|label| short_of.get(label)) {
+                    short.iter_mut().zip(of_label).for_each(|(sum, one)| *sum += f64::from(shared.share) * one);
+                }
+            }
+            short
+        };
+        plan.points.points().iter().map(short_at).collect()
+    }
+
     /// A spot around every point that can be seen, and what is asked for there.
     fn spots_of(&self, plans: &[ObjectPlan], scene: &Scene) -> Vec<PointSpot> {
         let of_point = |(n, at): (usize, usize)| {
@@ -199,7 +229,7 @@ impl Prepared {
             let spot = self.spot(scene, plan.object, point.triangle, point.point)?;
             let turn = (at as f64 * SPREAD).fract();
             let sky = shade::sky(scene, &spot.middle, turn);
-            let shape = Shape::new(scene, &spot.middle, sky, turn);
+            let shape = Shape::new(scene, &spot.middle, sky, plan.half_ln(at), turn);
             let asked = &self.objects[plan.object].asked;
             let goal = |texel: usize, albedo: &[f64]| plan.within_reach(texel, albedo, asked);
             let asked = shade::all_shown(&self.expected_as(&spot, &goal).asked?, sky);
@@ -233,6 +263,24 @@ impl Prepared {
         }
         Ok(looked)
     }
+}
+
+fn minus(a: &[f64; CHANNELS], b: &[f64; CHANNELS]) -> [f64; CHANNELS] {
+    std::array::from_fn(|channel| a[channel] - b[channel])
+}
+
+/// The factors of the next round: those `reached`, and most of what is `off`, as far as the print follows.
+fn corrected(seen: &[Option<Seen>], reached: &Factors, off: &Factors, responses: &[Response]) -> Factors {
+    let at = |((seen, reached), off): ((&Option<Seen>, &[f64; CHANNELS]), &[f64; CHANNELS])| {
+        let mut factor = [0.0; CHANNELS];
+        for (channel, response) in responses.iter().enumerate() {
+            let response = seen.as_ref().map_or(1.0, |seen| response.at(&seen.shape));
+            let corrected = reached[channel] + DAMPING * off[channel] / response;
+            factor[channel] = corrected.clamp(-GREATEST, GREATEST);
+        }
+        factor
+    };
+    seen.iter().zip(reached).zip(off).map(at).collect()
 }
 
 /// A point of a plan as it is looked at.

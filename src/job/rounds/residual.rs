@@ -13,14 +13,26 @@ use crate::{
     optics::Estimate,
 };
 
-/// Radius of the bell that misses are averaged over, mm, half of whose weight lies within 0.45 of it; and that of a
-/// narrow one, which adds what differs from the wide one by more than noise: beside edges, where parts end.
-const REACH_MM: f64 = 2.4;
-const NARROW_MM: f64 = 1.0;
-/// Squares of standard errors that such a difference must be above.
-const BEYOND_NOISE: f64 = 3.0;
+/// Misses are averaged over bells, one after the other, each of which adds what differs from those before by more than
+/// noise: a wide one, one over places of like shape, which lie along edges, and a narrow one of these.
+const BELLS: [Bell; 3] = [
+    Bell { reach_mm: 2.4, spacings: 5.0, likeness: None, beyond_noise: 1.0 },
+    Bell { reach_mm: 2.4, spacings: 5.0, likeness: Some(0.15), beyond_noise: 3.0 },
+    Bell { reach_mm: 1.0, spacings: 2.0, likeness: Some(0.15), beyond_noise: 3.0 },
+];
 /// Printed albedos below this share of what is asked for are black.
 const BLACK: f64 = 1e-3;
+
+/// What misses are averaged over.
+struct Bell {
+    /// Radius, mm, half of whose weight lies within 0.45 of it; where points lie far apart so many of their spacings.
+    reach_mm: f64,
+    spacings: f64,
+    /// Width of the bell over shapes ([`Shape::likeness`]), if they count.
+    likeness: Option<f64>,
+    /// Squares of standard errors that a difference must be above to count half.
+    beyond_noise: f64,
+}
 
 /// A point that was looked at.
 pub(super) struct Seen {
@@ -69,8 +81,6 @@ impl Looked {
 /// By how much the albedo must rise at each point, as logarithms by channel, as far as noise allows; and the greatest
 /// miss of means over some mm². What places of like shape miss alike comes first, and then what is left around each.
 pub(super) fn residuals(plan: &ObjectPlan, seen: &[Option<Seen>]) -> (Vec<[f64; CHANNELS]>, f64) {
-    let spacing = plan.points.spacing_mm();
-    let [wide, narrow] = [REACH_MM.max(5.0 * spacing), NARROW_MM.max(2.0 * spacing)];
     let sums: Vec<Option<Sums>> = seen.iter().map(|seen| seen.as_ref().map(|seen| sums(plan, seen))).collect();
     let by_shape: Vec<ByShape> = (0..plan.factors())
         .map(|channel| ByShape::fit(&sums.iter().flatten().map(|sums| sums[channel]).collect::<Vec<_>>()))
@@ -86,20 +96,22 @@ pub(super) fn residuals(plan: &ObjectPlan, seen: &[Option<Seen>]) -> (Vec<[f64; 
         })
         .collect();
     let at = |(n, point): (usize, &PointOfSurface)| {
-        let [(left, left_noise), (near, noise)] = [wide, narrow].map(|reach| miss(plan, &expected, point, reach));
-        let (whole, _) = miss(plan, &sums, point, wide);
-        let off = |channel: usize| {
-            let shape = match (&sums[n], &expected[n]) {
-                (Some(asked), Some(expected)) if asked[channel].asked > 0.0 => {
-                    libm::log(asked[channel].asked / expected[channel].asked)
-                }
-                _ => 0.0,
-            };
-            let left = shrunk(left[channel], left_noise[channel]);
-            shape + left + shrunk(near[channel] - left, BEYOND_NOISE * noise[channel])
-        };
+        let shape = seen[n].as_ref().map(|seen| &seen.shape);
+        let mut off = [0.0; CHANNELS];
+        for bell in &BELLS {
+            let (missed, noise) = miss(plan, &expected, point, bell, shape);
+            for (off, (missed, noise)) in off.iter_mut().zip(missed.into_iter().zip(noise)) {
+                *off += shrunk(missed - *off, bell.beyond_noise * noise);
+            }
+        }
+        let (whole, _) = miss(plan, &sums, point, &BELLS[0], None);
+        if let (Some(asked), Some(expected)) = (&sums[n], &expected[n]) {
+            for (off, (asked, expected)) in off.iter_mut().zip(asked.iter().zip(expected)) {
+                *off += if asked.asked > 0.0 { libm::log(asked.asked / expected.asked) } else { 0.0 };
+            }
+        }
         let factors = plan.factors();
-        (std::array::from_fn(|channel| if channel < factors { off(channel) } else { 0.0 }), whole)
+        (std::array::from_fn(|channel| if channel < factors { off[channel] } else { 0.0 }), whole)
     };
     let (off, wide): (Vec<_>, Vec<[f64; CHANNELS]>) = plan.points.points().par_iter().enumerate().map(at).unzip();
     let worst = wide.iter().flatten().fold(0.0, |worst: f64, off| worst.max(off.abs()));
@@ -107,10 +119,10 @@ pub(super) fn residuals(plan: &ObjectPlan, seen: &[Option<Seen>]) -> (Vec<[f64; 
 }
 
 /// What is asked and printed at a point, by factor.
-type Sums = Vec<Sample>;
+pub(super) type Sums = Vec<Sample>;
 
 /// Where all channels have the same factor, their means count.
-fn sums(plan: &ObjectPlan, seen: &Seen) -> Sums {
+pub(super) fn sums(plan: &ObjectPlan, seen: &Seen) -> Sums {
     let each = seen.asked.len() / plan.factors();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let of = |(asked, printed): (&[f64], &[Estimate])| Sample {
@@ -128,16 +140,24 @@ fn shrunk(difference: f64, variance: f64) -> f64 {
     if square > 0.0 { difference * square / (square + variance) } else { 0.0 }
 }
 
-/// ln (asked / printed) of means within `reach` mm, by channel, and its variance.
+/// ln (asked / printed) of means over a bell around a point of some shape, by channel, and its variance.
 fn miss(
     plan: &ObjectPlan,
     seen: &[Option<Sums>],
     point: &PointOfSurface,
-    reach: f64,
+    bell: &Bell,
+    shape: Option<&Shape>,
 ) -> ([f64; CHANNELS], [f64; CHANNELS]) {
+    let reach = bell.reach_mm.max(bell.spacings * plan.points.spacing_mm());
     let (mut asked, mut printed, mut variance) = ([0.0; CHANNELS], [0.0; CHANNELS], [0.0; CHANNELS]);
     plan.points.around(point.point, point.normal, reach, |other, weight| {
-        for (channel, sample) in seen[other].iter().flatten().enumerate() {
+        let Some(samples) = &seen[other] else { return };
+        let likeness = match (bell.likeness, shape, samples.first()) {
+            (Some(width), Some(shape), Some(there)) => shape.likeness(&there.shape, width),
+            _ => 1.0,
+        };
+        let weight = weight * likeness;
+        for (channel, sample) in samples.iter().enumerate() {
             asked[channel] += weight * sample.asked;
             printed[channel] += weight * sample.printed;
             variance[channel] += weight * weight * sample.variance;
