@@ -15,8 +15,9 @@ use crate::{job::plan::ObjectPlan, numeric::positive_definite};
 
 /// A constant and [`Shape::ways_out`].
 const TERMS: usize = 4;
-/// Weight of the belief that the print follows by all of it, in squares of factors: as 400 points that changed by 5%.
-const BELIEF: f64 = 1.0;
+/// Weight of the belief that the print follows by all of it, in squares of factors: the variance of a point's logarithm,
+/// 0.12², over that of what the print follows by, 0.3².
+const BELIEF: f64 = 0.16;
 /// The print never follows by less, as far as a correction is concerned: it would be mostly noise.
 const LEAST: f64 = 0.4;
 
@@ -96,7 +97,7 @@ mod tests {
         (0..5000).map(move |n| {
             let part = |step: f64| (f64::from(n) * step).fract();
             let shape = Shape::with_ways_out([0.0, 0.5 * part(0.618), 0.0]);
-            let wanted = 0.1 * (part(0.755) - 0.5);
+            let wanted = 0.5 * (part(0.755) - 0.5);
             let noise = if n % 2 == 0 { scatter } else { -scatter };
             let follows = 1.0 - shape.ways_out()[1];
             Step { shape, wanted, seen: follows * wanted + noise }
