@@ -134,7 +134,7 @@ fn objects(args: &CompareArgs, job: &Path, existing: Existing) -> Result<Answer>
     };
     let job = Job::load(job).map_err(RunError::from)?;
     let bars = Bars::new(args.json);
-    let prepared = prepared(job, &args.cache, folder.map_or(Corrected::Anew, Corrected::As), &bars)?;
+    let prepared = prepared(job, &args.cache, Corrected::As(&args.jobs), &bars)?;
     let pictures = PictureOptions {
         size: args.size,
         samples: args.samples,

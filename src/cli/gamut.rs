@@ -10,10 +10,10 @@ use lumislice::{
         file::{MaterialSource, StackingModel, StackingOptions},
     },
     optics::{FrequencyGrid, Grains, MaterialSet, ResinId, Stack},
-    plot::{Axis, Figure, GREEN, Panel, RED, Series, Shape},
+    plot::{Axis, BLUE, Figure, GREEN, Panel, RED, Series, Shape},
     search::{
-        self, ChannelGamut, Gamut, GamutMap, GamutPoint, MatchOptions, Matcher, Objective, RefineOptions, SearchError,
-        SearchOptions, SearchTarget, place_of,
+        self, ChannelGamut, Found, Gamut, GamutMap, GamutPoint, Lies, MatchOptions, Matcher, Move, Objective,
+        RefineOptions, SearchError, SearchOptions, SearchTarget,
     },
     watch::Watch,
 };
@@ -167,33 +167,24 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     };
     let plain: Vec<_> = targets.iter().map(|named| named.target.clone()).collect();
     let weights: Vec<_> = targets.iter().map(|named| named.weight).collect();
-    let map = GamutMap::new(&gamut, &plain, &weights, &set.grid);
-    let mut reached: Vec<Option<bool>> = map.moves.iter().map(|moved| moved.inside.then_some(true)).collect();
-    let outside: Vec<usize> = (0..plain.len()).filter(|&target| !map.moves[target].inside).collect();
-    if mixes && !outside.is_empty() {
+    let mut map = GamutMap::new(&gamut, &plain, &weights, &set.grid);
+    let tried = mixes && !map.moves.iter().all(Move::reached);
+    if tried {
         set.grains = grains.unwrap_or(set.grains);
         let options = MatchOptions {
             search: SearchOptions { objective, ..options.search.clone() },
             mixtures: true,
             ..options.clone()
         };
-        let asked: Vec<_> = outside.iter().map(|&target| plain[target].clone()).collect();
-        bars.stage("mixtures", asked.len() as u64);
-        let found = Matcher::matched(&set, &options, &asked, &bars, args.cache.cache().as_ref());
+        bars.stage("mixtures", plain.len() as u64);
+        let found = Matcher::matched(&set, &options, &plain, &bars, args.cache.cache().as_ref());
         bars.finish();
-        for ((&target, asked), found) in outside.iter().zip(&asked).zip(&found?) {
-            reached[target] = Some(looks_like(asked, found.reflection(), &set.grid));
-        }
+        let found = found?;
+        let found: Vec<_> = found.iter().map(Found::reflection).collect();
+        map = GamutMap::with_mixtures(&gamut, &found, &plain, &weights, &set.grid);
     }
-    let shown = Shown {
-        options: &options.search,
-        set: &set,
-        gamut: &gamut,
-        targets: &targets,
-        map: &map,
-        reached: &reached,
-        by_transport,
-    };
+    let shown =
+        Shown { options: &options.search, set: &set, gamut: &gamut, targets: &targets, map: &map, tried, by_transport };
     if let Some(plot) = plot {
         plot.finish(&shown.figure())?;
     }
@@ -205,22 +196,7 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     } else {
         print(&shown.report())?;
     }
-    Ok(if reached.iter().all(|reached| *reached == Some(true)) { Answer::Yes } else { Answer::No })
-}
-
-/// A stacking looks like a target where its albedo is within this of the target's, and its half-energy radius within
-/// that, as shares: both are below what an eye sees.
-const ALIKE: [f64; 2] = [0.02, 0.1];
-
-/// Whether a stacking that was found looks like its target in every channel.
-fn looks_like(target: &SearchTarget, found: &[Vec<f64>], grid: &FrequencyGrid) -> bool {
-    let alike = |(asked, found): (&Vec<f64>, &Vec<f64>)| match (place_of(asked, grid), place_of(found, grid)) {
-        (Some(asked), Some(found)) => (0..2).all(|axis| (found[axis] / asked[axis] - 1.0).abs() <= ALIKE[axis]),
-        // Black, or wider than can be told.
-        (None, _) => asked.iter().zip(found).all(|(asked, found)| (asked - found).abs() <= 1e-3),
-        _ => false,
-    };
-    target.channels.len() == found.len() && target.channels.iter().zip(found).all(alike)
+    Ok(if map.moves.iter().all(Move::reached) { Answer::Yes } else { Answer::No })
 }
 
 /// The targets of a job.
@@ -289,8 +265,8 @@ struct Shown<'a> {
     gamut: &'a Gamut,
     targets: &'a [Named],
     map: &'a GamutMap,
-    /// Whether each target is reached, by mixtures too if they were tried; `None` where they were not.
-    reached: &'a [Option<bool>],
+    /// Whether targets outside of pure layers were searched for with mixtures.
+    tried: bool,
     by_transport: bool,
 }
 
@@ -338,8 +314,12 @@ impl Shown<'_> {
                 let (colour, shape) = self.look_of(resin);
                 panel = panel.with(series.size(4.2).colour(colour).shape(shape).opacity(0.8));
             }
-            for (inside, name, colour) in [(true, "targets inside", GREEN), (false, "targets outside", RED)] {
-                let places = self.map.moves.iter().filter(|moved| moved.inside == inside);
+            for (lies, name, colour) in [
+                (Lies::Inside, "targets inside", GREEN),
+                (Lies::Mixed, "targets reached by mixtures", BLUE),
+                (Lies::Outside, "targets outside", RED),
+            ] {
+                let places = self.map.moves.iter().filter(|moved| moved.lies == lies);
                 let places: Vec<_> = places.filter_map(|moved| moved.from[index]).map(|place| turned(&place)).collect();
                 if !places.is_empty() {
                     let name = named(name.to_owned());
@@ -391,13 +371,15 @@ impl Shown<'_> {
                 "points": channel.points.iter().map(point).collect::<Vec<_>>(),
             })
         };
-        let target = |((named, moved), reached): ((&Named, &lumislice::search::Move), &Option<bool>)| {
+        let target = |(named, moved): (&Named, &Move)| {
+            // Whether it is reached by mixtures is not known where they were not tried.
+            let reached = (moved.reached() || self.tried).then(|| moved.reached());
             let each = |axis: usize| moved.from.iter().map(|from| from.map(|from| from[axis])).collect::<Vec<_>>();
             json!({
                 "target": named.name,
                 "albedo": each(0),
                 "half_energy_radius_mm": each(1),
-                "inside": moved.inside,
+                "inside": moved.lies == Lies::Inside,
                 "reached": reached,
                 "gamut_map": { "albedo_factor": moved.albedo_factor, "width_factor": moved.width_factor },
             })
@@ -405,7 +387,7 @@ impl Shown<'_> {
         json!({
             "model": self.model(),
             "channels": self.channels().map(channel).collect::<Vec<_>>(),
-            "targets": self.targets.iter().zip(&self.map.moves).zip(self.reached).map(target).collect::<Vec<_>>(),
+            "targets": self.targets.iter().zip(&self.map.moves).map(target).collect::<Vec<_>>(),
         })
     }
 
@@ -434,12 +416,11 @@ impl Shown<'_> {
             .targets
             .iter()
             .zip(&self.map.moves)
-            .zip(self.reached)
-            .map(|((named, moved), reached)| {
-                let lies = match (moved.inside, reached) {
-                    (true, _) => "inside",
-                    (false, Some(true)) => "reached by mixtures",
-                    (false, _) => "outside",
+            .map(|(named, moved)| {
+                let lies = match moved.lies {
+                    Lies::Inside => "inside",
+                    Lies::Mixed => "reached by mixtures",
+                    Lies::Outside => "outside",
                 };
                 let each = |axis: usize, decimals: usize| {
                     let channels = moved.from.iter().map(|from| number(from.map(|from| from[axis]), decimals));
@@ -458,9 +439,10 @@ impl Shown<'_> {
         let header = ["target", "albedo", "50% within mm", "lies", "albedo ×", "width ×"];
         text += &table(&header, &rows);
         text += "albedo and width: what gamut-map would scale these targets by, taken together\n";
-        match self.reached.contains(&None) {
-            true => text + "outside of pure layers: mixtures, which were not tried, may reach more\n",
-            false => text,
+        if self.tried || self.map.moves.iter().all(Move::reached) {
+            text
+        } else {
+            text + "outside of pure layers: mixtures, which were not tried, may reach more\n"
         }
     }
 }

@@ -181,7 +181,7 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
     };
     let with_job = |job: Job| -> Result<(Look, Vec<PathBuf>), LookError> {
         let folders = rounds_folders(args, &job);
-        let prepared = prepared(job, &args.cache, Corrected::AsAnyOf(&folders), &bars)?;
+        let prepared = prepared(job, &args.cache, Corrected::As(&folders), &bars)?;
         if let Some(found) = folders.iter().find(|folder| prepared.took_rounds_from(folder)) {
             bars.finish();
             say(&format!("note: rounds of correction as {} has them", found.join(ROUNDS).display()));

@@ -10,7 +10,7 @@ use lumislice::{
     plot::Figure,
     search::{
         Judge, Judged, Match, MatchOptions, Matcher, Norm, Objective, RefineOptions, SearchError, SearchOptions,
-        SearchTarget,
+        SearchTarget, far_miss,
     },
     watch::{StopOnly, Unwatched, Watch},
 };
@@ -311,8 +311,6 @@ struct Look {
 
 /// Bytes of a colour that differ by no more pass for grey.
 const GREY: u8 = 8;
-/// Albedos that differ by less look much alike.
-const ALIKE: f64 = 0.05;
 
 impl Shown<'_> {
     fn look(&self) -> Look {
@@ -333,9 +331,7 @@ impl Shown<'_> {
     /// Says it where the answer comes out lighter or darker than asked.
     fn warn_of_a_far_miss(&self) {
         let albedos = self.target.channels.iter().zip(&self.answer.reflection).map(|(t, r)| [t[0], r[0]]);
-        let gap = |[asked, found]: &[f64; 2]| (asked - found).abs();
-        if let Some([asked, found]) = albedos.max_by(|a, b| gap(a).total_cmp(&gap(b))).filter(|pair| gap(pair) > ALIKE)
-        {
+        if let Some([asked, found]) = far_miss(albedos) {
             say(&format!(
                 "warning: albedo {found:.2} in place of {asked:.2}: the resins reach no nearer within what is allowed, \
                  see `lumislice gamut`"

@@ -76,12 +76,9 @@ pub fn say_provenance(set: &str, provenance: &str) {
 pub enum Corrected<'a> {
     /// As it is before its print was looked at.
     Draft,
-    /// Corrected where its print would miss.
-    Anew,
-    /// Likewise, by what an earlier run of it left in a folder, if one did.
-    As(&'a Path),
-    /// Likewise, in the first of several folders that has it.
-    AsAnyOf(&'a [PathBuf]),
+    /// Corrected where its print would miss: by what an earlier run of it left in the first of these folders that has
+    /// it, else anew.
+    As(&'a [PathBuf]),
 }
 
 /// A job with everything read and matched; says where a built-in set's numbers come from.
@@ -90,9 +87,7 @@ pub fn prepared(mut job: Job, cache: &CacheArgs, corrected: Corrected<'_>, bars:
     let built_in = matches!(job.materials, MaterialSource::Set(_));
     let prepared = match corrected {
         Corrected::Draft => Prepared::draft(job, bars),
-        Corrected::Anew => Prepared::new(job, bars),
-        Corrected::As(folder) => Prepared::for_folders(job, &[folder], bars),
-        Corrected::AsAnyOf(folders) => Prepared::for_folders(job, folders, bars),
+        Corrected::As(folders) => Prepared::for_folders(job, folders, bars),
     };
     if let Some(set) = prepared.as_ref().ok().map(|prepared| &prepared.materials).filter(|_| built_in) {
         bars.finish();

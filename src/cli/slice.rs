@@ -94,7 +94,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     }
     let bars = Bars::new(args.json);
     let found = args.rounds_from.as_ref().unwrap_or(&folder);
-    let corrected = if args.dry_run { Corrected::Draft } else { Corrected::As(found) };
+    let corrected = if args.dry_run { Corrected::Draft } else { Corrected::As(std::slice::from_ref(found)) };
     let prepared = prepared(job, &args.cache, corrected, &bars);
     if args.dry_run {
         let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars)?, prepared)));

@@ -1,6 +1,6 @@
 //! Why a job was not done, and why there is no look of it: each may be the other's reason.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -162,6 +162,12 @@ pub enum LookError {
     /// The watch asked to stop.
     #[error(transparent)]
     Stopped(#[from] Stopped),
+}
+
+impl LookError {
+    pub(in crate::job) fn folder(folder: &Path, found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self::Folder { folder: folder.to_owned(), found: found.into(), expected: expected.into() }
+    }
 }
 
 impl From<OpticsError> for LookError {

@@ -7,10 +7,7 @@ use super::{
     Manifest,
     record::{LookSummary, SpotRecord, Spread},
 };
-use crate::{
-    job::{file::OutputFormat, plan::ALIKE},
-    words::counted,
-};
+use crate::{job::file::OutputFormat, search::far_miss, words::counted};
 
 /// Colour difference and share of the brightness, and what they are called.
 type Grade = ([f64; 2], [f64; 2], &'static str);
@@ -104,7 +101,7 @@ impl Manifest {
         let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         let known = entries.iter().filter_map(|entry| Some((entry.target_albedo.as_deref()?, entry)));
         let nearest = known.min_by(|a, b| apart(a.0, asked).total_cmp(&apart(b.0, asked)));
-        nearest.is_some_and(|(target, entry)| apart(target, &entry.predicted_albedo) > ALIKE)
+        nearest.is_some_and(|(target, entry)| misses(target, &entry.predicted_albedo))
     }
 
     /// Share of the surface that asks for what the resins cannot do; `None` where nothing is asked.
@@ -116,8 +113,7 @@ impl Manifest {
             for entry in &report.stackings {
                 let Some(target) = &entry.target_albedo else { continue };
                 whole += area * entry.share;
-                let mut channels = target.iter().zip(&entry.predicted_albedo);
-                if channels.any(|(asked, found)| (asked - found).abs() > ALIKE) {
+                if misses(target, &entry.predicted_albedo) {
                     beyond += area * entry.share;
                 }
             }
@@ -177,6 +173,11 @@ impl Manifest {
         };
         format!("{ready}; {warnings}.")
     }
+}
+
+/// Whether a channel comes out with another albedo than asked.
+fn misses(asked: &[f64], found: &[f64]) -> bool {
+    far_miss(asked.iter().zip(found).map(|(asked, found)| [*asked, *found])).is_some()
 }
 
 /// How far single places are from what was asked for.

@@ -12,9 +12,7 @@ use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
 use rayon::prelude::*;
 
 use super::{
-    Beam, Camera, Ground, LAMPS, Lamps, SEED_STEP, Scene,
-    scene::{Media, Place, Walker},
-    spots::over,
+    Beam, Camera, Ground, LAMPS, Lamps, SEED_STEP, Scene, media::Media, scene::Place, spots::over, walker::Walker,
 };
 use crate::optics::monte_carlo::photon::{Direction, uniform};
 use crate::watch::{Stopped, Watch};

@@ -18,6 +18,7 @@ mod film;
 mod grid;
 mod lamps;
 mod light;
+mod media;
 mod packed;
 mod scene;
 mod skin;
@@ -31,6 +32,7 @@ mod tests;
 mod volume;
 mod voxel_surface;
 mod walk;
+mod walker;
 
 use std::ops::Range;
 

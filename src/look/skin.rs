@@ -17,8 +17,9 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 
 use super::{
     Volume,
-    scene::{NUDGE_MM, Place, Walker, WayOut, way_out},
+    scene::{NUDGE_MM, Place, way_out},
     strides::steps_to,
+    walker::{Walker, WayOut},
 };
 use crate::optics::{
     fresnel::refraction,

@@ -19,7 +19,8 @@ use rayon::prelude::*;
 
 use super::{
     SEED_STEP, Scene,
-    scene::{Place, Walker, WayOut},
+    scene::Place,
+    walker::{Walker, WayOut},
 };
 use crate::optics::{
     Estimate,

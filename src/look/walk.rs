@@ -13,10 +13,7 @@
 use glam::DVec3;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use super::{
-    Sides, VoxelScene,
-    scene::{Place, Walker},
-};
+use super::{Sides, VoxelScene, scene::Place, walker::Walker};
 use crate::optics::monte_carlo::photon::Direction;
 
 /// How a walk ended.

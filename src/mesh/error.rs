@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::words::counted;
+
 /// Why a mesh cannot be read, placed or closed. Each message is one line with place, found and expected.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
@@ -68,9 +70,9 @@ pub enum MeshError {
     },
     /// A surface with so large an opening that closing it would be a guess.
     #[error(
-        "the mesh is an open sheet: closing its {holes} holes ({open_edges} open edges) takes {percent:.1}% of its \
-            surface area, \
-         expected at most {limit_percent:.0}%: give the sheet a thickness or close it in a modeller"
+        "the mesh is an open sheet: closing its {} ({}) takes {percent:.1}% of its surface area, expected at most \
+         {limit_percent:.0}%: {}",
+        counted(*.holes, "hole"), counted(*.open_edges, "open edge"), closing_advice(*.rim_gap_mm)
     )]
     OpenSheet {
         /// Boundary loops.
@@ -81,6 +83,8 @@ pub enum MeshError {
         percent: f64,
         /// [`super::MAX_CAP_FRACTION`] in percent.
         limit_percent: f64,
+        /// How far rims of its pieces that run along each other are apart at most, mm; 0 where there are none.
+        rim_gap_mm: f64,
     },
     /// An open piece beside others that faces inwards.
     #[error(
@@ -110,6 +114,16 @@ pub enum MeshError {
 }
 
 impl crate::blame::Blamed for MeshError {}
+
+fn closing_advice(rim_gap_mm: f64) -> String {
+    match rim_gap_mm > 0.0 {
+        true => format!(
+            "rims of its pieces run along each other, up to {rim_gap_mm:.3} mm apart, too far for one curve: join \
+             them in a modeller (merge by distance), or close each piece"
+        ),
+        false => "give the sheet a thickness or close it in a modeller".to_owned(),
+    }
+}
 
 /// A parser's complaint before it knows which file it reads.
 #[derive(Debug)]

@@ -1,130 +1,24 @@
 //! A page to read beside the print: one HTML file with its pictures in it, that can be mailed. It needs no script but
 //! for leafing through slices and for turning the surface.
 
+mod data;
+mod numbers;
+mod stackings;
+
 use std::fmt::{self, Write};
+
+pub use data::{ReportData, ReportFilm, ReportHealth, ReportMaterial, ReportPicture, ReportStacking};
+use numbers::{decimals, number, thousands};
+use stackings::{block, stackings, svg, words_of};
 
 use super::{
     FilmStrip,
-    whereabouts::{self, Known, ReportLabel},
+    whereabouts::{self, Known},
 };
 use crate::{
-    optics::{Mixture, ResinId, Stack},
     page::{escape, page, png_address},
     words::counted,
 };
-
-/// What the page says. All texts are plain; the page escapes them.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ReportData {
-    /// Name of the job.
-    pub job: String,
-    /// What wrote it, such as `lumislice 0.1.0`.
-    pub generator: String,
-    /// Name of the printer or preset.
-    pub printer: String,
-    /// Voxels per axis.
-    pub dims: [u32; 3],
-    /// Edges of a voxel, mm.
-    pub pitch_mm: [f64; 3],
-    /// More lines for the head of the page: name, value.
-    pub facts: Vec<(String, String)>,
-    /// Materials in the order of their ids.
-    pub materials: Vec<ReportMaterial>,
-    /// A sentence under the materials, such as where their optics come from.
-    pub materials_note: String,
-    /// One stacking per cluster.
-    pub stackings: Vec<ReportStacking>,
-    /// What the predicted error measures, as a column heading; `error` if empty.
-    pub error_name: String,
-    /// Warnings of the job.
-    pub warnings: Vec<String>,
-    /// What was found in the meshes.
-    pub health: Vec<ReportHealth>,
-    /// What the job comes to, a sentence or two each, the most telling first: what the page opens with.
-    pub verdict: Vec<String>,
-    /// What the numbers of the look say, a sentence each.
-    pub look: Vec<String>,
-    /// Points of the surface, with the stackings there.
-    pub labels: Vec<ReportLabel>,
-    /// Area of the surface, mm².
-    pub area_mm2: f64,
-    /// Pictures in the order they are shown.
-    pub pictures: Vec<ReportPicture>,
-    /// Slices to leaf through.
-    pub film: Option<ReportFilm>,
-}
-
-/// A row of the table of materials.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ReportMaterial {
-    /// Its name.
-    pub name: String,
-    /// sRGB colour and alpha; alpha 0 is hatched: the printer fills it.
-    pub rgba: [u8; 4],
-    /// Voxels made of it.
-    pub voxels: u64,
-    /// Their volume, mm³.
-    pub volume_mm3: f64,
-    /// Their mass; `None` if the density is not known.
-    pub grams: Option<f64>,
-}
-
-/// Layers of one cluster.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ReportStacking {
-    /// What it is for, such as `cluster 3`.
-    pub name: String,
-    /// Its object and cluster, from 1 and from 0.
-    pub origin: [usize; 2],
-    /// Layers of the materials or of mixtures of them, over their core.
-    pub stack: Stack<Mixture>,
-    /// Part of the surface it is for, 0 to 1, if known.
-    pub share: Option<f64>,
-    /// The albedo that is asked for and the one that is predicted, as sRGB, if known.
-    pub albedo: [Option<[u8; 3]>; 2],
-    /// Predicted error, if known.
-    pub error: Option<f64>,
-}
-
-/// What was found in one mesh.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ReportHealth {
-    /// The object or its file.
-    pub object: String,
-    /// Finding, value.
-    pub findings: Vec<(String, String)>,
-}
-
-/// A picture of the job.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ReportPicture {
-    /// Path relative to the page, with forward slashes.
-    pub path: String,
-    /// A sentence below it.
-    pub caption: String,
-    /// The file; if it is empty, the page shows what lies at its path.
-    pub png: Vec<u8>,
-    /// What it shows side by side, by name, if it is to be shown one by one.
-    pub panels: Vec<(&'static str, Vec<u8>)>,
-}
-
-/// Slices to leaf through.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ReportFilm {
-    /// How they lie in the picture.
-    pub layout: FilmStrip,
-    /// The picture.
-    pub png: Vec<u8>,
-}
-
-/// Width of the longest stacking's bar without its core, pixels.
-const BAR: f64 = 420.0;
-/// Width of the core's part.
-const CORE: f64 = 36.0;
-/// Height of a bar.
-const BAR_HEIGHT: f64 = 22.0;
-/// Layers narrower than this carry no number.
-const NUMBERED: f64 = 34.0;
 
 /// Writes the page.
 pub fn report_html(data: &ReportData) -> String {
@@ -336,154 +230,6 @@ fn materials(page: &mut String, data: &ReportData) -> fmt::Result {
     Ok(())
 }
 
-fn stackings(page: &mut String, data: &ReportData) -> fmt::Result {
-    if data.stackings.is_empty() {
-        return Ok(());
-    }
-    let thickness =
-        |stacking: &ReportStacking| stacking.stack.pairs().map(|(_, mm)| mm.max(0.0)).fold(0.0, |sum, mm| sum + mm);
-    let thickest = data.stackings.iter().map(thickness).fold(0.0, f64::max);
-    let scale = if thickest.is_finite() && thickest > 0.0 { BAR / thickest } else { 0.0 };
-    let shares = data.stackings.iter().any(|stacking| stacking.share.is_some());
-    let errors = data.stackings.iter().any(|stacking| stacking.error.is_some());
-    let error_name = if data.error_name.is_empty() { "Error" } else { &data.error_name };
-    writeln!(page, "<h2>Stackings</h2>")?;
-    write!(page, "<p class=\"note\">Layers from the surface (left) inwards, thickness in mm, all to one scale")?;
-    let core = data.stackings.iter().any(|stacking| stacking.stack.core.is_some());
-    writeln!(page, "{}.</p>", if core { "; the last block is the core, which goes on" } else { "" })?;
-    let folded = data.stackings.len() > FOLDED;
-    if folded {
-        writeln!(page, "<details>\n<summary>All {} stackings</summary>", data.stackings.len())?;
-    }
-    let swatches = data.stackings.iter().any(|stacking| stacking.albedo != [None; 2]);
-    writeln!(page, "<div class=\"wide\"><table class=\"stackings\">\n<thead><tr><th>Stacking</th>")?;
-    if swatches {
-        writeln!(page, "<th>Asked, predicted</th>")?;
-    }
-    writeln!(page, "<th>Layers</th>")?;
-    let headings = [(shares, "Surface"), (true, "Thickness, mm"), (errors, error_name)];
-    for (_, heading) in headings.iter().filter(|(shown, _)| *shown) {
-        writeln!(page, "<th class=\"number\">{}</th>", escape(heading))?;
-    }
-    writeln!(page, "</tr></thead>\n<tbody>")?;
-    for (n, stacking) in data.stackings.iter().enumerate() {
-        let name = escape(&stacking.name);
-        match data.labels.is_empty() {
-            true => writeln!(page, "<tr><td>{name}</td>")?,
-            false => {
-                writeln!(page, "<tr><td><button class=\"find\" type=\"button\" value=\"{n}\">{name}</button></td>")?
-            }
-        }
-        if swatches {
-            writeln!(page, "<td class=\"pair\">")?;
-            for (name, albedo) in ["asked", "predicted"].iter().zip(stacking.albedo) {
-                if let Some([r, g, b]) = albedo {
-                    let colour = format!("#{r:02x}{g:02x}{b:02x}");
-                    svg(page, "swatch", [26.0, 22.0], &format!("{name} {colour}"))?;
-                    writeln!(page, "<rect width=\"26\" height=\"22\" fill=\"{colour}\"/></svg>")?;
-                }
-            }
-            writeln!(page, "</td>")?;
-        }
-        writeln!(page, "<td>")?;
-        bar(page, stacking, data, scale)?;
-        writeln!(page, "</td>")?;
-        let share = stacking.share.map_or_else(|| "–".to_owned(), |share| format!("{} %", number(100.0 * share, 1)));
-        let error = stacking.error.map_or_else(|| "–".to_owned(), significant);
-        let values = [share, decimals(thickness(stacking), 3), error];
-        for ((_, heading), value) in headings.iter().zip(values).filter(|((shown, _), _)| *shown) {
-            writeln!(page, "<td class=\"number\" data-name=\"{}\">{value}</td>", escape(heading))?;
-        }
-        writeln!(page, "</tr>")?;
-    }
-    writeln!(page, "</tbody>\n</table></div>")?;
-    if folded { writeln!(page, "</details>") } else { Ok(()) }
-}
-
-/// More stackings than that are folded away.
-const FOLDED: usize = 8;
-
-/// A stacking's layers side by side, to scale, and what they are in words.
-fn bar(page: &mut String, stacking: &ReportStacking, data: &ReportData, scale: f64) -> fmt::Result {
-    let colour_of = |resin: ResinId| data.materials.get(resin.0).map_or([128, 128, 128, 255], |found| found.rgba);
-    let colour = |mixture: &Mixture| -> [u8; 4] {
-        let parts =
-            mixture.parts().iter().map(|&(resin, share)| colour_of(resin).map(|value| share * f64::from(value)));
-        let mean = parts.fold([0.0; 4], |sum, part| std::array::from_fn(|n| sum[n] + part[n]));
-        mean.map(|value| value.round() as u8)
-    };
-    let stack = &stacking.stack;
-    let words = words_of(stacking, data);
-    svg(page, "bar", [BAR + CORE, BAR_HEIGHT], &words)?;
-    let mut left = 0.0;
-    for layer in &stack.layers {
-        let width = layer.thickness_mm.max(0.0) * scale;
-        block(page, [left, width], colour(&layer.resin))?;
-        if width >= NUMBERED {
-            let ink = if is_dark(colour(&layer.resin)) { "#fff" } else { "#1f2630" };
-            let (x, text) = (left + 0.5 * width, number(layer.thickness_mm, 2));
-            // On the hatch a number needs a ground of its own.
-            let halo = if colour(&layer.resin)[3] == 0 {
-                " paint-order=\"stroke\" stroke=\"#f1dfb6\" stroke-width=\"4\""
-            } else {
-                ""
-            };
-            write!(page, "<text x=\"{x:.2}\" y=\"15.5\" text-anchor=\"middle\" font-size=\"12\"")?;
-            write!(page, " fill=\"{ink}\"{halo}>{text}</text>")?;
-        }
-        left += width;
-    }
-    if let Some(core) = &stack.core {
-        // A torn end: the core goes on.
-        let [r, g, b, a] = colour(core);
-        let fill = if a == 0 { "#f1dfb6".to_owned() } else { format!("#{r:02x}{g:02x}{b:02x}") };
-        let (tooth, width) = ((BAR_HEIGHT - 1.0) / 4.0, CORE - 8.0);
-        write!(page, "<path d=\"M{:.2} 0.5h{width}", left + 0.5)?;
-        write!(page, "l-5 {tooth}l5 {tooth}l-5 {tooth}l5 {tooth}h-{width}z\"")?;
-        write!(page, " fill=\"{fill}\" stroke=\"#5b6674\" stroke-width=\"0.75\"/>")?;
-    }
-    writeln!(page, "</svg><span class=\"words\">{}</span>", escape(&words))
-}
-
-/// The layers of a stacking and its core.
-fn words_of(stacking: &ReportStacking, data: &ReportData) -> String {
-    let name = |mixture: &Mixture| mixture.name(|resin| data.materials.get(resin.0).map_or("?", |found| &found.name));
-    let stack = &stacking.stack;
-    let mut words: Vec<String> =
-        stack.pairs().map(|(layer, mm)| format!("{} {}", name(layer), number(mm, 3))).collect();
-    words.extend(stack.core.as_ref().map(|core| format!("core {}", name(core))));
-    words.join(", ")
-}
-
-fn svg(page: &mut String, class: &str, [width, height]: [f64; 2], title: &str) -> fmt::Result {
-    write!(page, "<svg class=\"{class}\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\"")?;
-    write!(page, " role=\"img\" aria-label=\"{}\">", escape(title))
-}
-
-/// A rectangle over the height of a bar: left edge and width.
-fn block(page: &mut String, [left, width]: [f64; 2], [r, g, b, a]: [u8; 4]) -> fmt::Result {
-    let (top, height) = (0.5, BAR_HEIGHT - 1.0);
-    let fill = if a == 0 { "#f1dfb6".to_owned() } else { format!("#{r:02x}{g:02x}{b:02x}") };
-    if a == 0 {
-        // Hatch lines, clipped by hand: no ids that a page could hold twice.
-        write!(page, "<path fill=\"{fill}\" d=\"M{left:.2} {top}h{width:.2}v{height}h-{width:.2}z\"/>")?;
-        let mut at = left - height + 3.0;
-        write!(page, "<path stroke=\"#cfa85c\" stroke-width=\"1.2\" d=\"")?;
-        while at < left + width {
-            let (from, to) = (at.max(left), (at + height).min(left + width));
-            if to > from {
-                let y = |x: f64| top + height - (x - at);
-                write!(page, "M{from:.2} {:.2}L{to:.2} {:.2}", y(from), y(to))?;
-            }
-            at += 7.0;
-        }
-        write!(page, "\"/>")?;
-    }
-    let fill = if a == 0 { "none" } else { &fill };
-    write!(page, "<rect x=\"{:.2}\" y=\"{top}\" width=\"{width:.2}\" height=\"{height}\"", left + 0.5)?;
-    write!(page, " fill=\"{fill}\" stroke=\"#5b6674\" stroke-width=\"0.75\"/>")
-}
-
 fn health(page: &mut String, health: &[ReportHealth]) -> fmt::Result {
     if health.is_empty() {
         return Ok(());
@@ -497,10 +243,6 @@ fn health(page: &mut String, health: &[ReportHealth]) -> fmt::Result {
         writeln!(page, "</dl>")?;
     }
     Ok(())
-}
-
-fn is_dark([r, g, b, a]: [u8; 4]) -> bool {
-    a != 0 && 2 * u32::from(r) + 5 * u32::from(g) + u32::from(b) < 8 * 120
 }
 
 /// A relative path as a URL that stays relative: bytes beyond the unreserved ones are percent-encoded.
@@ -520,40 +262,10 @@ fn times(parts: [String; 3]) -> String {
     parts.join(" × ")
 }
 
-/// At most `digits` decimals, without trailing zeros.
-fn number(value: f64, digits: usize) -> String {
-    let text = format!("{value:.digits$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-}
-
-/// Exactly `digits` decimals, for columns; thousands grouped.
-fn decimals(value: f64, digits: usize) -> String {
-    let text = format!("{value:.digits$}");
-    let (whole, part) = text.split_once('.').unwrap_or((&text, ""));
-    whole.parse().map_or_else(|_| text.clone(), |whole| format!("{}.{part}", thousands(whole)))
-}
-
-fn significant(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 || (0.001..1000.0).contains(&size) { number(value, 4) } else { format!("{value:.2e}") }
-}
-
-/// Digits in groups of three, with narrow no-break spaces.
-fn thousands(value: u64) -> String {
-    let digits = value.to_string();
-    let mut out = String::new();
-    for (n, digit) in digits.chars().enumerate() {
-        if n > 0 && (digits.len() - n).is_multiple_of(3) {
-            out.push('\u{202f}');
-        }
-        out.push(digit);
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{stackings::BAR, *};
+    use crate::optics::{ResinId, Stack};
 
     fn data() -> ReportData {
         ReportData {
@@ -624,13 +336,5 @@ mod tests {
         let page = report_html(&ReportData::default());
         assert!(page.starts_with("<!DOCTYPE html>") && page.trim_end().ends_with("</html>"));
         assert!(!page.contains("NaN") && !page.contains("inf"));
-    }
-
-    #[test]
-    fn numbers_read_well() {
-        assert_eq!(thousands(1_234_567), "1\u{202f}234\u{202f}567");
-        assert_eq!([number(2.0, 3), number(0.25, 3), number(100.0, 0)], ["2", "0.25", "100"]);
-        assert_eq!([decimals(24502.41, 1), decimals(0.0, 2), decimals(-1.5, 1)], ["24\u{202f}502.4", "0.00", "-1.5"]);
-        assert_eq!([significant(8e-15), significant(0.0123), significant(0.0)], ["8.00e-15", "0.0123", "0"]);
     }
 }

@@ -290,7 +290,7 @@ fn crossing_at(p: [f64; 2], q: [f64; 2], y: f64) -> f64 {
 }
 
 /// Sorts and joins the runs from index `first` on.
-fn merge_runs(runs: &mut Vec<[u32; 2]>, first: usize) {
+pub(crate) fn merge_runs(runs: &mut Vec<[u32; 2]>, first: usize) {
     if runs.len() - first < 2 {
         return;
     }
@@ -305,4 +305,19 @@ fn merge_runs(runs: &mut Vec<[u32; 2]>, first: usize) {
         }
     }
     runs.truncate(last + 1);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_that_touch_are_one() {
+        let mut runs = vec![[7, 8], [5, 9], [0, 3], [3, 4], [8, 12], [20, 21]];
+        merge_runs(&mut runs, 1);
+        assert_eq!(runs, [[7, 8], [0, 4], [5, 12], [20, 21]]);
+        merge_runs(&mut runs, 0);
+        assert_eq!(runs, [[0, 4], [5, 12], [20, 21]]);
+        merge_runs(&mut Vec::new(), 0);
+    }
 }

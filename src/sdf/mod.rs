@@ -38,6 +38,7 @@ mod voxelize;
 pub use cull::{BlockBox, CullScratch, DepthRange, SLACK, cull};
 pub use face::Face;
 pub use grid::{FeatureWindow, Reach};
+pub(crate) use inside::merge_runs;
 pub use inside::{InsideRows, SliceRuns};
 pub use kernel::{BrickOffsets, BrickSurface, nearest_in_brick, nearest_in_parts};
 pub use lp::{LpField, LpOffsets, LpScratch, RELATIVE_ERROR};

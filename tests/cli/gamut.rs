@@ -104,7 +104,7 @@ fn mapped_job(bench: &Bench, more: &str) -> serde_json::Value {
 
 #[test]
 fn a_job_brings_targets_into_the_gamut_and_says_so() {
-    let bench = Bench::new();
+    let bench = Bench::that_remembers();
     let plain = mapped_job(&bench, "");
     assert!(plain["stackings"][0]["stackings"][0].get("gamut_map").is_none());
     assert_eq!(plain["job"]["object"][0]["target"]["gamut-map"], false);
@@ -130,7 +130,10 @@ fn a_job_brings_targets_into_the_gamut_and_says_so() {
         assert_eq!(shown["targets"][0]["gamut_map"][factor], map[factor], "{factor}");
     }
     // Options go before the job's keys.
-    let thin = bench.run(["gamut", "--job", "job.toml", "--json", "--max-thickness-mm", "0.5"]).exits(1).json();
+    let thin = bench
+        .run(["gamut", "--job", "job.toml", "--json", "--max-thickness-mm", "0.5", "--no-mixtures"])
+        .exits(1)
+        .json();
     assert!(thin["targets"][0]["gamut_map"]["albedo_factor"].as_f64() < map["albedo_factor"].as_f64());
 
     bench.job_with("kind = \"stacking\"", "gamut-map = true\nkind = \"stacking\"");
@@ -145,10 +148,12 @@ fn a_job_brings_targets_into_the_gamut_and_says_so() {
 /// Grains of black at the surface make a narrower glow than any layers of one resin each that a printer can lay.
 #[test]
 fn what_mixtures_reach_is_no_no() {
-    let bench = Bench::new();
-    let narrow =
-        ["gamut", "--materials", "synthetic", "--core", "black", "--min-layer-mm", "0.0847", "--albedo", "0.12"];
-    let narrow = |more: &[&str]| bench.run(narrow.iter().chain(&["--mean-free-path-mm", "0.25"]).chain(more));
+    let bench = Bench::that_remembers();
+    let asked = |albedo: &'static str, mfp: &'static str, more: &[&str]| {
+        let gamut = ["gamut", "--materials", "synthetic", "--core", "black", "--min-layer-mm", "0.0847"];
+        bench.run(gamut.iter().chain(&["--albedo", albedo, "--mean-free-path-mm", mfp]).chain(more))
+    };
+    let narrow = |more: &[&str]| asked("0.12", "0.25", more);
     let pure = narrow(&["--no-mixtures", "--json"]).exits(1).json();
     assert_eq!(
         (&pure["targets"][0]["inside"], &pure["targets"][0]["reached"]),
@@ -158,7 +163,5 @@ fn what_mixtures_reach_is_no_no() {
     assert_eq!((&mixed["targets"][0]["inside"], &mixed["targets"][0]["reached"]), (&false.into(), &true.into()));
     assert!(narrow(&[]).exits(0).stdout.contains("reached by mixtures"));
     // What nothing reaches stays outside.
-    let bright =
-        ["gamut", "--materials", "synthetic", "--core", "black", "--albedo", "0.9", "--mean-free-path-mm", "0.5"];
-    assert_eq!(bench.run(bright.iter().chain(&["--json"])).exits(1).json()["targets"][0]["reached"], false);
+    assert_eq!(asked("0.9", "0.5", &["--json"]).exits(1).json()["targets"][0]["reached"], false);
 }

@@ -1,6 +1,6 @@
 //! What `slice` says where: data to stdout, words to stderr.
 
-use std::{ffi::OsStr, fs};
+use std::{ffi::OsStr, fs, sync::OnceLock};
 
 use crate::support::{Bench, cube, keys, stl};
 
@@ -139,6 +139,17 @@ fn profiles_that_a_material_file_names_are_inputs() {
     assert_eq!(paths, ["cube.stl"].into_iter().chain(measured).collect::<Vec<_>>());
 }
 
+/// The page of a job of pictures alone: drawn once for all who ask.
+fn drawn() -> &'static str {
+    static PAGE: OnceLock<String> = OnceLock::new();
+    PAGE.get_or_init(|| {
+        let bench = Bench::new();
+        bench.job_with("formats = [\"png\", \"masks\"]", "formats = [\"preview\"]");
+        bench.slice("out");
+        fs::read_to_string(bench.path("out/report.html")).unwrap()
+    })
+}
+
 /// The page and the terminal say the same, and first what a designer asks: does it look as asked, where not and why,
 /// is it ready for the printer.
 #[test]
@@ -146,8 +157,7 @@ fn a_report_opens_with_a_verdict() {
     let bench = Bench::new();
     let formats = "formats = [\"png\", \"masks\"]";
     bench.job_with(formats, "formats = [\"png\", \"preview\"]");
-    let verdict = |out: &str| -> Vec<String> {
-        let page = std::fs::read_to_string(bench.path(out).join("report.html")).unwrap();
+    let verdict_of = |page: &str| -> Vec<String> {
         let section = page.split("<section class=\"verdict\">").nth(1).unwrap().split("</section>").next().unwrap();
         assert!(page.find("class=\"verdict\"").unwrap() < page.find("<figure").unwrap());
         let bare =
@@ -155,6 +165,7 @@ fn a_report_opens_with_a_verdict() {
         let bare = bare.replace("<ul>", "").replace("</ul>", "").replace("&#39;", "'");
         bare.lines().map(str::trim).filter(|line| !line.is_empty()).map(str::to_owned).collect()
     };
+    let verdict = |out: &str| verdict_of(&fs::read_to_string(bench.path(out).join("report.html")).unwrap());
     let says = |verdict: &[String], parts: &[&str]| {
         let all = verdict.join("\n");
         parts.iter().for_each(|part| assert!(all.contains(part), "{part} in\n{all}"));
@@ -173,14 +184,12 @@ fn a_report_opens_with_a_verdict() {
     assert!(part[0].contains("not all of its slices"), "{part:?}");
     says(&part, &["Not ready for the printer: 6 of 20 slices"]);
     // Nor are pictures alone.
-    bench.job_with("formats = [\"png\", \"masks\"]", "formats = [\"preview\"]");
-    bench.slice("drawn");
-    says(&verdict("drawn"), &["Not for the printer yet"]);
+    says(&verdict_of(drawn()), &["Not for the printer yet"]);
     // Brighter than white can be.
     let target = "kind = \"stacking\"\nstack = \"white:0.5,support:0.6\"";
     let bright = "kind = \"texture\"\nalbedo-value = 0.95\nmean-free-path-mm = 0.5";
     bench.job_with(target, bright);
-    let job = std::fs::read_to_string(bench.path("job.toml")).unwrap();
+    let job = fs::read_to_string(bench.path("job.toml")).unwrap();
     let job = job.replace(formats, "formats = [\"png\", \"preview\"]") + "[appearance]\nrounds = 0\n";
     bench.write("job.toml", job.as_bytes());
     bench.slice("bright");
@@ -192,10 +201,7 @@ fn a_report_opens_with_a_verdict() {
 /// Paper and looks lie on dark pages without glare.
 #[test]
 fn pages_have_a_dark_theme_for_their_pictures() {
-    let bench = Bench::new();
-    bench.job_with("formats = [\"png\", \"masks\"]", "formats = [\"preview\"]");
-    bench.slice("out");
-    let page = std::fs::read_to_string(bench.path("out/report.html")).unwrap();
+    let page = drawn();
     let dark = page.split("prefers-color-scheme: dark").nth(1).unwrap().split("@media").next().unwrap();
     for rule in [".panels { background: #", ".drawn img", ".film #frame", "filter: brightness("] {
         assert!(dark.contains(rule), "{rule}: {dark}");

@@ -90,19 +90,28 @@ pub fn keys(value: &Value) -> Vec<&str> {
 }
 
 /// A folder of its own for a test.
-pub struct Bench(TempDir);
+pub struct Bench {
+    folder: TempDir,
+    /// Whether what was searched in it is not searched again.
+    remembers: bool,
+}
 
 impl Bench {
     /// With `cube.stl` and `job.toml`.
     pub fn new() -> Self {
-        let bench = Self(tempfile::tempdir().unwrap());
+        let bench = Self { folder: tempfile::tempdir().unwrap(), remembers: false };
         bench.write("cube.stl", &stl(&cube(4.0)));
         bench.write("job.toml", JOB.as_bytes());
         bench
     }
 
+    /// The same, with a cache of its own: for tests that ask the same more than once, and not how it is found.
+    pub fn that_remembers() -> Self {
+        Self { remembers: true, ..Self::new() }
+    }
+
     pub fn path(&self, name: impl AsRef<Path>) -> PathBuf {
-        self.0.path().join(name)
+        self.folder.path().join(name)
     }
 
     pub fn write(&self, name: impl AsRef<Path>, content: &[u8]) {
@@ -120,7 +129,10 @@ impl Bench {
     /// The program, to run in the folder.
     pub fn command<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Command {
         let mut command = lumislice();
-        command.current_dir(self.0.path()).args(args);
+        command.current_dir(self.folder.path()).args(args);
+        if self.remembers {
+            command.env("LUMISLICE_CACHE", self.path("cache"));
+        }
         command
     }
 

@@ -67,35 +67,22 @@ impl Source<'_> {
         let Dataset { width, height, .. } = *self.dataset;
         let rings = self.rings;
         let (distances, pixels) = (rings.distances_mm.len(), rings.width * rings.height);
-        let mut survey = Survey {
+        let of_rows = |rows: usize| Survey {
             sums: vec![0.0; distances],
             squares: vec![0.0; distances],
             counts: vec![0; distances],
-            availability: Planes::new(rings.len(), width, height, 0.0),
-            energy: vec![0.0; width * height],
-            centres: vec![f32::NAN; width * height],
-            beside: vec![[f32::NAN; 4]; width * height],
+            availability: Planes::new(rings.len(), width, rows, 0.0),
+            energy: vec![0.0; width * rows],
+            centres: vec![f32::NAN; width * rows],
+            beside: vec![[f32::NAN; 4]; width * rows],
             least: f64::INFINITY,
             missing: 0,
             negative: 0.0,
             positive: 0.0,
             lowest: Lowest::NONE,
         };
+        let (mut survey, empty) = (of_rows(height), |band: Range<usize>| of_rows(band.len()));
         let area = self.dataset.pitch_mm * self.dataset.pitch_mm;
-        let empty = |band: Range<usize>| Survey {
-            sums: vec![0.0; distances],
-            squares: vec![0.0; distances],
-            counts: vec![0; distances],
-            availability: Planes::new(rings.len(), width, band.len(), 0.0),
-            energy: vec![0.0; width * band.len()],
-            centres: vec![f32::NAN; width * band.len()],
-            beside: vec![[f32::NAN; 4]; width * band.len()],
-            least: f64::INFINITY,
-            missing: 0,
-            negative: 0.0,
-            positive: 0.0,
-            lowest: Lowest::NONE,
-        };
         let (wide, tall, middle) = (rings.width > 1, rings.height > 1, pixels / 2);
         let beside = [
             wide.then(|| middle - 1),

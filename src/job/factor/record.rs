@@ -65,7 +65,7 @@ impl Factored {
     pub fn read(path: &Path) -> Result<Self, OpticsError> {
         let text = crate::regular_file::read_text(path)
             .map_err(|source| OpticsError::File { file: path.to_owned(), source })?;
-        let record: Self = serde_json::from_str(&text).map_err(|error| OpticsError::Entry {
+        let record: Self = serde_json::from_slice(text.as_bytes()).map_err(|error| OpticsError::Entry {
             file: path.to_owned(),
             line: Some(error.line()),
             element: "record".into(),

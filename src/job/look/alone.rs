@@ -17,14 +17,15 @@ use std::{
 use glam::DVec3;
 
 use super::{
-    About, Goal, LOOK, LOOK_VERSION, Look, LookError, LookOptions, PictureOptions, SpotRecord, look_at_spots,
+    About, Goal, LOOK, LOOK_VERSION, Look, LookError, LookOptions, PictureOptions, SpotRecord, finished_manifest,
+    look_at_spots,
     mitsuba::{Print, write_scenes},
     pictures,
     surface::{Expected, SurfaceSpot, spot_around},
     voxels::read_slices,
 };
 use crate::{
-    job::{Manifest, finished::read_manifest},
+    job::Manifest,
     look::{Scene, Site},
     optics::{MaterialFile, VolumeCoefficients},
     output::Existing,
@@ -52,13 +53,7 @@ impl FinishedFolder {
     /// # Errors
     /// [`LookError`]: a folder without manifest or with damaged slices, resins without coefficients.
     pub fn read(folder: &Path, materials: Option<&MaterialFile>, watch: &dyn Watch) -> Result<Self, LookError> {
-        let fault = |found: String, expected: &str| LookError::Folder {
-            folder: folder.to_owned(),
-            found,
-            expected: expected.to_owned(),
-        };
-        let manifest =
-            read_manifest(folder)?.map_err(|finding| fault(finding.to_string(), "the manifest of a finished job"))?;
+        let manifest = finished_manifest(folder)?;
         let materials = match materials {
             Some(file) => file.clone(),
             None => MaterialFile::builtin(&manifest.material_set.name)?,
@@ -68,14 +63,12 @@ impl FinishedFolder {
         let mut bends = false;
         for (number, material) in (1..).zip(&manifest.materials) {
             if material.id != number {
-                return Err(fault(
-                    format!("resin {} as number {}", material.name, material.id),
-                    "resins in their order",
-                ));
+                let found = format!("resin {} as number {}", material.name, material.id);
+                return Err(LookError::folder(folder, found, "resins in their order"));
             }
             let volume = materials.volume(&material.name).ok_or_else(|| {
                 let found = format!("resin {} without coefficients in set {}", material.name, materials.name());
-                fault(found, "resins known by their coefficients")
+                LookError::folder(folder, found, "resins known by their coefficients")
             })?;
             bends |= volume.iter().any(|volume| volume.refractive_index != 1.0);
             coefficients.iter_mut().zip(volume).for_each(|(channel, volume)| channel.push(*volume));
@@ -159,8 +152,8 @@ impl FinishedFolder {
 
 /// The spots of the folder's `look.json`; none where there is none, or one of another form.
 fn recorded(folder: &Path, channels: usize) -> Vec<SpotRecord> {
-    let text = fs::read_to_string(folder.join(LOOK)).unwrap_or_default();
-    let look = serde_json::from_str::<Look>(&text).ok().filter(|look| look.version == LOOK_VERSION);
+    let text = fs::read(folder.join(LOOK)).unwrap_or_default();
+    let look = serde_json::from_slice::<Look>(&text).ok().filter(|look| look.version == LOOK_VERSION);
     let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
     let sound = |spot: &SpotRecord| {
         let albedos = [Some(&spot.predicted), spot.asked.as_ref()];

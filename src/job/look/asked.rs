@@ -19,7 +19,7 @@ use rand_xoshiro::{
 };
 use rayon::prelude::*;
 
-use super::surface::normal_and_area;
+use super::{ByArea, SurfacePoint};
 use crate::{
     job::Prepared,
     look::{LAMPS, Lamps, Stage},
@@ -178,28 +178,16 @@ impl AskedLight {
 
 /// Points at random, evenly over all surfaces, with the light that falls on them.
 fn lit_points(prepared: &Prepared, stage: &Stage<'_>, detail: &Detail, seed: u64) -> Vec<Lit> {
-    let mut running = Vec::new();
-    let mut total = 0.0;
-    for (object, field) in prepared.slicer().objects().iter().enumerate() {
-        for (triangle, corners) in (0..).zip(field.surface().triangles()) {
-            total += normal_and_area(corners).map_or(0.0, |(_, area)| area);
-            running.push((total, object, triangle));
-        }
-    }
-    let count = (total * detail.points_per_mm2).min(MAX_POINTS) as usize;
+    let areas = ByArea::new(prepared);
+    let count = (areas.total * detail.points_per_mm2).min(MAX_POINTS) as usize;
     let lit = |n: usize| {
         let stream = seed ^ (n as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream);
         let mut uniform = || (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
         // Strata of equal area, in the order of the triangles, turned so that every few of them are even too.
-        let share = (n as f64 * 0.618_033_988_749_894_9 + uniform() / count as f64).fract() * total;
-        let at = running.partition_point(|(sum, ..)| *sum <= share).min(running.len() - 1);
-        let (_, object, triangle) = running[at];
-        let corners = prepared.slicer().objects()[object].surface().triangles()[triangle as usize];
-        let (normal, _) = normal_and_area(&corners)?;
-        let (u, v) = (uniform(), uniform());
-        let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-        let point = corners[0] + (corners[1] - corners[0]) * u + (corners[2] - corners[0]) * v;
+        let share = (n as f64 * 0.618_033_988_749_894_9 + uniform() / count as f64).fract();
+        let found = areas.point(share * areas.total, [uniform(), uniform()])?;
+        let SurfacePoint { object, triangle, point, normal } = found;
         let (label, albedo) = prepared.wanted_at(object, triangle, point);
         let irradiance = irradiance(stage, [point, normal], albedo, detail.rays, &mut uniform);
         Some(Lit { point, label, object: object as u16, irradiance })

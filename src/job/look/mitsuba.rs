@@ -65,11 +65,7 @@ pub(super) fn write_scenes(
     existing: Existing,
     watch: &dyn Watch,
 ) -> Result<(), LookError> {
-    let fault = |found: String, expected: &str| LookError::Folder {
-        folder: folder.to_owned(),
-        found,
-        expected: expected.to_owned(),
-    };
+    let fault = |found: String, expected: &str| LookError::folder(folder, found, expected);
     let Some(stage) = stage(scene, options) else {
         return Err(fault("nothing that is printed".to_owned(), "some to look at"));
     };

@@ -12,10 +12,12 @@
 //! | `mitsuba` | the same scene for Mitsuba 3 |
 //! | `edges` | what shows by a shadow's edge, asked and printed |
 //! | `surface` | spots of the surface, and what is expected there |
+//! | `by_area` | points of all surfaces, evenly over their area |
 //! | `alone`   | a finished folder without its job |
 
 mod alone;
 mod asked;
+mod by_area;
 mod edges;
 mod mitsuba;
 mod pictures;
@@ -30,6 +32,7 @@ use serde::{Deserialize, Serialize};
 
 pub use super::run_error::LookError;
 pub use alone::FinishedFolder;
+pub(in crate::job) use by_area::{ByArea, SurfacePoint};
 use edges::EdgeShape;
 pub use mitsuba::{OWNER as MITSUBA, write_mitsuba};
 pub use pictures::PictureOptions;
@@ -40,7 +43,7 @@ pub(in crate::job) use voxels::LOOK_VOXELS;
 
 pub use super::record::{Differences, EdgeRecord, Fit, LookSummary, SpotRecord, Spread};
 use super::{
-    Prepared,
+    Manifest, Prepared,
     finished::{Finding, read_manifest},
     manifest::LOOK,
 };
@@ -157,16 +160,14 @@ pub fn look(
 pub fn scene_for(prepared: &Prepared, folder: Option<&Path>, watch: &dyn Watch) -> Result<Scene, LookError> {
     let volume = match folder {
         None => prepared.volume(watch)?,
-        Some(folder) => {
-            let fault = |finding: Finding| LookError::Folder {
-                folder: folder.to_owned(),
-                found: finding.to_string(),
-                expected: "the manifest of a finished job".to_owned(),
-            };
-            voxels::read_volume(folder, &read_manifest(folder)?.map_err(fault)?, prepared, watch)?
-        }
+        Some(folder) => voxels::read_volume(folder, &finished_manifest(folder)?, prepared, watch)?,
     };
     prepared.lit(volume)
+}
+
+fn finished_manifest(folder: &Path) -> Result<Manifest, LookError> {
+    let fault = |finding: Finding| LookError::folder(folder, finding.to_string(), "the manifest of a finished job");
+    read_manifest(folder)?.map_err(fault)
 }
 
 /// Looks at what fills a scene, which must be on the lattice of `prepared`: its own print, or another of the same
@@ -267,7 +268,7 @@ fn look_at_spots(
     let against = |goal: &Vec<Vec<f64>>| fits(&spots, goal, channels.len());
     Ok(Look {
         delta_e_2000: differences.and_then(Differences::of),
-        relative: asked.as_ref().and_then(|asked| Spread::of(&spots, asked)),
+        relative: asked.as_ref().and_then(|asked| Spread::of_spots(&spots, asked)),
         edge_mm: edge_mm.to_vec(),
         edges_against_asked: edges::against_asked(&spots, channels.len()),
         generator: GENERATOR.to_owned(),
@@ -321,19 +322,24 @@ impl Differences {
     /// `None` of none.
     fn of(mut differences: Vec<f64>) -> Option<Self> {
         differences.sort_by(f64::total_cmp);
-        let at = |share: usize| percentile(&differences, share);
+        let Spread { median, ninety_five_percent } = Spread::of(&differences)?;
         Some(Self {
-            median: at(50)?,
-            ninety_percent: at(90)?,
-            ninety_five_percent: Some(at(95)?),
+            median,
+            ninety_percent: percentile(&differences, 90)?,
+            ninety_five_percent: Some(ninety_five_percent),
             worst: *differences.last()?,
         })
     }
 }
 
 impl Spread {
-    /// `None` of no spots.
-    fn of(spots: &[SpotRecord], asked: &[Vec<f64>]) -> Option<Self> {
+    /// Of ascending numbers; `None` of none.
+    fn of(ascending: &[f64]) -> Option<Self> {
+        Some(Self { median: percentile(ascending, 50)?, ninety_five_percent: percentile(ascending, 95)? })
+    }
+
+    /// How far spots are from what was asked for, as shares of that; `None` of no spots.
+    fn of_spots(spots: &[SpotRecord], asked: &[Vec<f64>]) -> Option<Self> {
         let length = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
         let off = |(spot, asked): (&SpotRecord, &Vec<f64>)| {
             let apart = length(&mut spot.printed.iter().zip(asked).map(|(printed, asked)| printed - asked));
@@ -341,7 +347,7 @@ impl Spread {
         };
         let mut shares: Vec<f64> = spots.iter().zip(asked).map(off).collect();
         shares.sort_by(f64::total_cmp);
-        Some(Self { median: percentile(&shares, 50)?, ninety_five_percent: percentile(&shares, 95)? })
+        Self::of(&shares)
     }
 }
 

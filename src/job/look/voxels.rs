@@ -95,13 +95,16 @@ pub(super) fn read_volume(
     watch: &dyn Watch,
 ) -> Result<Volume, LookError> {
     let lattice = manifest.lattice.lattice();
-    let fault = |found: String, expected: String| LookError::Folder { folder: folder.to_owned(), found, expected };
     if lattice != prepared.lattice {
         let words = |lattice: &Lattice| {
             let [x, y, z] = lattice.dims;
             format!("a lattice of {x} × {y} × {z} voxels of {:?} mm", lattice.pitch.to_array())
         };
-        return Err(fault(words(&lattice), format!("that of the job, {}", words(&prepared.lattice))));
+        return Err(LookError::folder(
+            folder,
+            words(&lattice),
+            format!("that of the job, {}", words(&prepared.lattice)),
+        ));
     }
     let known = |material: &MaterialRecord| {
         let at = prepared.materials.resins.iter().position(|resin| resin.name == material.name);
@@ -110,7 +113,7 @@ pub(super) fn read_volume(
     if let Some(other) = manifest.materials.iter().find(|material| !known(material)) {
         let names: Vec<_> = prepared.materials.resins.iter().map(|resin| resin.name.as_str()).collect();
         let expected = format!("the resins of the job: {}", names.join(", "));
-        return Err(fault(format!("resin {} as number {}", other.name, other.id), expected));
+        return Err(LookError::folder(folder, format!("resin {} as number {}", other.name, other.id), expected));
     }
     read_slices(folder, manifest, &from_top(prepared), support(&prepared.materials), watch)
 }
@@ -127,11 +130,8 @@ pub(super) fn read_slices(
     let lattice = manifest.lattice.lattice();
     if manifest.slices != [0, lattice.dims[2]] {
         let [first, end] = manifest.slices;
-        return Err(LookError::Folder {
-            folder: folder.to_owned(),
-            found: format!("slices {first}..{end}"),
-            expected: format!("all {} of the job", lattice.dims[2]),
-        });
+        let expected = format!("all {} of the job", lattice.dims[2]);
+        return Err(LookError::folder(folder, format!("slices {first}..{end}"), expected));
     }
     let colours = SliceColours::new(manifest.materials.iter().map(|material| (material.rgba, material.id)));
     let mut volume = Volume::new(lattice)?;

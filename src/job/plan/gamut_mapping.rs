@@ -3,7 +3,16 @@
 use super::{asked::Wanted, context::TargetContext};
 use crate::job::RunError;
 use crate::optics::ResinId;
-use crate::search::{Gamut, GamutMap, Move, SearchTarget};
+use crate::search::{Found, Gamut, GamutMap, Move, SearchTarget};
+
+/// What `gamut-map` made of an object's targets.
+pub(super) struct Mapped {
+    pub map: GamutMap,
+    /// The targets after.
+    pub targets: Vec<SearchTarget>,
+    /// What a search with mixtures found for them, where they are as they were.
+    pub found: Option<Vec<Found>>,
+}
 
 impl TargetContext<'_> {
     /// Where the object's targets go, if the job asks for that; says what it does.
@@ -12,7 +21,7 @@ impl TargetContext<'_> {
         core: ResinId,
         wanted: &Wanted,
         warnings: &mut Vec<String>,
-    ) -> Result<Option<GamutMap>, RunError> {
+    ) -> Result<Option<Mapped>, RunError> {
         if !self.job.objects[self.object].gamut_map {
             return Ok(None);
         }
@@ -20,16 +29,21 @@ impl TargetContext<'_> {
         let options = self.match_options(core);
         let gamut = Gamut::explored(self.materials, &options, self.watch, self.job.search_cache.as_ref());
         let gamut = gamut.map_err(|fault| self.search_fault(fault))?;
-        let map = GamutMap::new(&gamut, &wanted.targets, &wanted.shares, &self.materials.grid);
-        // Of targets that the resins reach there is nothing to tell.
-        if map.moved() > 0 || map.moves.iter().any(|moved| !moved.inside) {
-            warnings.push(format!("object {}: gamut-map: {}", self.object + 1, map_in_words(&map, &wanted.shares)));
+        let (targets, shares, grid) = (&wanted.targets, &wanted.shares, &self.materials.grid);
+        let mut map = GamutMap::new(&gamut, targets, shares, grid);
+        let mut found = None;
+        if options.mixtures && !map.moves.iter().all(Move::reached) {
+            let with_mixtures = self.search(core, targets)?;
+            let reflections: Vec<_> = with_mixtures.iter().map(Found::reflection).collect();
+            map = GamutMap::with_mixtures(&gamut, &reflections, targets, shares, grid);
+            found = (map.moved() == 0).then_some(with_mixtures);
         }
-        Ok(Some(map))
-    }
-
-    pub(super) fn mapped(&self, map: &GamutMap, targets: &[SearchTarget]) -> Vec<SearchTarget> {
-        map.moves.iter().zip(targets).map(|(moved, target)| moved.apply(target, &self.materials.grid)).collect()
+        // Of targets that the resins reach there is nothing to tell.
+        if map.moved() > 0 || !map.moves.iter().all(Move::reached) {
+            warnings.push(format!("object {}: gamut-map: {}", self.object + 1, map_in_words(&map, shares)));
+        }
+        let targets = map.moves.iter().zip(targets).map(|(moved, target)| moved.apply(target, grid)).collect();
+        Ok(Some(Mapped { map, targets, found }))
     }
 }
 
@@ -40,7 +54,7 @@ fn map_in_words(map: &GamutMap, shares: &[f64]) -> String {
         let (low, high) = moved().map(factor).fold((f64::INFINITY, 0.0_f64), |(l, h), f| (l.min(f), h.max(f)));
         format!("{low:.3} to {high:.3}")
     };
-    let outside = map.moves.iter().filter(|moved| !moved.inside).count();
+    let outside = map.moves.iter().filter(|moved| !moved.reached()).count();
     let all = map.moves.len();
     if map.moved() == 0 {
         return format!("moved none of {all} targets, {outside} lie outside of the gamut");

@@ -40,4 +40,3 @@ pub use on_surface::VariantEntry;
 pub(super) use on_surface::{CHANNELS, ObjectPlan};
 pub use prepare::{InputFile, Prepared};
 pub use stacking_report::{GamutMapEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};
-pub(super) use stackings::ALIKE;

@@ -7,6 +7,7 @@ use super::{
     answers::Answers,
     asked::{AskedMap, Surface, wanted},
     context::TargetContext,
+    gamut_mapping::Mapped,
     on_surface::{CHANNELS, Laid, ObjectPlan},
 };
 use crate::{
@@ -20,7 +21,7 @@ use crate::{
     },
     numeric::rounding::{four_digits, rounded},
     optics::{Mixture, OpticsError, ResinId, Stack},
-    search::{Found, Matcher, RefineOptions, SearchTarget},
+    search::{Found, Matcher, RefineOptions, SearchTarget, far_miss},
 };
 
 /// What an object's target became.
@@ -48,13 +49,14 @@ pub(super) fn object_layers(
         return Ok(ObjectLayers { layers, report, asked: AskedMap::default(), plan: None });
     }
     let wanted = wanted(context, target, warnings)?;
-    let map = context.gamut_map(core, &wanted, warnings)?;
-    let targets = map.as_ref().map_or_else(|| wanted.targets.clone(), |map| context.mapped(map, &wanted.targets));
-    let matches = context.search(core, &targets)?;
+    let mut mapped = context.gamut_map(core, &wanted, warnings)?;
+    let found = mapped.as_mut().and_then(|mapped| mapped.found.take());
+    let targets = mapped.as_ref().map_or(&wanted.targets, |mapped| &mapped.targets);
+    let matches = found.map_or_else(|| context.search(core, targets), Ok)?;
     let mut entries = Vec::with_capacity(matches.len());
     for (index, found) in matches.iter().enumerate() {
         let mut entry = context.matched_entry(found, &targets[index], wanted.shares[index], wanted.rms[index]);
-        if let Some(map) = &map {
+        if let Some(Mapped { map, .. }) = &mapped {
             entry.target_albedo = Some(wanted.targets[index].channels.iter().map(|channel| channel[0]).collect());
             let asked = context.job.stacking.objective.of(found.reflection(), &wanted.targets[index]);
             entry.gamut_map = Some(GamutMapEntry::new(&map.moves[index], asked));
@@ -90,21 +92,15 @@ pub(super) fn object_layers(
     Ok(ObjectLayers { layers, report, asked, plan: None })
 }
 
-/// Albedos that differ by less look much alike.
-pub(in crate::job) const ALIKE: f64 = 0.05;
-
 /// How much of the surface comes out lighter or darker than asked, if any does.
 fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
-    let gap = |(asked, found): (f64, f64)| (asked - found).abs();
-    let wider = |a: &(f64, f64), b: &(f64, f64)| gap(*a).total_cmp(&gap(*b));
     let off = |entry: &StackingEntry| {
-        let asked = entry.target_albedo.iter().flatten().copied();
-        asked.zip(entry.predicted_albedo.iter().copied()).max_by(wider)
+        let asked = entry.target_albedo.iter().flatten();
+        far_miss(asked.zip(&entry.predicted_albedo).map(|(asked, found)| [*asked, *found]))
     };
-    let far = entries.iter().filter_map(|entry| Some((entry.share, off(entry)?)));
-    let far: Vec<_> = far.filter(|(_, pair)| gap(*pair) > ALIKE).collect();
+    let far: Vec<_> = entries.iter().filter_map(|entry| Some((entry.share, off(entry)?))).collect();
     let share: f64 = far.iter().map(|(share, _)| share).sum();
-    let (asked, found) = far.into_iter().map(|(_, pair)| pair).max_by(wider)?;
+    let [asked, found] = far_miss(far.into_iter().map(|(_, pair)| pair))?;
     Some(format!(
         "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: \
          the resins reach no nearer, see the job's gamut, gamut-map and dc-weight",
@@ -146,7 +142,8 @@ impl Job {
 }
 
 impl TargetContext<'_> {
-    fn search(&self, core: ResinId, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
+    /// One stacking for each target.
+    pub(super) fn search(&self, core: ResinId, targets: &[SearchTarget]) -> Result<Vec<Found>, RunError> {
         self.watch.stage("stackings", targets.len() as u64);
         let (options, cache) = (self.match_options(core), self.job.search_cache.as_ref());
         let found = Matcher::matched(self.materials, &options, targets, self.watch, cache);

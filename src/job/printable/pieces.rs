@@ -15,7 +15,7 @@ use serde::Serialize;
 use crate::{
     disjoint_sets::DisjointSets,
     job::{Prepared, RunError},
-    sdf::SliceRuns,
+    sdf::{SliceRuns, merge_runs},
     slice::ObjectField,
     voxel::{BlockShape, Lattice},
     watch::Watch,
@@ -132,21 +132,6 @@ impl Growing {
     }
 }
 
-/// Makes one run of those that touch.
-fn merge(runs: &mut Vec<[u32; 2]>) {
-    runs.sort_unstable();
-    let mut kept = 0;
-    for n in 1..runs.len() {
-        if runs[n][0] <= runs[kept][1] {
-            runs[kept][1] = runs[kept][1].max(runs[n][1]);
-        } else {
-            kept += 1;
-            runs[kept] = runs[n];
-        }
-    }
-    runs.truncate(kept + 1);
-}
-
 impl Prepared {
     /// The pieces of all objects together, and the voxels inside of each for itself.
     pub(super) fn pieces(&self, watch: &dyn Watch) -> Result<(Pieces, u64), RunError> {
@@ -173,7 +158,7 @@ impl Prepared {
                         objects.iter().for_each(|slices| row.extend(slices[k as usize].row(j)));
                         inside += row.iter().map(|[start, end]| u64::from(end - start)).sum::<u64>();
                         if objects.len() > 1 {
-                            merge(row);
+                            merge_runs(row, 0);
                         }
                     });
                 }
@@ -220,7 +205,7 @@ mod tests {
                 let row = slice[j as usize].as_bytes();
                 let inside = (0..row.len() as u32).filter(|&i| row[i as usize] == b'#');
                 runs.extend(inside.map(|i| [i, i + 1]));
-                merge(runs);
+                merge_runs(runs, 0);
             });
         }
         let mut parts: Vec<_> = growing.finish().iter().map(|part| (part.voxels, part.low, part.high)).collect();
@@ -240,13 +225,5 @@ mod tests {
         assert_eq!(arch, [(7, [0, 0, 0], [3, 1, 3])]);
         assert_eq!(parts(&[&["#.#"], &["#.#"], &["#.#"]]).len(), 2);
         assert_eq!(parts(&[&["..."]]), []);
-    }
-
-    #[test]
-    fn runs_that_touch_are_one() {
-        let mut runs = vec![[5, 9], [0, 3], [3, 4], [8, 12], [20, 21]];
-        merge(&mut runs);
-        assert_eq!(runs, [[0, 4], [5, 12], [20, 21]]);
-        merge(&mut Vec::new());
     }
 }

@@ -10,14 +10,14 @@ use rayon::prelude::*;
 use super::{
     RunError,
     containers::{Containers, write_texts},
-    redraw::{RedrawError, check as check_lattice},
+    redraw::{RedrawError, check as check_lattice, list_written, reopened},
 };
 use crate::{
     blame::{Blame, Blamed, Remedy},
     container::{Content, SliceBatch, SliceImage, VolumeLayer, Voxels, bmp, gcvf},
-    job::{Manifest, file::OutputFormat, finished::read_manifest, look::LookError},
+    job::{Manifest, file::OutputFormat, look::LookError},
     look::Volume,
-    output::{FileEntry, MANIFEST, OutputError, OutputFolder, pretty},
+    output::{FileEntry, OutputError, OutputFolder},
     preview::{SliceColours, decode_slice},
     voxel::{BRICK, MaterialId},
     watch::Watch,
@@ -78,22 +78,13 @@ const MAX_SLICE_BYTES: u64 = 1 << 30;
 /// [`ConvertError`]: a folder that is no whole finished job with slices, a format that cannot hold it, before anything
 /// is written.
 pub fn convert(folder: &Path, format: OutputFormat, watch: &dyn Watch) -> Result<Converted, ConvertError> {
-    let mut manifest = read_manifest(folder).map_err(RedrawError::from)?.map_err(RedrawError::Manifest)?;
-    let output = OutputFolder::reopen(folder, &manifest.files)?;
-    if read_manifest(folder).map_err(RedrawError::from)?.as_ref() != Ok(&manifest) {
-        return Err(OutputError::Busy { path: folder.to_owned() }.into());
-    }
+    let (mut manifest, output) = reopened(folder)?;
     check_lattice(&manifest)?;
     let source = Source { folder, manifest: &manifest, output: &output, content: manifest.content() };
     let images = source.images()?;
     let mut warnings = source.fits(format)?;
     source.write(format, &images, &mut warnings, watch)?;
-    let written = output.files();
-    manifest.files.retain(|file| written.iter().all(|new| new.path != file.path));
-    manifest.files.extend(written.iter().cloned());
-    manifest.files.sort_by(|a, b| a.path.cmp(&b.path));
-    output.write_unlisted(MANIFEST, &pretty(&manifest))?;
-    Ok(Converted { files: written.into_iter().map(|file| file.path).collect(), warnings })
+    Ok(Converted { files: list_written(&output, &mut manifest)?, warnings })
 }
 
 /// A finished folder being read.

@@ -7,7 +7,10 @@ use std::{collections::BTreeSet, fmt::Write as _};
 
 use glam::DVec3;
 
-use crate::job::{Prepared, look::normal_and_area};
+use crate::job::{
+    Prepared,
+    look::{ByArea, SurfacePoint},
+};
 
 /// The file, in the output folder.
 pub(super) const LABELS: &str = "preview/labels.csv";
@@ -38,26 +41,14 @@ impl Prepared {
         if self.objects.iter().all(|object| object.stackings.stackings.len() < 2) {
             return Vec::new();
         }
-        let mut running = Vec::new();
-        let mut total = 0.0;
-        for (object, field) in self.slicer().objects().iter().enumerate() {
-            for (triangle, corners) in (0..).zip(field.surface().triangles()) {
-                let Some((normal, area)) = normal_and_area(corners) else { continue };
-                total += area;
-                running.push((total, object, triangle, normal));
-            }
-        }
+        let areas = ByArea::new(self);
         let (mut met, mut labels) = (BTreeSet::new(), Vec::new());
-        for n in 0..if running.is_empty() { 0 } else { LOOKED_AT } {
+        for n in 0..LOOKED_AT {
             // Roberts' sequences in one and two dimensions: even however many points are taken.
             let even = |step: f64| (0.5 + n as f64 * step).fract();
-            let share = even(0.618_033_988_749_894_9) * total;
-            let at = running.partition_point(|(sum, ..)| *sum <= share).min(running.len() - 1);
-            let (_, object, triangle, normal) = running[at];
-            let [a, b, c] = self.slicer().objects()[object].surface().triangles()[triangle as usize];
-            let (u, v) = (even(0.754_877_666_246_692_7), even(0.569_840_290_998_053_2));
-            let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-            let point = a + (b - a) * u + (c - a) * v;
+            let uv = [even(0.754_877_666_246_692_7), even(0.569_840_290_998_053_2)];
+            let found = areas.point(even(0.618_033_988_749_894_9) * areas.total, uv);
+            let Some(SurfacePoint { object, triangle, point, normal }) = found else { break };
             let (cluster, _) = self.wanted_at(object, triangle, point);
             if met.insert((object, cluster)) || n < POINTS {
                 labels.push(SurfaceLabel { object, cluster, point, normal });

@@ -53,21 +53,31 @@ impl Blamed for RedrawError {
 /// # Errors
 /// [`RedrawError`]; before anything is replaced unless writing itself fails.
 pub fn redraw(folder: &Path, watch: &dyn Watch) -> Result<Vec<String>, RedrawError> {
-    let mut manifest = read_manifest(folder)?.map_err(RedrawError::Manifest)?;
-    // Held while it is read: what another run replaced meanwhile must not come back.
-    let output = OutputFolder::reopen(folder, &manifest.files).map_err(RunError::from)?;
-    if read_manifest(folder)?.as_ref() != Ok(&manifest) {
-        return Err(RunError::from(OutputError::Busy { path: folder.to_owned() }).into());
-    }
+    let (mut manifest, output) = reopened(folder)?;
     check(&manifest)?;
     let mut pictures = looks(&output, &manifest);
     pictures.extend(draw_again(folder, &manifest, watch)?);
     write_pictures(&output, &manifest, &pictures, &labels(&output, &manifest))?;
+    Ok(list_written(&output, &mut manifest).map_err(RunError::from)?)
+}
+
+/// A finished folder, held while it is read: what another run replaced meanwhile must not come back.
+pub(super) fn reopened(folder: &Path) -> Result<(Manifest, OutputFolder), RedrawError> {
+    let manifest = read_manifest(folder)?.map_err(RedrawError::Manifest)?;
+    let output = OutputFolder::reopen(folder, &manifest.files).map_err(RunError::from)?;
+    if read_manifest(folder)?.as_ref() != Ok(&manifest) {
+        return Err(RunError::from(OutputError::Busy { path: folder.to_owned() }).into());
+    }
+    Ok((manifest, output))
+}
+
+/// Lists in the manifest what was written since the folder was reopened. Returns the files' paths.
+pub(super) fn list_written(output: &OutputFolder, manifest: &mut Manifest) -> Result<Vec<String>, OutputError> {
     let written = output.files();
     manifest.files.retain(|file| written.iter().all(|new| new.path != file.path));
     manifest.files.extend(written.iter().cloned());
     manifest.files.sort_by(|a, b| a.path.cmp(&b.path));
-    output.write_unlisted(MANIFEST, &pretty(&manifest)).map_err(RunError::from)?;
+    output.write_unlisted(MANIFEST, &pretty(manifest))?;
     Ok(written.into_iter().map(|file| file.path).collect())
 }
 

@@ -1,3 +1,4 @@
+mod ball;
 mod skin;
 mod slabs;
 pub(super) mod spots;

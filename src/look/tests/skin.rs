@@ -3,17 +3,14 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
 
-use super::spots::{printed, sites, synthetic, top, volume};
-use crate::look::{Scene, Spot, spots::over};
-use crate::mesh::TriangleMesh;
-use crate::optics::{
-    Estimate, Interface, Light, MaterialSet, Model, Stack, TransportOptions, VolumeCoefficients,
-    fresnel::refraction,
-    monte_carlo::photon::{Direction, HenyeyGreenstein, azimuth, uniform},
-    predict,
+use super::{
+    ball::in_an_exact_ball,
+    spots::{printed, sites, synthetic, top, volume},
 };
+use crate::look::{Scene, Spot};
+use crate::mesh::TriangleMesh;
+use crate::optics::{Interface, Light, MaterialSet, Model, Stack, TransportOptions, VolumeCoefficients, predict};
 use crate::sdf::Surface;
 use crate::test_shapes::{box_triangles, indexed, sphere};
 use crate::watch::Unwatched;
@@ -77,52 +74,6 @@ fn what_enters_leaves_where_nothing_absorbs() {
     assert!(apart < 4.0 * found.standard_error + 1e-3, "{found:?} instead of {}", 1.0 - glint);
 }
 
-/// The same by a walk that knows a ball of glass in closed form and shares no step with the code under test but
-/// Fresnel's equations.
-fn in_an_exact_ball(radius: f64, medium: &VolumeCoefficients, walks: u32) -> Estimate {
-    let mut rng = Xoshiro256PlusPlus::seed_from_u64(77);
-    let phase = HenyeyGreenstein::new(medium.g);
-    let (mut sum, mut squared) = (0.0, 0.0);
-    for _ in 0..walks {
-        let (outward, _) = over(DVec3::Z, &mut rng);
-        let entered = refraction(outward.z, 1.0, INDEX).unwrap();
-        let flat = -outward.truncate() / INDEX;
-        let (mut at, mut to) = (DVec3::Z * radius, flat.extend(-entered.cosine));
-        let mut weight = 1.0 - entered.reflectance;
-        'walk: loop {
-            let mut way = -(1.0 - uniform(&mut rng)).ln() / medium.sigma_t();
-            loop {
-                let (b, c) = (at.dot(to), at.length_squared() - radius * radius);
-                let rim = -b + (b * b - c).max(0.0).sqrt();
-                if way < rim {
-                    at += to * way;
-                    break;
-                }
-                at += to * rim;
-                way -= rim;
-                let normal = at.normalize();
-                let cosine = to.dot(normal).clamp(1e-9, 1.0);
-                match refraction(cosine, INDEX, 1.0) {
-                    Some(found) if uniform(&mut rng) >= found.reflectance => break 'walk,
-                    _ => to = (to - 2.0 * cosine * normal).normalize(),
-                }
-            }
-            weight *= medium.albedo();
-            if weight < 1e-6 {
-                weight = 0.0;
-                break;
-            }
-            let turned = Direction { x: to.x, y: to.y, z: to.z };
-            let turned = turned.turned(phase.sample(uniform(&mut rng)), azimuth(&mut rng));
-            to = DVec3::new(turned.x, turned.y, turned.z);
-        }
-        sum += weight;
-        squared += weight * weight;
-    }
-    let (n, mean) = (f64::from(walks), sum / f64::from(walks));
-    Estimate { mean, standard_error: ((squared / n - mean * mean) / n).sqrt() }
-}
-
 #[test]
 fn balls_under_a_surface_print_as_a_walk_in_an_exact_ball_has_it() {
     let (_, media) = synthetic();
@@ -133,7 +84,7 @@ fn balls_under_a_surface_print_as_a_walk_in_an_exact_ball_has_it() {
         let scene =
             under(Scene::new(voxels, std::slice::from_ref(&media)).unwrap(), &mesh(&sphere(centre, radius, 200)));
         let found = printed(&scene, Spot { sites: sites(centre, radius, 512) }, 200_000);
-        let expected = in_an_exact_ball(radius, &media[usize::from(id)], 200_000);
+        let expected = in_an_exact_ball(radius, &media[usize::from(id)], INDEX, 200_000);
         let sigma = found.standard_error.hypot(expected.standard_error);
         println!("ball of {id} under a surface: {found:?} and {expected:?}");
         assert!((found.mean - expected.mean).abs() < 3.0 * sigma + 0.005 * expected.mean, "{found:?} {expected:?}");

@@ -4,10 +4,11 @@
 use glam::DVec3;
 use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
 
-use crate::look::{Scene, Site, Spot, Volume, spots::over};
+use super::ball::in_an_exact_ball;
+use crate::look::{Scene, Site, Spot, Volume};
 use crate::optics::{
     EdgeResponse, Estimate, Light, MaterialSet, Model, Stack, TransportOptions, VolumeCoefficients,
-    monte_carlo::photon::{Direction, HenyeyGreenstein, azimuth, uniform},
+    monte_carlo::photon::{azimuth, uniform},
     predict,
 };
 use crate::voxel::{BRICK, Lattice};
@@ -149,33 +150,6 @@ pub(super) fn sites(centre: DVec3, radius: f64, count: usize) -> Vec<Site> {
     (0..count).map(site).collect()
 }
 
-/// The same by a walk that knows a ball in closed form and shares no step with the code under test.
-fn in_an_exact_ball(radius: f64, medium: &VolumeCoefficients, walks: u32) -> Estimate {
-    let mut rng = Xoshiro256PlusPlus::seed_from_u64(77);
-    let phase = HenyeyGreenstein::new(medium.g);
-    let (mut sum, mut squared) = (0.0, 0.0);
-    for _ in 0..walks {
-        let (outward, _) = over(DVec3::Z, &mut rng);
-        let (mut at, mut to, mut weight) = (DVec3::Z * radius, -outward, 1.0);
-        loop {
-            let way = -(1.0 - uniform(&mut rng)).ln() / medium.sigma_t();
-            let (b, c) = (at.dot(to), at.length_squared() - radius * radius);
-            if way > -b + (b * b - c).max(0.0).sqrt() {
-                break;
-            }
-            at += to * way;
-            weight *= medium.albedo();
-            let turned = Direction { x: to.x, y: to.y, z: to.z };
-            let turned = turned.turned(phase.sample(uniform(&mut rng)), azimuth(&mut rng));
-            to = DVec3::new(turned.x, turned.y, turned.z);
-        }
-        sum += weight;
-        squared += weight * weight;
-    }
-    let (n, mean) = (f64::from(walks), sum / f64::from(walks));
-    Estimate { mean, standard_error: ((squared / n - mean * mean) / n).sqrt() }
-}
-
 #[test]
 fn balls_print_as_a_walk_in_an_exact_ball_has_it() {
     let (_, media) = synthetic();
@@ -185,7 +159,7 @@ fn balls_print_as_a_walk_in_an_exact_ball_has_it() {
         let ball = |p: DVec3| if p.distance(centre) < radius { id } else { 0 };
         let scene = Scene::new(volume(dims, pitch, ball), std::slice::from_ref(&media)).unwrap();
         let found = printed(&scene, Spot { sites: sites(centre, radius, 512) }, 400_000);
-        let expected = in_an_exact_ball(radius, &media[usize::from(id)], 400_000);
+        let expected = in_an_exact_ball(radius, &media[usize::from(id)], 1.0, 400_000);
         let sigma = found.standard_error.hypot(expected.standard_error);
         println!("ball of {id}: {found:?} and {expected:?}");
         assert!((found.mean - expected.mean).abs() < 3.0 * sigma + 0.002 * expected.mean, "{found:?} {expected:?}");

@@ -167,39 +167,60 @@ pub(super) fn solve(count: usize, links: &[Link]) -> Vec<Offset> {
 /// Values whose differences are as the links say, by weighted least squares (Gauss–Seidel); each with the error its own
 /// links leave. An exposure without shared pixels keeps 0.
 fn network(count: usize, links: &[Link], read: impl Fn(&Link) -> (f64, f64)) -> Vec<(f64, f64)> {
-    const SWEEPS: usize = 2000;
-    let mut values = vec![0.0_f64; count];
-    let mut weights = vec![0.0; count];
-    for sweep in 0..SWEEPS {
-        let mut moved = 0.0_f64;
-        for k in 0..count {
-            let (mut sum, mut weight) = (0.0, 0.0);
-            for link in links {
-                let (difference, variance) = read(link);
-                let (other, target) = match k {
-                    _ if k == link.i => (link.j, difference),
-                    _ if k == link.j => (link.i, -difference),
-                    _ => continue,
-                };
-                sum += (values[other] + target) / variance;
-                weight += 1.0 / variance;
-            }
-            if weight > 0.0 {
-                moved = moved.max((sum / weight - values[k]).abs());
-                values[k] = sum / weight;
-                weights[k] = weight;
-            }
+    let settling = Settling { sweeps: 2000, least: 1e-9, held: 0.0 };
+    let (values, weights) = settling.run(count, |k, values| {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for link in links {
+            let (difference, variance) = read(link);
+            let (other, target) = match k {
+                _ if k == link.i => (link.j, difference),
+                _ if k == link.j => (link.i, -difference),
+                _ => continue,
+            };
+            sum += (values[other] + target) / variance;
+            weight += 1.0 / variance;
         }
-        if sweep > 0 && moved < 1e-9 {
-            break;
-        }
-    }
+        (sum, weight)
+    });
     let mut linked: Vec<f64> = (0..count).filter(|&k| weights[k] > 0.0).map(|k| values[k]).collect();
     let middle = if linked.is_empty() { 0.0 } else { median(&mut linked) };
     let settled = |k: usize| {
         if weights[k] > 0.0 { (values[k] - middle, 1.0 / f64::sqrt(weights[k])) } else { (0.0, f64::INFINITY) }
     };
     (0..count).map(settled).collect()
+}
+
+/// How values that pull at each other come to rest (Gauss–Seidel).
+pub(super) struct Settling {
+    /// Sweeps over all values at most.
+    pub sweeps: usize,
+    /// The last sweep is one that moves none as far.
+    pub least: f64,
+    /// Weight that holds every value at 0, as a share of what pulls at it.
+    pub held: f64,
+}
+
+impl Settling {
+    /// The values, and the weights of what pulls at them. `pull` sums what a value should be by all the others, times
+    /// the weights, and the weights; where these are 0 a value keeps 0.
+    pub fn run(&self, count: usize, pull: impl Fn(usize, &[f64]) -> (f64, f64)) -> (Vec<f64>, Vec<f64>) {
+        let (mut values, mut weights) = (vec![0.0_f64; count], vec![0.0_f64; count]);
+        for sweep in 0..self.sweeps {
+            let mut moved = 0.0_f64;
+            for k in 0..count {
+                let (sum, weight) = pull(k, &values);
+                if weight > 0.0 {
+                    let value = sum / (weight * (1.0 + self.held));
+                    moved = moved.max((value - values[k]).abs());
+                    (values[k], weights[k]) = (value, weight);
+                }
+            }
+            if sweep > 0 && moved < self.least {
+                break;
+            }
+        }
+        (values, weights)
+    }
 }
 
 pub(super) fn median(values: &mut [f64]) -> f64 {

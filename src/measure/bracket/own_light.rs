@@ -7,7 +7,7 @@
 //! level, taken off later). A curve like x^γ leaves the ratio constant and turns all times into t^γ; sRGB's, a power
 //! above a straight foot, moves black as well.
 
-use super::consistency::Link;
+use super::consistency::{Link, Settling};
 use super::{Sensor, Survey};
 
 /// Fewest exposures a majority is made of.
@@ -104,35 +104,23 @@ impl OwnLight {
 
 /// c of every exposure by least squares over α = c_a − ρ c_b (Gauss–Seidel), and the error its links leave.
 fn constants(count: usize, links: &[Link]) -> (Vec<f64>, Vec<f64>) {
-    const SWEEPS: usize = 3000;
-    let mut values = vec![0.0_f64; count];
-    let mut weights = vec![0.0_f64; count];
-    for sweep in 0..SWEEPS {
-        let mut moved = 0.0_f64;
-        for k in 0..count {
-            let (mut sum, mut weight) = (0.0, 0.0);
-            for link in links {
-                let Some(line) = link.line else { continue };
-                let w = 1.0 / line.alpha_variance;
-                if link.i == k {
-                    sum += w * (line.alpha + line.rho * values[link.j]);
-                    weight += w;
-                } else if link.j == k {
-                    sum += w * line.rho * (values[link.i] - line.alpha);
-                    weight += w * line.rho * line.rho;
-                }
-            }
-            if weight > 0.0 {
-                // Constants that grow like the times fit everything: they are held near 0.
-                let value = sum / (weight * (1.0 + 1e-6));
-                moved = moved.max((value - values[k]).abs());
-                (values[k], weights[k]) = (value, weight);
+    // Constants that grow like the times fit everything: they are held near 0.
+    let settling = Settling { sweeps: 3000, least: 1e-6, held: 1e-6 };
+    let (values, weights) = settling.run(count, |k, values| {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for link in links {
+            let Some(line) = link.line else { continue };
+            let w = 1.0 / line.alpha_variance;
+            if link.i == k {
+                sum += w * (line.alpha + line.rho * values[link.j]);
+                weight += w;
+            } else if link.j == k {
+                sum += w * line.rho * (values[link.i] - line.alpha);
+                weight += w * line.rho * line.rho;
             }
         }
-        if sweep > 0 && moved < 1e-6 {
-            break;
-        }
-    }
+        (sum, weight)
+    });
     let errors = weights.iter().map(|weight| 1.0 / weight.sqrt()).collect();
     (values, errors)
 }

@@ -13,6 +13,14 @@ const RESINS: [(&str, f64, f64, f64, [f64; 3]); 3] = [
     ("support", 1.6, 0.025, 0.75, [0.5, 2.0, 5.6]),
 ];
 
+const BARE: Instrument = Instrument {
+    model: String::new(),
+    light: Light::Normal,
+    specular: true,
+    relative_error: NOISE,
+    absolute_error: 5e-4,
+};
+
 /// Numbers from −1 to 1 with a variance of 1/3, the same everywhere.
 struct Dice(u64);
 
@@ -117,13 +125,7 @@ fn coefficients_come_back_and_predict_stacks() {
 fn backings_tell_absorption() {
     let (_, sigma_s, sigma_a, g, _) = RESINS[2];
     let truth = volume(sigma_s, sigma_a, g);
-    let instrument = Instrument {
-        model: String::new(),
-        light: Light::Normal,
-        specular: true,
-        relative_error: NOISE,
-        absolute_error: 5e-4,
-    };
+    let instrument = BARE;
     let [bare, through] = seen(truth, 2.0, None, &instrument);
     let [white, same] = seen(truth, 2.0, Some(0.9), &instrument);
     let diffuse = Instrument { light: Light::Diffuse, ..instrument.clone() };
@@ -155,13 +157,7 @@ fn backings_tell_absorption() {
 #[test]
 fn spectra_become_channels() {
     let truth = volume(8.0, 0.17, 0.5);
-    let instrument = Instrument {
-        model: String::new(),
-        light: Light::Normal,
-        specular: true,
-        relative_error: NOISE,
-        absolute_error: 5e-4,
-    };
+    let instrument = BARE;
     let mut text = String::from("sample,thickness_mm,wavelength_nm,reflectance,transmittance\n");
     for (name, mm) in [("thin", 0.5), ("thick", 2.0)] {
         let [r, t] = seen(truth, mm, None, &instrument);
@@ -209,14 +205,6 @@ fn notes_of(text: &str, specular: bool) -> (TotalsFit, Vec<String>) {
     let fits = fit_totals(&totals, &Unwatched).unwrap();
     (fits[0].clone(), totals.notes(&fits))
 }
-
-const BARE: Instrument = Instrument {
-    model: String::new(),
-    light: Light::Normal,
-    specular: true,
-    relative_error: NOISE,
-    absolute_error: 5e-4,
-};
 
 /// By transmittance alone, white has a valley of little scattering beside its own.
 #[test]

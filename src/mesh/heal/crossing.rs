@@ -1,9 +1,11 @@
 //! Triangles that pass through each other or lie on each other.
 //!
-//! Counted are pairs without a common corner: crossings, where an edge of one properly pierces the other, and contacts,
-//! where they are coplanar and overlap or meet along a line, as where edge crosses edge. Folds between neighbours do not
-//! count. Signs of volumes decide on crossings, in f64 with a tolerance: what grazes within rounding is contact. Inside
-//! and outside do not depend on these counts; where there are any, faces may have inside on both sides.
+//! Of pairs without a common corner, crossings are counted, where an edge of one properly pierces the other, and
+//! contacts, where they are coplanar and overlap or meet along a line, as where edge crosses edge. Signs of volumes
+//! decide on crossings, in f64 with a tolerance: what grazes within rounding is contact. Pairs with a corner in common
+//! are folds where they meet beyond it by more than rounding: the sides of a pyramid over a star pass through each
+//! other in lines that all begin at its top. Inside and outside do not depend on these counts; where there are any,
+//! faces may have inside on both sides.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -19,6 +21,7 @@ const TOLERANCE: f64 = 1e-14;
 pub(super) struct Meetings {
     pub(super) crossings: usize,
     pub(super) contacts: usize,
+    pub(super) folds: usize,
 }
 
 /// Counts them: a million triangles take about half a second on two cores.
@@ -29,14 +32,22 @@ pub(super) fn count(mesh: &TriangleMesh, tolerance: Tolerance) -> Meetings {
         let mut found = Meetings::default();
         let [a, b, c] = corners[t];
         let normal = (b - a).cross(c - a);
-        let touch = tolerance.touch * normal.length();
+        let [touch, rounding] = [tolerance.touch, tolerance.rounding].map(|distance| distance * normal.length());
         boxes.near(boxes.get(t), |o| {
             // Every pair once, from its lower index.
-            let strangers = || mesh.triangles[t].iter().all(|v| !mesh.triangles[o].contains(v));
-            if o <= t || !strangers() {
+            if o <= t {
                 return;
             }
+            let shared = mesh.triangles[o].map(|v| mesh.triangles[t].iter().position(|&other| other == v));
             let heights = corners[o].map(|p| normal.dot(p - a));
+            if let Some(at) = (0..3).find_map(|i| shared[i].map(|corner| [corner, i])) {
+                let sides = [0, 1, 2].map(|i| if shared[i].is_some() { 0 } else { sign(heights[i], rounding) });
+                found.folds += usize::from(match shared.iter().flatten().count() {
+                    1 => meet_beyond([&corners[t], &corners[o]], at, heights, sides),
+                    _ => sides == [0; 3] && lie_on_each_other(&corners[t], &corners[o], shared, tolerance),
+                });
+                return;
+            }
             if heights.iter().all(|h| h.abs() <= touch) {
                 let lies_on = |frame: Frame| frame.meet(&corners[o], [false; 3], tolerance, &mut Vec::new());
                 found.contacts += usize::from(Frame::new(&corners[t]).is_some_and(lies_on));
@@ -51,9 +62,63 @@ pub(super) fn count(mesh: &TriangleMesh, tolerance: Tolerance) -> Meetings {
         });
         found
     };
-    let sum =
-        |a: Meetings, b: Meetings| Meetings { crossings: a.crossings + b.crossings, contacts: a.contacts + b.contacts };
+    let sum = |a: Meetings, b: Meetings| Meetings {
+        crossings: a.crossings + b.crossings,
+        contacts: a.contacts + b.contacts,
+        folds: a.folds + b.folds,
+    };
     (0..corners.len()).into_par_iter().map(meetings).reduce(Meetings::default, sum)
+}
+
+/// Whether neighbours in one plane overlap; `shared` tells which corners of the other are corners of the first.
+fn lie_on_each_other(
+    corners: &[DVec3; 3],
+    other: &[DVec3; 3],
+    shared: [Option<usize>; 3],
+    tolerance: Tolerance,
+) -> bool {
+    // Those that meet at a flat angle would touch all along.
+    let tight = Tolerance { touch: tolerance.rounding, ..tolerance };
+    let shared = shared.map(|corner| corner.is_some());
+    Frame::new(corners).is_some_and(|frame| frame.meet(other, shared, tight, &mut Vec::new()))
+}
+
+/// Whether two triangles with one corner in common, `at` of either, meet beyond it. `heights` of the second's corners
+/// over the first's plane are times the double of its area; `sides` are their signs.
+fn meet_beyond([first, second]: [&[DVec3; 3]; 2], at: [usize; 2], heights: [f64; 3], sides: [i32; 3]) -> bool {
+    let spread = |corners: &[DVec3; 3], at: usize| [1, 2].map(|next| corners[(at + next) % 3] - corners[at]);
+    let (one, two) = (spread(first, at[0]), spread(second, at[1]));
+    let (i, j) = ((at[1] + 1) % 3, (at[1] + 2) % 3);
+    match [sides[i], sides[j]] {
+        [0, 0] => {
+            // Most lie beside each other: a line along one of the sides parts them.
+            let normal = one[0].cross(one[1]);
+            let [[ac, ad], [bc, bd]] = one.map(|a| two.map(|c| normal.dot(a.cross(c))));
+            let turn = normal.dot(two[0].cross(two[1]));
+            let beside = ac <= 0.0 && ad <= 0.0 || bc >= 0.0 && bd >= 0.0;
+            if beside || ac * turn >= 0.0 && bc * turn >= 0.0 || ad * turn <= 0.0 && bd * turn <= 0.0 {
+                return false;
+            }
+            let between = two[0].normalize_or_zero() + two[1].normalize_or_zero();
+            two.iter().chain([&between]).any(|ahead| leads_into(one, *ahead))
+                || one.iter().any(|ahead| leads_into(two, *ahead))
+        }
+        [0, _] => leads_into(one, two[0]),
+        [_, 0] => leads_into(one, two[1]),
+        [a, b] => a != b && leads_into(one, two[0].lerp(two[1], heights[i] / (heights[i] - heights[j]))),
+    }
+}
+
+/// Whether a direction in the plane of two sides lies between them.
+fn leads_into([from, to]: [DVec3; 2], ahead: DVec3) -> bool {
+    /// Sine of the angle to a side below which it leads along that.
+    const ALONG: f64 = 1e-9;
+    let normal = from.cross(to);
+    let turns = |a: DVec3, b: DVec3| {
+        let turn = normal.dot(a.cross(b));
+        turn > 0.0 && turn > ALONG * normal.length() * a.length() * b.length()
+    };
+    turns(from, ahead) && turns(ahead, to)
 }
 
 fn cross(a: &[DVec3; 3], b: &[DVec3; 3]) -> bool {

@@ -88,6 +88,11 @@ pub(super) fn without(mesh: &TriangleMesh, left_out: impl Fn(usize) -> bool) -> 
     rest
 }
 
+/// Area of what closes a mesh, mm².
+pub(super) fn cap_area(mesh: &TriangleMesh) -> f64 {
+    Survey::of(mesh).cap_area()
+}
+
 /// Shells of a mesh with their measures.
 struct Survey {
     shells: Shells,

@@ -3,7 +3,8 @@
 //!
 //! Where such a patch meets the body an odd number of triangles share the edge, so that the body with it has a
 //! boundary and without it has none. It goes if the mesh is better closed without it, and it cannot be seen from
-//! outside, or lies on or in what is left.
+//! outside, or lies on or in what is left. Where open sheets hang on the same edges, as a brim on a can, they go later
+//! ([`sheets`]), and no face of the body for them, if that takes less surface away or makes less up.
 
 use std::f64::consts::{PI, TAU};
 
@@ -22,16 +23,88 @@ const BUDGET: usize = 4_000_000;
 
 /// Drops such patches; says whether there were any.
 pub(super) fn drop(mesh: &mut TriangleMesh, edges: &Edges, health: &mut HealthReport) -> bool {
-    let mut faults = Faults::of(edges);
-    if faults.odd == 0 {
+    if Faults::of(edges).odd == 0 {
         return false;
     }
     let before = mesh.triangles.len();
+    let area_before: f64 = mesh.corners().map(area).sum();
+    let mut is_out = within(mesh, edges);
+    if is_out.contains(&true) {
+        let is_attached = attached(mesh, edges);
+        if is_attached.contains(&true) {
+            let body = sheets::without(mesh, |t| is_attached[t]);
+            let walls = within(&body, &Edges::new(body.positions.len(), &body.triangles));
+            let mut is_wall = vec![false; before];
+            let of_body = (0..before).filter(|&t| !is_attached[t]);
+            of_body.zip(walls).for_each(|(t, wall)| is_wall[t] = wall);
+            // Without the sheets less surface is lost, or made up, than without what seems to be walls.
+            let without: Vec<bool> =
+                is_wall.iter().zip(&is_attached).map(|(wall, attached)| *wall || *attached).collect();
+            if cost(mesh, &without) < cost(mesh, &is_out) {
+                is_out = is_wall;
+            }
+        }
+    }
+    mesh.keep(|t| !is_out[t]);
+    health.buried_area_mm2 += area_before - mesh.corners().map(area).sum::<f64>();
+    mesh.triangles.len() < before
+}
+
+/// Area of what is left out, and of what closes the rest, mm².
+fn cost(mesh: &TriangleMesh, is_out: &[bool]) -> f64 {
+    let lost: f64 = mesh.corners().zip(is_out).filter(|(_, is_out)| **is_out).map(|(corners, _)| area(corners)).sum();
+    let mut rest = sheets::without(mesh, |t| is_out[t]);
+    let edges = Edges::new(rest.positions.len(), &rest.triangles);
+    orient::orient(&mut rest, edges, &mut HealthReport::default());
+    lost + sheets::cap_area(&rest)
+}
+
+/// Triangles of open patches that hang on the rest by edges of an odd number of triangles, and leave no opening there:
+/// a brim around a can. The edges are odd for them, and not for a face of the can that ends there.
+fn attached(mesh: &TriangleMesh, edges: &Edges) -> Vec<bool> {
+    let faults = Faults::of(edges);
+    let mut is_attached = vec![false; mesh.triangles.len()];
+    let mut patches = sheets::patches(mesh.triangles.len(), edges);
+    // By the root of each: the odd and the open edges that bound it.
+    let mut bounds = vec![[0usize; 2]; mesh.triangles.len()];
+    for edge in edges.iter() {
+        let count = edge.half_edges.len();
+        let mut roots: Vec<u32> = edge.half_edges.iter().map(|&h| patches.root(triangle_of(h) as u32)).collect();
+        roots.dedup();
+        for root in roots {
+            let [odd, open] = &mut bounds[root as usize];
+            *odd += usize::from(is_odd(count));
+            *open += usize::from(count == 1);
+        }
+    }
+    let roots: Vec<usize> = (0..bounds.len()).filter(|&root| !bounds[root].contains(&0)).collect();
+    let mut spent = 0;
+    for root in roots {
+        spent += mesh.triangles.len();
+        if spent > BUDGET {
+            break;
+        }
+        let is_of: Vec<bool> = (0..mesh.triangles.len()).map(|t| patches.root(t as u32) as usize == root).collect();
+        let own_open = bounds[root][1];
+        if faults.without(mesh, &is_of).is_some_and(|rest| rest.open + own_open == faults.open) {
+            is_of.iter().zip(&mut is_attached).filter(|(is_of, _)| **is_of).for_each(|(_, is)| *is = true);
+        }
+    }
+    is_attached
+}
+
+/// Which triangles are walls within a body.
+fn within(mesh: &TriangleMesh, edges: &Edges) -> Vec<bool> {
+    let before = mesh.triangles.len();
+    let mut is_out = vec![false; before];
+    let mut faults = Faults::of(edges);
+    if faults.odd == 0 {
+        return is_out;
+    }
     let candidates = Patch::all(mesh, edges);
     if candidates.len() > MAX_PATCHES {
-        return false;
+        return is_out;
     }
-    let area_before: f64 = mesh.corners().map(area).sum();
     let soup = Soup::new(mesh.corners().collect(), vec![0; before]);
     let off = tolerance(mesh.corner_bounds()).touch;
     let is_buried = |patch: &&Patch| {
@@ -41,7 +114,6 @@ pub(super) fn drop(mesh: &mut TriangleMesh, edges: &Edges, health: &mut HealthRe
         };
         !is_seen(1.0) && !is_seen(-1.0)
     };
-    let mut is_out = vec![false; before];
     let buried: Vec<&Patch> = candidates.iter().filter(is_buried).collect();
     buried.iter().flat_map(|patch| &patch.triangles).for_each(|&t| is_out[t] = true);
     match faults.without(mesh, &is_out) {
@@ -71,9 +143,7 @@ pub(super) fn drop(mesh: &mut TriangleMesh, edges: &Edges, health: &mut HealthRe
             (is_out, faults) = (tried, better);
         }
     }
-    mesh.keep(|t| !is_out[t]);
-    health.buried_area_mm2 += area_before - mesh.corners().map(area).sum::<f64>();
-    mesh.triangles.len() < before
+    is_out
 }
 
 /// What keeps a mesh from being closed.

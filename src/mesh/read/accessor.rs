@@ -22,15 +22,27 @@ pub(super) fn vectors<const N: usize>(accessor: &Accessor, buffers: &[Vec<u8>]) 
     normalised_vectors(accessor, accessor.normalized(), buffers)
 }
 
-/// Reads an accessor of colours, with or without alpha. Integers are fractions, whether the file says so or forgot to.
+/// Reads an accessor of colours, with or without alpha, cut to 0 to 1 (glTF 2.0, section 3.7.2.1). Integers are
+/// fractions, whether the file says so or forgot to.
 pub(super) fn colors(accessor: &Accessor, buffers: &[Vec<u8>]) -> Parsed<Vec<[f32; 3]>> {
-    let kept = |c: f64| if c.is_finite() { c.max(0.0) as f32 } else { 0.0 };
+    let kept = |c: f64| if c.is_finite() { c.clamp(0.0, 1.0) as f32 } else { 0.0 };
     match accessor.dimensions() {
         Dimensions::Vec4 => {
             let colors = normalised_vectors::<4>(accessor, true, buffers)?;
             Ok(colors.into_iter().map(|[r, g, b, _]| [r, g, b].map(kept)).collect())
         }
         _ => Ok(normalised_vectors::<3>(accessor, true, buffers)?.into_iter().map(|rgb| rgb.map(kept)).collect()),
+    }
+}
+
+/// Alpha of an accessor of colours, where it has any.
+pub(super) fn alphas(accessor: &Accessor, buffers: &[Vec<u8>]) -> Parsed<Option<Vec<f32>>> {
+    match accessor.dimensions() {
+        Dimensions::Vec4 => {
+            let colors = normalised_vectors::<4>(accessor, true, buffers)?;
+            Ok(Some(colors.into_iter().map(|[.., alpha]| alpha.clamp(0.0, 1.0) as f32).collect()))
+        }
+        _ => Ok(None),
     }
 }
 

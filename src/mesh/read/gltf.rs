@@ -8,19 +8,19 @@
 use std::collections::BTreeSet;
 
 use glam::{DMat4, DVec3, Vec2};
-use gltf::json::validation::Checked;
 use gltf::mesh::{Mode, Primitive};
 use gltf::{Document, Node, Semantic};
 
 use super::gltf_container::{resolve, split};
+use super::gltf_document::document;
+use super::gltf_mask::Alphas;
 use super::gltf_material::{BaseColor, Materials, name_of};
 use super::gltf_shape::{self, Pose};
 use super::raw::{RawMesh, finite, plain, uv_or_zero};
-use super::support::{self, Fate};
 use super::text::decoded;
-use super::{Source, accessor, check_memory, gltf_instances, gltf_interior, gltf_tidy};
+use super::{Source, accessor, check_memory, gltf_instances, gltf_interior};
 use crate::mesh::error::{Fault, Parsed, quote};
-use crate::words::{counted, one_line};
+use crate::words::counted;
 
 /// Deepest nesting of nodes: well beyond any model, well within the thread's stack.
 const MAX_DEPTH: usize = 512;
@@ -69,6 +69,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         };
         raw.add_material(|| "materials".to_owned(), looks)?;
     }
+    let alphas = materials.alphas;
     name_colors_elsewhere(&document, &mut raw);
     let mut walk = Walk {
         document: &document,
@@ -79,6 +80,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         visited: vec![false; document.nodes().len()],
         empty: BTreeSet::new(),
         skipped: [0; 4],
+        alphas,
     };
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let roots = match &scene {
@@ -110,53 +112,6 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     Ok(walk.finish())
 }
 
-/// The document, of whose JSON only what concerns a shape has to be right.
-fn document(json: &[u8], raw: &mut RawMesh) -> Parsed<Document> {
-    type Read = Result<gltf::json::Root, gltf::json::Error>;
-    let mut checked = |read: Read| -> Parsed<Document> {
-        let mut root = read.map_err(|error| Fault::new("the JSON part", one_line(error), "a glTF 2.0 document"))?;
-        let warnings = check_extensions(&mut root)?;
-        check_position_accessors(&root)?;
-        let document = Document::from_json(root)
-            .map_err(|error| Fault::new("the JSON part", one_line(error), "a valid glTF 2.0 document"))?;
-        raw.warnings.extend(warnings);
-        Ok(document)
-    };
-    let document = checked(gltf::json::deserialize::from_slice(json));
-    match document.is_err().then(|| gltf_tidy::tidied(json)).flatten() {
-        Some(tidied) => checked(gltf::json::deserialize::from_value(tidied)),
-        None => document,
-    }
-}
-
-/// Refuses what is required and not read, by its exact name, and names what is in use, changes shape or colour and is
-/// not read.
-fn check_extensions(root: &mut gltf::json::Root) -> Parsed<Vec<String>> {
-    let fate = |name: &str| support::fate("glTF", name).unwrap_or(Fate::Warned);
-    let refused = root.extensions_required.iter().find(|name| matches!(fate(name), Fate::Warned | Fate::Refused));
-    if let Some(name) = refused {
-        let found = format!("required extension {}", quote(name.as_bytes()));
-        return Err(Fault::new(
-            "extensionsRequired",
-            found,
-            "only extensions that formats.md lists as read or ignored",
-        ));
-    }
-    // All that is left is ours to answer for.
-    root.extensions_required.clear();
-    let too_new = |version: &str| version.split_once('.').is_none_or(|(major, minor)| (major, minor) != ("2", "0"));
-    if let Some(version) = root.asset.min_version.as_deref().filter(|version| too_new(version)) {
-        let found = format!("minVersion {}", quote(version.as_bytes()));
-        return Err(Fault::new("asset", found, "what a reader of glTF 2.0 can read"));
-    }
-    let unread = root.extensions_used.iter().filter(|name| fate(name) == Fate::Warned);
-    let said = |name: &String| {
-        let name = quote(name.as_bytes());
-        format!("extension {name} is in use and not read: what it says of shape or colour is missing")
-    };
-    Ok(unread.map(said).collect())
-}
-
 /// Warns of colours where none are looked for: in what glows, where the base colour is black or white all over, and by
 /// instance.
 fn name_colors_elsewhere(document: &Document, raw: &mut RawMesh) {
@@ -185,20 +140,6 @@ fn name_colors_elsewhere(document: &Document, raw: &mut RawMesh) {
     if document.nodes().any(|node| has_colors(&node)) {
         raw.lose_color("the colours of instances (_COLOR_0) are not read".to_owned());
     }
-}
-
-/// gltf-json 1.4.1 validates everything but looks positions up before it has checked their index, and panics.
-fn check_position_accessors(root: &gltf::json::Root) -> Parsed<()> {
-    let count = root.accessors.len();
-    for (m, mesh) in root.meshes.iter().enumerate() {
-        for attributes in mesh.primitives.iter().map(|primitive| &primitive.attributes) {
-            if let Some(index) = attributes.get(&Checked::Valid(Semantic::Positions)).filter(|i| i.value() >= count) {
-                let found = format!("POSITION accessor {}", index.value());
-                return Err(Fault::new(format!("mesh {m}"), found, format!("an index below {count}")));
-            }
-        }
-    }
-    Ok(())
 }
 
 /// Nodes that are no other's child.
@@ -260,6 +201,7 @@ struct Walk<'a> {
     /// Accessors whose values are 0 for want of bytes.
     empty: BTreeSet<usize>,
     skipped: [usize; 4],
+    alphas: Alphas,
 }
 
 /// Slots of `Walk::skipped`.
@@ -341,13 +283,16 @@ impl Walk<'_> {
             placed.push(finite(transform.transform_point3(p), place)?);
         }
         let uvs = self.texture_coordinates(primitive, count)?;
-        let colors = self.vertex_colors(primitive, count)?;
+        let mut colors = self.vertex_colors(primitive, count)?;
         let corners: Vec<u32> = match primitive.indices() {
             Some(indices) => accessor::indices(&indices, self.buffers)?,
             None => (0..count as u32).collect(),
         };
         if let Some(i) = corners.iter().find(|&&i| i as usize >= count) {
             return Err(Fault::new(place(), format!("vertex index {i}"), format!("an index below {count}")));
+        }
+        if let Some(colors) = &mut colors {
+            self.alphas.fill(primitive, self.buffers, &placed, &corners, colors)?;
         }
         let name_of = self.raw.add_positions(&placed, corners.iter().copied());
         let material = self.material(primitive)?;
@@ -438,6 +383,7 @@ impl Walk<'_> {
         {
             self.raw.warnings.push(format!("{} {what}", counted(count, noun)));
         }
+        self.alphas.tell(&mut self.raw);
         if !self.empty.is_empty() {
             let numbers = self.empty.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
             self.raw.warnings.push(format!("accessors without bytes, whose values are 0: {numbers}"));
@@ -469,12 +415,12 @@ pub(super) fn one_each(accessor: &gltf::Accessor, values: usize, vertices: usize
     Err(Fault::new(place, format!("{values} {what}"), format!("one each for {vertices} vertices")))
 }
 
-fn triangle_count(mode: Mode, corners: usize) -> usize {
+pub(super) fn triangle_count(mode: Mode, corners: usize) -> usize {
     if mode == Mode::Triangles { corners / 3 } else { corners.saturating_sub(2) }
 }
 
 /// Corners of triangle `t` (glTF 2.0, section 3.7.2.1).
-fn triangle(mode: Mode, t: usize) -> [usize; 3] {
+pub(super) fn triangle(mode: Mode, t: usize) -> [usize; 3] {
     match mode {
         Mode::TriangleStrip => [t, t + 1 + t % 2, t + 2 - t % 2],
         Mode::TriangleFan => [t + 1, t + 2, 0],

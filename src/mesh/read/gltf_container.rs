@@ -3,14 +3,22 @@
 use super::Source;
 use crate::mesh::error::{Fault, Parsed};
 
+/// What is expected in place of files of the first version, which is another format.
+pub(super) const CONVERTED: &str = "glTF 2.0: `gltf-pipeline -i OLD -o NEW.glb` converts it";
+
 /// JSON and binary chunk of a .glb; a .gltf is all JSON.
 pub(super) fn split(bytes: &[u8]) -> Parsed<(&[u8], Option<&[u8]>)> {
     if !bytes.starts_with(b"glTF") {
         return Ok((bytes, None));
     }
     let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
-    if word(4) != Some(2) {
-        return Err(Fault::new("byte 4", format!("version {:?}", word(4).unwrap_or(0)), "version 2"));
+    match word(4) {
+        Some(2) => {}
+        Some(1) => return Err(Fault::new("byte 4", "a GLB of version 1, for glTF 1.0", CONVERTED)),
+        version => {
+            let found = format!("a GLB of version {}", version.unwrap_or(0));
+            return Err(Fault::new("byte 4", found, "version 2: export it as glTF 2.0"));
+        }
     }
     let chunk = |at: usize, kind: &[u8; 4]| {
         let length = word(at)? as usize;

@@ -3,18 +3,17 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use gltf::material::AlphaMode;
 use gltf::texture::{Info, Sampler, WrappingMode};
 use gltf::{Document, Material};
 
 use super::gltf_container::resolve;
 use super::gltf_interior::{Interior, Slot, image_of, leading};
+use super::gltf_mask::Alphas;
 use super::raw::{RawMesh, plain};
 use super::support::{self, Fate};
 use super::{Source, texture};
 use crate::colour::{byte_to_linear, linear_to_byte};
 use crate::mesh::{SurfaceMaterial, Texture, Wrap};
-use crate::words::counted;
 
 /// Factor and texture of a base colour: the diffuse one where a material has KHR_materials_pbrSpecularGlossiness, which
 /// goes before.
@@ -43,11 +42,13 @@ pub(super) struct Materials<'a> {
     images: BTreeMap<usize, Option<Arc<Texture>>>,
     /// Why images cannot be read.
     lost: BTreeMap<usize, String>,
+    pub(super) alphas: Alphas,
 }
 
 impl<'a> Materials<'a> {
     pub(super) fn new(source: &'a Source<'a>, document: &'a Document, buffers: &'a [Vec<u8>]) -> Self {
-        Self { source, document, buffers, images: BTreeMap::new(), lost: BTreeMap::new() }
+        let alphas = Alphas::of(document, buffers);
+        Self { source, document, buffers, images: BTreeMap::new(), lost: BTreeMap::new(), alphas }
     }
 
     pub(super) fn read(&mut self, material: &Material, raw: &mut RawMesh) -> SurfaceMaterial {
@@ -61,10 +62,8 @@ impl<'a> Materials<'a> {
         let interior = Interior::of(material).filter(|_| material.pbr_specular_glossiness().is_none());
         looks.mean_free_path_mm = interior.as_ref().and_then(Interior::mean_free_path);
         let inside = interior.as_ref().filter(|interior| !interior.keeps_base_colour());
-        // A mask over a colour without texture shows all of it or nothing.
-        let cutoff = material.alpha_cutoff().unwrap_or(0.5);
-        if base.texture.is_none() && material.alpha_mode() == AlphaMode::Mask && base.factor[3] < cutoff {
-            raw.lose_color(format!("the alpha of material `{}` cuts out all of it", looks.name));
+        if base.texture.is_none() {
+            self.alphas.note_unseen(material, raw);
         }
         self.read_base(material, base, &mut looks, raw);
         if let Some(interior) = inside {
@@ -97,7 +96,7 @@ impl<'a> Materials<'a> {
                 || format!("image {}, the base colour of material `{name}`, cannot be read ({why})", image.index());
             raw.lost_color.get_or_insert_with(lost);
         }
-        looks.base_color_texture = texture.map(|texture| without_holes(texture, material, base.factor[3], raw));
+        looks.base_color_texture = texture.map(|texture| self.alphas.without_holes(texture, material, raw));
     }
 
     /// Turns the base colour into the albedo, texel by texel where textures go into it.
@@ -202,32 +201,4 @@ fn wrap(sampler: &Sampler) -> [Wrap; 2] {
         WrappingMode::MirroredRepeat => Wrap::Mirror,
         WrappingMode::Repeat => Wrap::Repeat,
     })
-}
-
-/// The texture where it shows: texels that a mask cuts out, or that are wholly transparent, have colours that no viewer
-/// shows.
-fn without_holes(texture: Arc<Texture>, material: &Material, alpha: f32, raw: &mut RawMesh) -> Arc<Texture> {
-    let cutoff = match material.alpha_mode() {
-        AlphaMode::Opaque => return texture,
-        AlphaMode::Mask => material.alpha_cutoff().unwrap_or(0.5),
-        // Only what cannot be seen at all.
-        AlphaMode::Blend => f32::MIN_POSITIVE,
-    };
-    let cut: Vec<bool> = texture.texels.iter().map(|texel| f32::from(texel[3]) / 255.0 * alpha < cutoff).collect();
-    let count = cut.iter().filter(|&&cut| cut).count();
-    let name = name_of(material);
-    if count == 0 {
-        return texture;
-    }
-    if count == cut.len() {
-        raw.lose_color(format!("the alpha of material `{name}` cuts out its whole texture"));
-        return texture;
-    }
-    raw.warnings.push(format!(
-        "the alpha of material `{name}` cuts {} out of its texture: the surface stays, in the colour of the nearest \
-            texel \
-         left",
-        counted(count, "texel")
-    ));
-    Arc::new(texture::filled(&texture, &cut))
 }

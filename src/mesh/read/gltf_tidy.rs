@@ -1,16 +1,19 @@
 //! Documents that the gltf crate refuses for what says nothing of a shape: application-specific attributes, which begin
 //! with `_` (glTF 2.0, section 3.7.2.1), animations of targets that extensions bring, accessors whose bounds are
-//! missing; and accessors without a buffer view, whose values are 0 (section 3.6.2.2).
+//! missing, a version that is a number; and accessors without a buffer view, whose values are 0 (section 3.6.2.2).
 
 use std::collections::HashSet;
 
 use serde_json::{Map, Value, json};
 
-/// The document without them; `None` where it has none, or is no JSON.
-pub(super) fn tidied(json: &[u8]) -> Option<Value> {
-    let mut document: Value = serde_json::from_slice(json).ok()?;
-    let root = document.as_object_mut()?;
+/// Takes them out; says whether there were any.
+pub(super) fn tidy(document: &mut Value) -> bool {
+    let Some(root) = document.as_object_mut() else { return false };
     let mut changed = root.remove("animations").is_some();
+    if let Some(version) = root.get_mut("asset").and_then(|asset| asset.get_mut("version")).filter(|v| v.is_number()) {
+        *version = Value::from(version.to_string());
+        changed = true;
+    }
     let mut positions = HashSet::new();
     for primitive in items(root, "meshes").flat_map(|mesh| items(mesh, "primitives")) {
         let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) else { continue };
@@ -39,7 +42,7 @@ pub(super) fn tidied(json: &[u8]) -> Option<Value> {
             }
         }
     }
-    changed.then_some(document)
+    changed
 }
 
 /// Objects of a list.

@@ -23,8 +23,10 @@
 mod accessor;
 mod gltf;
 mod gltf_container;
+mod gltf_document;
 mod gltf_instances;
 mod gltf_interior;
+mod gltf_mask;
 mod gltf_material;
 mod gltf_shape;
 mod gltf_tidy;
@@ -44,6 +46,7 @@ mod threemf;
 mod threemf_model;
 mod threemf_package;
 mod threemf_parts;
+mod threemf_tag;
 mod weld;
 
 pub(super) use weld::weld;

@@ -9,7 +9,7 @@ use std::path::Path;
 use glam::DVec2;
 
 use super::support::{self, Fate};
-use super::text::{Statements, decoded, without_comment};
+use super::text::{Statements, decoded, expected_number, has_comma, without_comment};
 use super::{Source, raw::RawMesh, texture};
 use crate::mesh::error::quote;
 use crate::mesh::{SurfaceMaterial, Wrap};
@@ -78,9 +78,9 @@ pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, r
                 match color(rest) {
                     Some([r, g, b]) => material.base_color = [r, g, b, material.base_color[3]],
                     None => raw.lose_color(format!(
-                        "{name}, line {number}: found colour {}, expected three numbers of 0 to 1: the material stays \
-                         white",
-                        quote(rest.as_bytes())
+                        "{name}, line {number}: found colour {}, expected {}: the material stays white",
+                        quote(rest.as_bytes()),
+                        expected_number(rest.as_bytes(), "three numbers of 0 to 1")
                     )),
                 }
             }
@@ -104,6 +104,13 @@ pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, r
                     map.file.truncate(without_comment(&map.file).len());
                 }
                 let file = quote(map.file.as_bytes());
+                if map.has_comma {
+                    raw.lose_color(format!(
+                        "{name}, line {number}: found options {}, expected {}",
+                        quote(rest.as_bytes()),
+                        expected_number(rest.as_bytes(), "numbers")
+                    ));
+                }
                 if map.unread {
                     raw.lose_color(format!(
                         "{name}, line {number}: the options -mm and -t of texture {file} are not read"
@@ -162,11 +169,20 @@ struct Map {
     offset: DVec2,
     /// An option changes the colours and is not read.
     unread: bool,
+    /// A number of an option has a decimal comma.
+    has_comma: bool,
 }
 
 impl Map {
     fn parse(text: &str) -> Self {
-        let mut map = Self { file: String::new(), clamp: false, scale: DVec2::ONE, offset: DVec2::ZERO, unread: false };
+        let mut map = Self {
+            file: String::new(),
+            clamp: false,
+            scale: DVec2::ONE,
+            offset: DVec2::ZERO,
+            unread: false,
+            has_comma: false,
+        };
         let mut words = text.split_whitespace().peekable();
         let mut has_options = false;
         let option_of = |word: &&str| MAP_OPTIONS.iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
@@ -177,8 +193,10 @@ impl Map {
             let mut word = "";
             // Trailing arguments of -o, -s and -t may be left out.
             for i in 0..arguments {
+                let has_comma = words.peek().is_some_and(|word| has_comma(word.as_bytes()));
                 let number = words.peek().and_then(|w| w.parse::<f64>().ok()).filter(|n| n.is_finite());
-                if i > 0 && number.is_none() {
+                map.has_comma |= has_comma;
+                if i > 0 && number.is_none() && !has_comma {
                     break;
                 }
                 numbers.extend(number);

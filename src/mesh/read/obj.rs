@@ -18,7 +18,7 @@ use super::mtl::{self, Definition};
 use super::raw::{NO_UV as NO_COORDINATE, RawMesh, WHITE, finite, plain, uv_or_zero};
 use super::support::{self, Fate};
 use super::surface::full_value;
-use super::text::{POLYPAINT, Statements, decoded, without_comment};
+use super::text::{POLYPAINT, Statements, decoded, expected_number, has_comma, number, without_comment};
 use crate::colour::srgb_to_linear;
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::counted;
@@ -124,8 +124,12 @@ impl<'a> Reader<'a> {
         let Some(keyword) = words.next() else { return Ok(()) };
         match keyword.to_ascii_lowercase().as_slice() {
             b"v" => {
-                let p = numbers::<3>(&mut words)
-                    .ok_or_else(|| Fault::new(format!("line {number}"), quote(line), "`v x y z` with three numbers"))?;
+                let fault =
+                    |expected| Fault::new(format!("line {number}"), quote(line), expected_number(line, expected));
+                let p = numbers::<3>(&mut words).ok_or_else(|| fault("`v x y z` with three numbers"))?;
+                if words.clone().any(has_comma) {
+                    return Err(fault("`v x y z r g b` with numbers"));
+                }
                 self.raw.positions.push(finite(DVec3::from_array(p), || format!("line {number}"))?);
                 // A fourth number alone is a weight.
                 if let Some(rgb) = numbers::<3>(&mut words) {
@@ -137,8 +141,14 @@ impl<'a> Reader<'a> {
                 }
             }
             b"vt" => {
-                let [u] = numbers::<1>(&mut words)
-                    .ok_or_else(|| Fault::new(format!("line {number}"), quote(line), "`vt u v` with two numbers"))?;
+                let fault = || {
+                    let expected = expected_number(line, "`vt u v` with two numbers");
+                    Fault::new(format!("line {number}"), quote(line), expected)
+                };
+                let [u] = numbers::<1>(&mut words).ok_or_else(fault)?;
+                if words.clone().any(has_comma) {
+                    return Err(fault());
+                }
                 let [v] = numbers::<1>(&mut words).unwrap_or([0.0]);
                 self.texture_coordinates.push(uv_or_zero(Vec2::new(u as f32, (1.0 - v) as f32)));
             }
@@ -292,10 +302,14 @@ impl<'a> Reader<'a> {
                     if !defined.has_color {
                         colorless.push(material.name.clone());
                     }
-                    let rgb = &defined.material.base_color[..3];
-                    let is_plain =
-                        defined.material.base_color_texture.is_none() && (rgb == [0.0; 3] || rgb == [1.0; 3]);
-                    if let Some(elsewhere) = defined.elsewhere.filter(|_| is_plain) {
+                    let [r, rest @ ..] = [0, 1, 2].map(|c| defined.material.base_color[c]);
+                    // A texture of ambient light alone is the colour of any grey; what glows may well be grey besides.
+                    let is_plain = |elsewhere: &&str| {
+                        rest == [r; 2]
+                            && (r == 0.0 || r == 1.0 || *elsewhere == "map_Ka")
+                            && defined.material.base_color_texture.is_none()
+                    };
+                    if let Some(elsewhere) = defined.elsewhere.filter(is_plain) {
                         emissive.push(format!("`{}` ({elsewhere})", material.name));
                     }
                     *material = defined.material.clone();
@@ -424,7 +438,7 @@ impl<'a> Reader<'a> {
 fn numbers<'w, const N: usize>(words: &mut impl Iterator<Item = &'w [u8]>) -> Option<[f64; N]> {
     let mut values = [0.0; N];
     for value in &mut values {
-        *value = std::str::from_utf8(words.next()?).ok()?.parse().ok()?;
+        *value = number(words.next()?)?;
     }
     Some(values)
 }

@@ -387,8 +387,9 @@ impl Body<'_> {
         let ends = |b: &u8| b.is_ascii_whitespace() || *b == b'#';
         let word = &rest[..rest.iter().position(ends).unwrap_or(rest.len())];
         let found = if word.is_empty() { "the end of the file".to_owned() } else { quote(word) };
-        let value = std::str::from_utf8(word).ok().and_then(|w| w.parse().ok());
-        let value = value.ok_or_else(|| Fault::new(self.place(element, i), found, "a number"))?;
+        let value = text::number(word);
+        let fault = || Fault::new(self.place(element, i), found, text::expected_number(word, "a number"));
+        let value = value.ok_or_else(fault)?;
         self.at += word.len();
         Ok(value)
     }

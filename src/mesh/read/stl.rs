@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::Source;
 use super::raw::{RawMesh, finite};
-use super::text::{Lines, decoded};
+use super::text::{Lines, decoded, expected_number};
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::counted;
 
@@ -58,10 +58,13 @@ fn binary(bytes: &[u8], claimed: usize) -> Parsed<RawMesh> {
     let body = &bytes[HEADER..];
     let mut raw = RawMesh::new(1.0);
     let mut count = claimed;
-    if claimed == 0 && !body.is_empty() && body.len().is_multiple_of(RECORD) {
-        // Writers that stream cannot go back to fill in the count.
-        count = body.len() / RECORD;
-        raw.warnings.push(format!("the header counts 0 triangles; all {count} that the file has room for are read"));
+    // Writers that stream cannot go back to fill in the count, and others count before they are done.
+    let room = body.len() / RECORD;
+    let goes_on = || claimed == 0 || are_triangles(body.chunks_exact(RECORD).skip(claimed));
+    if claimed < room && body.len().is_multiple_of(RECORD) && goes_on() {
+        count = room;
+        let counts = counted(claimed, "triangle");
+        raw.warnings.push(format!("the header counts {counts}; all {count} that the file has room for are read"));
     }
     if body.len() / RECORD < count {
         let found = format!("{} bytes after a header that claims {count} triangles", body.len());
@@ -73,13 +76,32 @@ fn binary(bytes: &[u8], claimed: usize) -> Parsed<RawMesh> {
     raw.positions.reserve(3 * count);
     raw.triangles.reserve(count);
     for (t, record) in body.chunks_exact(RECORD).take(count).enumerate() {
-        for corner in record[12..48].chunks_exact(12) {
-            let at = |i: usize| f64::from(f32::from_le_bytes([corner[i], corner[i + 1], corner[i + 2], corner[i + 3]]));
-            raw.positions.push(finite(DVec3::new(at(0), at(4), at(8)), || format!("triangle {t}"))?);
+        for i in 0..3 {
+            raw.positions.push(finite(corner(record, i), || format!("triangle {t}"))?);
         }
         push_last_three(&mut raw, || format!("triangle {t}"))?;
     }
     Ok(raw)
+}
+
+/// Corner `i` of a record.
+fn corner(record: &[u8], i: usize) -> DVec3 {
+    let at = |axis: usize| {
+        let from = 12 + 12 * i + 4 * axis;
+        f64::from(f32::from_le_bytes([record[from], record[from + 1], record[from + 2], record[from + 3]]))
+    };
+    DVec3::new(at(0), at(1), at(2))
+}
+
+/// Whether records that the header does not count hold triangles, up to the last, and not what a writer or a disk
+/// filled up with.
+fn are_triangles<'a>(mut records: impl DoubleEndedIterator<Item = &'a [u8]>) -> bool {
+    let corners = |record: &'a [u8]| [0, 1, 2].map(|i| corner(record, i));
+    let is_last = records
+        .next_back()
+        .map(corners)
+        .is_some_and(|[a, b, c]| a.is_finite() && b.is_finite() && c.is_finite() && a != b && b != c && c != a);
+    is_last && records.flat_map(corners).all(DVec3::is_finite)
 }
 
 /// Words with the numbers of their lines; `#` begins a comment, `solid` and `endsolid` take a name up to the end of
@@ -180,8 +202,10 @@ fn text(bytes: &[u8]) -> Parsed<RawMesh> {
                     let word = words.next().map(|(_, word)| word);
                     said.extend([b" ", word.unwrap_or_default()].concat());
                     let parsed = word.and_then(|w| std::str::from_utf8(w).ok()?.parse().ok());
-                    *value =
-                        parsed.ok_or_else(|| Fault::new(place(), quote(&said), "`vertex x y z` with three numbers"))?;
+                    *value = parsed.ok_or_else(|| {
+                        let expected = expected_number(&said, "`vertex x y z` with three numbers");
+                        Fault::new(place(), quote(&said), expected)
+                    })?;
                 }
                 raw.positions.push(finite(DVec3::from_array(p), place)?);
                 corners += 1;

@@ -90,7 +90,7 @@ pub(super) const ROWS: &[Row] = &[
         Fate::Lost,
         &["kd spectral", "kd xyz"],
         "the options -mm and -t of map_Kd; materials with neither Kd nor map_Kd; colours that stand in Ke, map_Ka or \
-         map_Ke alone",
+         map_Ke alone; numbers with decimal commas",
     ),
     row(
         "glTF",
@@ -111,7 +111,8 @@ pub(super) const ROWS: &[Row] = &[
         "the default scene's nodes, the first one's where none is named, all where there are no scenes; triangles, \
          strips, fans; sparse accessors, and those without bytes, which are 0; base or diffuse colour, texture with \
          its wrap modes, COLOR_0 (linear; multiplies); default morph weights; skins in the pose of their joints; \
-         texels that a mask cuts out take the nearest one's colour, with a warning",
+         texels and vertices that alpha cuts out (of factor, texture and COLOR_0) take the nearest one's colour, with a \
+         warning",
     ),
     row(
         "glTF",
@@ -169,21 +170,22 @@ pub(super) const ROWS: &[Row] = &[
         "glTF",
         Fate::Lost,
         &["KHR_materials_cmnBlinnPhong", "KHR_materials_common", "KHR_techniques_webgl"],
-        "missing or unreadable images; a texture without TEXCOORD; sets of colours beyond COLOR_0 without that; \
-         colours that only glow (emissive), and those of instances (`_COLOR_0`)",
+        "missing or unreadable images; what alpha cuts out whole; a texture without TEXCOORD; sets of colours beyond COLOR_0 without that; \
+         colours that only glow (emissive), those of instances (`_COLOR_0`), and those of morph targets",
     ),
     row(
         "glTF",
         Fate::Refused,
         &["EXT_meshopt_compression", "KHR_draco_mesh_compression", "KHR_meshopt_compression"],
-        "where required, by exact name; where not, what the file holds without them is read. A `minVersion` beyond \
-         2.0; more than 100 million triangles once nodes and instances are placed",
+        "where required, by exact name; where not, what the file holds without them is read. glTF 1.0 and any other \
+         version but 2, a `minVersion` beyond 2.0; more than 100 million triangles once nodes and instances are placed",
     ),
     row(
         "STL",
         Fate::Read,
         &[],
-        "both kinds, told apart by size and content; several solids; a count of 0 in the header; `end solid`, or \
+        "both kinds, told apart by size and content; several solids; too low a count in the header, with a \
+         warning; `end solid`, or \
          none; `outerloop` and `facetnormal` in one word; no `endfacet` before the next facet",
     ),
     row("STL", Fate::Ignored, &[], "normals, attribute bytes and colours in them: an STL has no base colour"),

@@ -118,9 +118,55 @@ pub(super) fn without_comment(name: &str) -> &str {
     name.match_indices('#').find(starts).map_or(name, |(at, _)| name[..at].trim_end())
 }
 
+/// A number; what C libraries write in place of one (`-nan(ind)`, `1.#QNAN`) is none, and no fault of the text.
+pub(super) fn number(word: &[u8]) -> Option<f64> {
+    let word = std::str::from_utf8(word).ok()?;
+    let unsigned = || word.strip_prefix(['+', '-']).unwrap_or(word).to_ascii_lowercase();
+    let is_none = || ["nan", "1.#"].iter().any(|start| unsigned().starts_with(start));
+    word.parse().ok().or_else(|| is_none().then_some(f64::NAN))
+}
+
+/// Whether a word is a number with a decimal comma, as programs write that take their user's for a German or French
+/// one.
+pub(super) fn has_comma(word: &[u8]) -> bool {
+    let dotted = std::str::from_utf8(word).ok().filter(|word| word.matches(',').count() == 1);
+    dotted.is_some_and(|word| word.replace(',', ".").parse::<f64>().is_ok())
+}
+
+/// What was expected in place of this text, with a hint where it has decimal commas.
+pub(super) fn expected_number(text: &[u8], expected: &str) -> String {
+    match text.split(|b| b.is_ascii_whitespace() || *b == b'/').any(has_comma) {
+        true => format!("{expected} (decimal commas are not read: export it with points)"),
+        false => expected.to_owned(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_stands_for_no_number_is_none() {
+        for word in ["nan", "-nan(ind)", "NaN", "1.#QNAN", "-1.#IND00", "1.#J"] {
+            assert!(number(word.as_bytes()).is_some_and(f64::is_nan), "{word}");
+        }
+        assert_eq!(
+            ["1", "-.5e1", "+2", "x", "", "1,5"].map(|word| number(word.as_bytes())),
+            [Some(1.0), Some(-5.0), Some(2.0), None, None, None]
+        );
+    }
+
+    #[test]
+    fn numbers_with_commas_are_told() {
+        for word in ["1,5", "-0,25", "+,5", "1,5e-3", "2,"] {
+            assert!(has_comma(word.as_bytes()), "{word}");
+        }
+        for word in ["1.5", "1,5,2", "a,b", ",", "1,234.5", "wood,1.png", ""] {
+            assert!(!has_comma(word.as_bytes()), "{word}");
+        }
+        assert_eq!(expected_number(b"v 1.5 x", "numbers"), "numbers");
+        assert!(expected_number(b"v 1,5 2", "numbers").starts_with("numbers (decimal commas"));
+    }
 
     fn statements(text: &str) -> Vec<(usize, String)> {
         let statements = Statements::new(text.as_bytes(), &["usemtl"]);

@@ -1,20 +1,18 @@
 //! The XML of one 3MF model part (3MF core specification 1.3; materials and properties extension 1.2).
 //!
 //! Elements are told by their local names: the extensions read here reuse none of the core's. Those of other namespaces
-//! may, and are not taken for them. Attributes that must be there and are not, or are no numbers, are errors with their
-//! line.
+//! may, and are not taken for them.
 
 use std::collections::BTreeMap;
 
-use glam::{DMat4, DVec3, DVec4, Vec2};
+use glam::{DMat4, DVec3, Vec2};
 use quick_xml::Reader;
-use quick_xml::XmlVersion;
-use quick_xml::events::{BytesStart, Event};
+use quick_xml::events::Event;
 use quick_xml::name::QName;
 
 use super::raw::{finite, plain};
 use super::support::{self, Fate};
-use crate::colour::byte_to_linear;
+use super::threemf_tag::Tag;
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::mesh::{SurfaceMaterial, Wrap};
 use crate::words::one_line;
@@ -149,96 +147,6 @@ pub(super) fn parse(part: &str, text: &str) -> Parsed<Model> {
         return Err(Fault::new(part, "the end of the part", "</object>"));
     }
     Ok(builder.model)
-}
-
-/// A start tag that knows its place.
-struct Tag<'a> {
-    tag: &'a BytesStart<'a>,
-    place: &'a dyn Fn() -> String,
-}
-
-impl Tag<'_> {
-    fn fault<T>(&self, found: impl Into<String>, expected: &str) -> Parsed<T> {
-        Err(Fault::new((self.place)(), found, expected))
-    }
-
-    /// The first of these attributes that holds anything.
-    fn filled(&self, names: &[&'static str]) -> Option<&'static str> {
-        for attribute in self.tag.attributes().with_checks(false).flatten() {
-            let key = attribute.key.local_name();
-            let name = names.iter().find(|name| key.as_ref() == **name);
-            if name.is_some() && !attribute.value.trim().is_empty() {
-                return name.copied();
-            }
-        }
-        None
-    }
-
-    /// An attribute by local name, entities resolved.
-    fn text(&self, name: &str) -> Parsed<Option<String>> {
-        for attribute in self.tag.attributes().with_checks(false) {
-            let attribute = match attribute {
-                Ok(attribute) => attribute,
-                Err(error) => return self.fault(one_line(error), "well-formed attributes"),
-            };
-            if attribute.key.local_name().as_ref() == name {
-                return match attribute.normalized_value(XmlVersion::default()) {
-                    Ok(value) => Ok(Some(value.into_owned())),
-                    Err(error) => self.fault(one_line(error), "a well-formed attribute"),
-                };
-            }
-        }
-        Ok(None)
-    }
-
-    fn optional<T: std::str::FromStr>(&self, name: &str) -> Parsed<Option<T>> {
-        let Some(text) = self.text(name)? else { return Ok(None) };
-        match text.trim().parse() {
-            Ok(value) => Ok(Some(value)),
-            Err(_) => self.fault(format!("{name} = {}", quote(text.as_bytes())), "a number"),
-        }
-    }
-
-    fn number<T: std::str::FromStr>(&self, name: &str) -> Parsed<T> {
-        match self.optional(name)? {
-            Some(value) => Ok(value),
-            None => self.fault(format!("no {name}"), "that attribute"),
-        }
-    }
-
-    /// A 3MF matrix: 12 numbers, rows of a 4×3 matrix that row vectors are multiplied with.
-    fn transform(&self) -> Parsed<DMat4> {
-        let Some(text) = self.text("transform")? else { return Ok(DMat4::IDENTITY) };
-        let values: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
-        match values.as_deref() {
-            Some(&[a, b, c, d, e, f, g, h, i, x, y, z]) => Ok(DMat4::from_cols(
-                DVec4::new(a, b, c, 0.0),
-                DVec4::new(d, e, f, 0.0),
-                DVec4::new(g, h, i, 0.0),
-                DVec4::new(x, y, z, 1.0),
-            )),
-            _ => self.fault(format!("transform {}", quote(text.as_bytes())), "12 numbers"),
-        }
-    }
-
-    fn instance(&self) -> Parsed<Instance> {
-        Ok(Instance { object: self.number("objectid")?, part: self.text("path")?, transform: self.transform()? })
-    }
-
-    /// `#RRGGBB` or `#RRGGBBAA` in sRGB, as linear RGBA.
-    fn color(&self, name: &str) -> Parsed<[f32; 4]> {
-        let Some(text) = self.text(name)? else { return Ok([1.0; 4]) };
-        let digits = text.trim().strip_prefix('#').unwrap_or("");
-        let value = u32::from_str_radix(digits, 16).ok();
-        let rgba = match (value, digits.len()) {
-            (Some(rgb), 6) => rgb << 8 | 0xff,
-            (Some(rgba), 8) => rgba,
-            _ => return self.fault(format!("{name} = {}", quote(text.as_bytes())), "#RRGGBB or #RRGGBBAA"),
-        };
-        let [r, g, b, a] = rgba.to_be_bytes();
-        let [r, g, b] = [r, g, b].map(byte_to_linear);
-        Ok([r, g, b, f32::from(a) / 255.0])
-    }
 }
 
 struct Builder {
@@ -510,13 +418,5 @@ impl Builder {
         if let Some(Properties::Materials(materials) | Properties::Colors(materials)) = self.group_mut() {
             materials.push(material);
         }
-    }
-}
-
-impl Tag<'_> {
-    /// The namespace that `xmlns:prefix` declares on this element.
-    fn text_of_namespace(&self, prefix: &str) -> Parsed<Option<String>> {
-        // Its qualified name is `xmlns:prefix`, so its local name is the prefix.
-        self.text(prefix)
     }
 }

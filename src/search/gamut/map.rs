@@ -16,8 +16,11 @@
 //! the darkest that can be reached: of those that leave some room for widths they are the ones that move albedos least,
 //! by the weighted mean of (Δ ln albedo)². Widths never cost light: where the albedos of all targets are reached, they
 //! stay, as the search meets an albedo before a width. Targets that are all inside are not moved at all.
+//!
+//! A gamut is that of pure layers; mixtures reach farther, above all to narrow dark glows. How far is known only where
+//! it was tried: at the targets, by the search itself ([`GamutMap::with_mixtures`]).
 
-use super::{Gamut, place_of};
+use super::{Boundary, ChannelGamut, Gamut, place_of};
 use crate::{
     numeric::rounding::rounded,
     optics::{FrequencyGrid, InverseHankel},
@@ -41,8 +44,19 @@ pub struct Move {
     /// Albedo and half-energy radius in mm before, per channel; `None` for a channel without light, or as wide as the
     /// grid cannot tell.
     pub from: Vec<Option<[f64; 2]>>,
-    /// Whether every channel was inside the gamut before.
-    pub inside: bool,
+    /// Where it lay before.
+    pub lies: Lies,
+}
+
+/// Where a target lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lies {
+    /// Inside what layers of one resin each reach, in every channel.
+    Inside,
+    /// Outside of that, but a stacking with mixtures looks like it.
+    Mixed,
+    /// Outside of all that is known to be reached.
+    Outside,
 }
 
 /// Ceilings and floors that are tried, and how far into the range of albedos they go.
@@ -59,6 +73,11 @@ const LEAST_ROOM: f64 = 0.1;
 const MOVED: f64 = 1e-3;
 
 impl Move {
+    /// Whether what the target asked for is reached as it was.
+    pub fn reached(&self) -> bool {
+        self.lies != Lies::Outside
+    }
+
     /// Whether the target changes by more than a thousandth.
     pub fn moves(&self) -> bool {
         libm::log(self.albedo_factor).abs() > MOVED || libm::log(self.width_factor).abs() > MOVED
@@ -80,16 +99,31 @@ impl Move {
 impl GamutMap {
     /// The map for `targets`, each counting `weights[target]` ≥ 0 times, on the grid of the gamut's resins.
     pub fn new(gamut: &Gamut, targets: &[SearchTarget], weights: &[f64], grid: &FrequencyGrid) -> Self {
-        let places: Vec<Vec<Option<[f64; 2]>>> = targets
-            .iter()
-            .map(|target| target.channels.iter().map(|spectrum| place_of(spectrum, grid)).collect())
-            .collect();
-        let inside = |place: &Vec<Option<[f64; 2]>>| {
-            let mut channels = place.iter().zip(&gamut.channels);
-            channels.all(|(place, channel)| place.is_some_and(|place| channel.boundary.contains(place)))
-        };
-        let inside: Vec<bool> = places.iter().map(inside).collect();
-        let factors = if inside.iter().all(|inside| *inside) {
+        let places = places_of(targets, grid);
+        let lies = places.iter().map(|place| gamut.lies(place)).collect();
+        Self::bent(gamut, places, lies, weights)
+    }
+
+    /// The same where stackings may have mixtures: `found[target]` is what the best of them reflects, R̂ per channel.
+    /// What looks like its target is reached, and the gamut is as wide as all that was found.
+    pub fn with_mixtures(
+        gamut: &Gamut,
+        found: &[&[Vec<f64>]],
+        targets: &[SearchTarget],
+        weights: &[f64],
+        grid: &FrequencyGrid,
+    ) -> Self {
+        let places = places_of(targets, grid);
+        let lies = places.iter().zip(targets).zip(found).map(|((place, target), found)| match gamut.lies(place) {
+            Lies::Outside if target.looks_like(found, grid) => Lies::Mixed,
+            lies => lies,
+        });
+        let lies = lies.collect();
+        Self::bent(&gamut.widened(found, grid), places, lies, weights)
+    }
+
+    fn bent(gamut: &Gamut, places: Vec<Place>, lies: Vec<Lies>, weights: &[f64]) -> Self {
+        let factors = if lies.iter().all(|lies| *lies != Lies::Outside) {
             vec![[1.0, 1.0]; places.len()]
         } else {
             let tries = (0..TRIED).flat_map(|ceiling| (0..TRIED).map(move |floor| [ceiling, floor]));
@@ -106,9 +140,9 @@ impl GamutMap {
                 .map(|(_, factors)| factors)
                 .unwrap_or_default()
         };
-        let moves = places.into_iter().zip(factors).zip(inside).map(|((from, factors), inside)| {
+        let moves = places.into_iter().zip(factors).zip(lies).map(|((from, factors), lies)| {
             let [albedo_factor, width_factor] = factors.map(rounded);
-            Move { albedo_factor, width_factor, from, inside }
+            Move { albedo_factor, width_factor, from, lies }
         });
         Self { moves: moves.collect() }
     }
@@ -116,6 +150,32 @@ impl GamutMap {
     /// Targets that change.
     pub fn moved(&self) -> usize {
         self.moves.iter().filter(|moved| moved.moves()).count()
+    }
+}
+
+/// Albedo and half-energy radius in mm, per channel.
+type Place = Vec<Option<[f64; 2]>>;
+
+fn places_of(targets: &[SearchTarget], grid: &FrequencyGrid) -> Vec<Place> {
+    targets.iter().map(|target| target.channels.iter().map(|spectrum| place_of(spectrum, grid)).collect()).collect()
+}
+
+impl Gamut {
+    fn lies(&self, place: &[Option<[f64; 2]>]) -> Lies {
+        let mut channels = place.iter().zip(&self.channels);
+        let inside = channels.all(|(place, channel)| place.is_some_and(|place| channel.boundary.contains(place)));
+        if inside { Lies::Inside } else { Lies::Outside }
+    }
+
+    /// Around what stackings `found` reflect too, R̂ per channel on `grid`.
+    fn widened(&self, found: &[&[Vec<f64>]], grid: &FrequencyGrid) -> Self {
+        let wider = |(n, channel): (usize, &ChannelGamut)| {
+            let known = channel.points.iter().map(|point| [point.albedo, point.half_energy_radius_mm]);
+            let more = found.iter().filter_map(|found| place_of(found.get(n)?, grid));
+            let boundary = Boundary::around(&known.chain(more).collect::<Vec<_>>());
+            ChannelGamut { boundary: boundary.unwrap_or_else(|| channel.boundary.clone()), ..channel.clone() }
+        };
+        Self { channels: self.channels.iter().enumerate().map(wider).collect() }
     }
 }
 
@@ -133,7 +193,7 @@ struct Bend<'a> {
 
 impl<'a> Bend<'a> {
     /// `ceiling` and `floor` are shares of the way from the least albedo to the greatest.
-    fn new(gamut: &'a Gamut, places: &[Vec<Option<[f64; 2]>>], ceiling: f64, floor: f64) -> Self {
+    fn new(gamut: &'a Gamut, places: &[Place], ceiling: f64, floor: f64) -> Self {
         let level = |share: f64| -> Vec<f64> {
             let range = gamut.channels.iter().map(|channel| channel.boundary.albedo());
             range.map(|[least, greatest]| least + share * (greatest - least)).collect()

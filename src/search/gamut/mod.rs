@@ -11,6 +11,7 @@
 //! Two numbers stand for a spectrum of 128: a target inside the boundary may still be out of reach by its shape. A
 //! channel is judged on its own: in colour, what each channel reaches need not be reached together.
 
+mod alike;
 mod boundary;
 mod explore;
 mod map;
@@ -21,9 +22,10 @@ mod width;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+pub use alike::far_miss;
 pub use boundary::Boundary;
 use explore::{Explorer, Runs, TRIALS};
-pub use map::{GamutMap, Move};
+pub use map::{GamutMap, Lies, Move};
 
 use super::{MatchOptions, RefineOptions, ResinLimit, SearchCache, SearchError, SearchOptions, options::MAX_UNITS};
 use crate::optics::{

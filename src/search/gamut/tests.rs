@@ -8,7 +8,7 @@ use super::{explore::Explorer, width::RadiusTable, *};
 use crate::{
     appearance::NormalizedDiffusion,
     optics::{MaterialSet, Resin},
-    search::{ResinLimit, SearchTarget, forward::reflection_of},
+    search::{Found, Judge, Matcher, ResinLimit, SearchTarget, forward::reflection_of},
     watch::Unwatched,
 };
 
@@ -231,4 +231,39 @@ fn hue_is_kept() {
     let moved = map.moves[0].apply(&target, &set.grid);
     let albedo: Vec<f64> = moved.channels.iter().map(|channel| channel[0]).collect();
     assert!((albedo[1] / albedo[0] - 2.0 / 3.0).abs() < 1e-9 && (albedo[2] / albedo[0] - 1.0 / 3.0).abs() < 1e-9);
+}
+
+#[test]
+fn what_mixtures_reach_stays() {
+    let set = MaterialSet::builtin("synthetic").unwrap();
+    let core = set.resin("black").map(|(id, _)| id);
+    let options = MatchOptions {
+        search: SearchOptions { core, ..Default::default() },
+        judge: Judge::Transport,
+        mixtures: true,
+        ..Default::default()
+    };
+    // Dark and narrow: grey does that, thin layers over black do not.
+    let targets: Vec<SearchTarget> = [(0.1, 0.1), (0.2, 0.1), (0.3, 0.2)]
+        .map(|(albedo, path)| NormalizedDiffusion::new(albedo, path).unwrap().spectrum(&set.grid))
+        .map(|spectrum| SearchTarget { channels: vec![spectrum] })
+        .to_vec();
+    let gamut = Gamut::explored(&set, &options, &Unwatched, None).unwrap();
+    let weights = [1.0; 3];
+    let pure = GamutMap::new(&gamut, &targets, &weights, &set.grid);
+    println!("{:#?}", pure.moves);
+    assert!(pure.moves.iter().any(|moved| !moved.reached() && moved.width_factor > 1.5));
+    let found = Matcher::matched(&set, &options, &targets, &Unwatched, None).unwrap();
+    let reflections: Vec<_> = found.iter().map(Found::reflection).collect();
+    let mixed = GamutMap::with_mixtures(&gamut, &reflections, &targets, &weights, &set.grid);
+    println!("{:#?}", mixed.moves);
+    assert!(mixed.moves.iter().all(Move::reached) && mixed.moved() == 0);
+    // What no resin is as bright as comes inside all the same.
+    let mut more = targets.clone();
+    more.push(SearchTarget { channels: vec![NormalizedDiffusion::new(0.97, 0.2).unwrap().spectrum(&set.grid)] });
+    let found = Matcher::matched(&set, &options, &more, &Unwatched, None).unwrap();
+    let reflections: Vec<_> = found.iter().map(Found::reflection).collect();
+    let brought = GamutMap::with_mixtures(&gamut, &reflections, &more, &[1.0; 4], &set.grid);
+    assert_eq!(brought.moves[3].lies, Lies::Outside);
+    assert!(brought.moves[3].albedo_factor < 0.99, "{:?}", brought.moves[3]);
 }

@@ -68,7 +68,7 @@ fn predictions_from_the_measurement_hold() {
     }
     for (thin, stack) in THICK.iter().map(|stack| (false, *stack)).chain(THIN.iter().map(|stack| (true, *stack))) {
         let transport = Model::Transport { light: Light::Diffuse, options: TransportOptions::default() };
-        let photons = Model::MonteCarlo { light: Light::Diffuse, photons: 1_000_000, seed: 4 };
+        let photons = Model::MonteCarlo { light: Light::Diffuse, photons: 200_000, seed: 4 };
         let photons = predicted(&exact, stack, photons);
         let km = off(&predicted(&measured, stack, Model::KubelkaMunk), &photons);
         let found = predicted(&measured, stack, transport);

@@ -176,9 +176,25 @@ fn gltf() {
     check(vec![
         ("a.glb", good[..11].to_vec(), &["byte 12", "JSON chunk"]),
         ("a.glb", good[..good.len() - 1].to_vec(), &["whole BIN chunk"]),
-        ("a.glb", [&good[..4], &[1], &good[5..]].concat(), &["byte 4", "version 1"]),
+        ("a.glb", [&good[..4], &[1], &good[5..]].concat(), &["byte 4", "GLB of version 1", "gltf-pipeline"]),
+        ("a.glb", [&good[..4], &[3], &good[5..]].concat(), &["byte 4", "GLB of version 3", "export it as glTF 2.0"]),
         ("a.gltf", text("{"), &["JSON part", "EOF"]),
-        ("a.gltf", text("{}"), &["JSON part", "asset"]),
+        ("a.gltf", text("{}"), &["asset", "no version", "glTF 2.0 document"]),
+        ("a.glb", set("/asset", serde_json::json!({})), &["asset", "no version"]),
+        ("a.glb", set("/asset/version", "1.0".into()), &["asset", "glTF version `1.0`", "gltf-pipeline"]),
+        ("a.glb", set("/asset/version", 1.0.into()), &["asset", "glTF version `1.0`", "gltf-pipeline"]),
+        ("a.glb", set("/asset/version", "3.0".into()), &["asset", "glTF version `3.0`", "export it as glTF 2.0"]),
+        ("a.glb", set("/asset/version", "two".into()), &["asset", "glTF version `two`"]),
+        (
+            "a.gltf",
+            text("{\"asset\": {\"version\": \"1.0\"}, \"meshes\": {\"m\": {\"primitives\": []}}}"),
+            &["asset", "glTF version `1.0`", "expected glTF 2.0", "gltf-pipeline"],
+        ),
+        (
+            "a.gltf",
+            text("{\"asset\": {}, \"meshes\": {\"m\": {\"primitives\": []}}}"),
+            &["asset", "no version, and parts with names", "gltf-pipeline"],
+        ),
         ("a.glb", infinite, &["accessor 0, vertex 0", "inf"]),
         ("a.glb", stray, &["primitive 0", "vertex index 3", "below 3"]),
         (
@@ -229,7 +245,11 @@ fn gltf() {
             triangle(&|json| json["meshes"][0]["primitives"][0]["mode"] = 1.into()),
             &["no triangles, but 1 primitive of points or lines"],
         ),
-        ("a.glb", set("/asset", serde_json::json!({"version": "2.0", "minVersion": "2.1"})), &["asset", "`2.1`"]),
+        (
+            "a.glb",
+            set("/asset", serde_json::json!({"version": "2.0", "minVersion": "2.1"})),
+            &["asset", "minVersion `2.1`", "at most 2.0"],
+        ),
         (
             "a.glb",
             triangle(&|json| json["extensionsRequired"] = serde_json::json!(["KHR_draco_mesh_compression"])),
@@ -240,6 +260,34 @@ fn gltf() {
             triangle(&|json| json["buffers"][0]["uri"] = "gone.bin".into()),
             &["buffer 0", "`gone.bin`", "no such file"],
         ),
+    ]);
+}
+
+/// As programs write numbers that take their user's for a German or French one.
+#[test]
+fn decimal_commas() {
+    const COMMAS: &str = "decimal commas are not read";
+    let head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let model = writers::threemf_model(&sample());
+    let replaced = |from: &str, to: &str| {
+        assert!(model.contains(from), "{from}");
+        threemf_of(&model.replacen(from, to, 1), &[])
+    };
+    check(vec![
+        ("a.obj", text("v 1,5 2,0 0,25\n"), &["line 1", "`v 1,5 2,0 0,25`", "three numbers", COMMAS]),
+        ("a.obj", text("v 0 0 0\nv 1 0 -0,5\n"), &["line 2", "`v 1 0 -0,5`", COMMAS]),
+        ("a.obj", text("v 0 0 0 0,8 0,2 0,2\n"), &["line 1", "`v x y z r g b`", COMMAS]),
+        ("a.obj", text("v 0 0 0\nvt 0,5 0,5\n"), &["line 2", "`vt 0,5 0,5`", COMMAS]),
+        ("a.obj", text("v 0 0 0\nvt 0 0,5\n"), &["line 2", "`vt 0 0,5`", COMMAS]),
+        (
+            "a.stl",
+            text("solid\nfacet normal 0 0 1\nouter loop\nvertex 0 1,5 0\n"),
+            &["line 4", "`vertex 0 1,5`", COMMAS],
+        ),
+        ("a.ply", text(&format!("{head}0 0 0\n1 0,5 0\n0 1 0\n3 0 1 2\n")), &["line 11, vertex 1", "`0,5`", COMMAS]),
+        ("a.3mf", replaced("<vertex x=\"", "<vertex x=\"0,\" was=\""), &["line 44", "x = `0,`", COMMAS]),
+        ("a.3mf", replaced("1 0 0 0 1 0 0 0 1 1 2 3", "1,0 0 0 0 1 0 0 0 1 1 2 3"), &["transform `1,0", COMMAS]),
     ]);
 }
 

@@ -414,7 +414,11 @@ fn sheets_beside_a_solid_are_left_out() {
         let lifted = lid.iter().map(|t| t.map(|p| p + DVec3::Z * by));
         close(mesh_of(&cup.iter().copied().chain(lifted).collect::<Vec<_>>()))
     };
-    assert!(matches!(lifted(0.1), Err(MeshError::OpenSheet { .. })));
+    let refused = lifted(0.1).unwrap_err().to_string();
+    assert!(refused.contains("closing its 2 holes (8 open edges)"), "{refused}");
+    assert!(refused.contains("up to 0.100 mm apart") && refused.contains("merge by distance"), "{refused}");
+    let refused = lifted(2.0).unwrap_err().to_string();
+    assert!(refused.ends_with("give the sheet a thickness or close it in a modeller"), "{refused}");
     // A slit is none.
     let health = lifted(0.01).unwrap().health;
     assert!((health.volume_mm3 - 64.0).abs() < 0.2 && (health.area_mm2 - 96.0).abs() < 1e-9, "{health:?}");

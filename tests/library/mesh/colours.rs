@@ -120,8 +120,15 @@ fn what_an_mtl_leaves_open_is_said() {
         ("newmtl m\nKs 1 1 1", None, "without Kd or map_Kd"),
         ("newmtl other\nKd 1 0 0", None, "nowhere defined"),
         ("newmtl m\nKd spectral red.rfl", None, "expected three numbers"),
+        ("newmtl m\nKd 0.6 0.6 0.6\nmap_Ka half.png", Some(WHOLE), "`m` (map_Ka)"),
         ("newmtl m\nKd 128 64 0", None, "found colour `128 64 0`, expected three numbers of 0 to 1"),
         ("newmtl m\nKd -1 0 0", None, "expected three numbers of 0 to 1"),
+        (
+            "newmtl m\nKd 0,5 0,25 0",
+            None,
+            "line 2: found colour `0,5 0,25 0`, expected three numbers of 0 to 1 (decimal",
+        ),
+        ("newmtl m\nmap_Kd -s 0,5 1,0 half.png", Some(WHOLE), "line 2: found options `-s 0,5 1,0 half.png`"),
         ("newmtl m\nmap_Kd none.png", Some(WHOLE), "no such file"),
         ("newmtl m\nmap_Kd half.png", None, "12 of 12 triangles with the texture of material `m`"),
         ("newmtl m\nmap_Kd -mm 0.2 1 half.png", Some(WHOLE), "-mm"),
@@ -414,6 +421,12 @@ fn colours_of_gltf_vertices() {
         gltf.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = colors.into();
         assert_shares(&gltf.read(), &[(RED, 1.0)]);
     }
+    // Cut at 1 before they multiply anything.
+    let mut gltf = Gltf::new([0.0, 1.0]);
+    let bright = gltf.floats("VEC3", &[2.0, -1.0, 1.5].repeat(36));
+    gltf.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = bright.into();
+    gltf.json["materials"][0]["pbrMetallicRoughness"] = json!({"baseColorFactor": [0.57758, 1, 0.021_219, 1]});
+    assert_shares(&gltf.read(), &[([200, 0, 40], 1.0)]);
     // Times the factor and the texture: white becomes the colour, red and blue lose what it lacks.
     let mut gltf = Gltf::new([0.0, 1.0]);
     let color = gltf.floats("VEC3", &[0.5, 0.25, 1.0].repeat(36));
@@ -531,6 +544,80 @@ fn texels_that_are_cut_out_do_not_count() {
     }
 }
 
+/// Alpha is the product of factor, texture and vertex colour.
+#[test]
+fn what_the_alpha_of_vertices_cuts_out_takes_the_colour_beside_it() {
+    let (red, blue) = ([0.57758_f32, 0.021_219, 0.021_219], [0.021_219_f32, 0.021_219, 0.57758]);
+    // Faces of the cube by fours of two triangles; the last three are blue.
+    let read = |mode: &str, factor: f32, alphas: [f32; 2], picture: Option<Vec<u8>>| {
+        let mut gltf = Gltf::new([0.0, 1.0]);
+        let [kept, other] = [(red, alphas[0]), (blue, alphas[1])].map(|([r, g, b], alpha)| [r, g, b, alpha].repeat(18));
+        let colors = gltf.floats("VEC4", &[kept, other].concat());
+        gltf.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = colors.into();
+        gltf.json["materials"][0] =
+            json!({"name": "m", "alphaMode": mode, "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, factor]}});
+        if let Some(picture) = picture {
+            gltf.image(&picture);
+            gltf.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({"index": 0});
+        }
+        gltf.read()
+    };
+    let white = || Some(png(1, &[[255; 4]]));
+    let both: &[_] = &[(RED, 0.5), (BLUE, 0.5)];
+    for picture in [None, white()] {
+        for (mode, factor, alphas, shown) in [
+            ("OPAQUE", 1.0, [1.0, 0.0], both),
+            ("MASK", 1.0, [1.0, 0.49], &[(RED, 1.0)]),
+            ("MASK", 1.0, [0.49, 1.0], &[(BLUE, 1.0)]),
+            ("MASK", 1.0, [1.0, 0.51], both),
+            ("MASK", 0.6, [1.0, 0.8], &[(RED, 1.0)]),
+            ("MASK", 0.7, [1.0, 0.8], both),
+            ("BLEND", 1.0, [1.0, 0.0], &[(RED, 1.0)]),
+            ("BLEND", 1.0, [1.0, 0.01], both),
+        ] {
+            let loaded = read(mode, factor, alphas, picture.clone());
+            println!("{mode} {factor} {alphas:?}");
+            assert_shares(&loaded, shown);
+            assert_eq!(said(&loaded, "cuts 18 corners out of material `m`"), shown.len() == 1, "{:?}", loaded.warnings);
+            assert_eq!((lost(&loaded), loaded.warnings.len()), ("", 2 - shown.len()));
+        }
+    }
+    // All of it: by vertices, by the product, by that with the texture; what is clear is printed.
+    for (factor, alpha, picture, part) in [
+        (1.0, 0.4, None, "cuts out all of it"),
+        (0.6, 0.8, None, "cuts out all of it"),
+        (0.8, 0.8, Some(png(1, &[[255, 255, 255, 190]])), "cuts out its whole texture"),
+    ] {
+        let loaded = read("MASK", factor, [alpha; 2], picture);
+        assert!(lost(&loaded).contains(part) && loaded.warnings.len() == 1, "{:?}", loaded.warnings);
+    }
+    for (factor, alpha) in [(0.0, 1.0), (1.0, 0.0)] {
+        let clear = read("BLEND", factor, [alpha; 2], None);
+        assert_eq!(lost(&clear), "");
+        assert!(said(&clear, "material `m` is wholly transparent") && clear.warnings.len() == 1);
+    }
+    // Half of the texture where vertices take part.
+    let half = png(2, &[opaque([255; 3]), [255, 255, 255, 200]]);
+    let mixed = read("MASK", 1.0, [1.0, 0.6], Some(half));
+    assert!(said(&mixed, "vertices and texture together") && mixed.warnings.len() == 1, "{:?}", mixed.warnings);
+    // A piece with nothing left beside it.
+    let piece = |mode: &str| {
+        let mut gltf = Gltf::new([0.0, 1.0]);
+        let colors = gltf.floats("VEC4", &[1.0, 0.0, 0.0, 0.0].repeat(36));
+        let mut second = gltf.json["meshes"][0]["primitives"][0].clone();
+        second["attributes"]["COLOR_0"] = colors.into();
+        gltf.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(second);
+        gltf.json["materials"][0]["alphaMode"] = mode.into();
+        gltf.read()
+    };
+    let masked = piece("MASK");
+    assert!(lost(&masked).contains("whole pieces of material `m` out, 36 corners"), "{:?}", masked.warnings);
+    let clear = piece("BLEND");
+    assert!(
+        lost(&clear).is_empty() && said(&clear, "whole pieces of material `m`, 36 corners, are wholly transparent")
+    );
+}
+
 #[test]
 fn gltf_colours_that_are_lost() {
     let textured = |change: &dyn Fn(&mut Gltf)| {
@@ -548,6 +635,16 @@ fn gltf_colours_that_are_lost() {
         gltf.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1.into();
     });
     assert!(lost(&other_set).contains("no texture coordinates"));
+    // What default weights add to colours or coordinates; without weights nothing does.
+    for (name, weights, shown) in [("COLOR_0", [0.5], true), ("TEXCOORD_0", [0.5], true), ("COLOR_0", [0.0], false)] {
+        let morphed = textured(&|gltf| {
+            let values = gltf.floats("VEC3", &[0.1; 108]);
+            let mesh = &mut gltf.json["meshes"][0];
+            mesh["primitives"][0]["targets"] = json!([{name: values}]);
+            mesh["weights"] = json!(weights);
+        });
+        assert_eq!(lost(&morphed).contains(&format!("the {name} of morph targets")), shown, "{}", lost(&morphed));
+    }
     let codec =
         textured(&|gltf| gltf.json["textures"][0] = json!({"extensions": {"KHR_texture_basisu": {"source": 0}}}));
     assert!(lost(&codec).contains("a codec other than PNG and JPEG"));

@@ -128,6 +128,21 @@ fn binary_stl_whatever_its_header_says() {
             assert_eq!(volume(loaded), 24.0, "{header} {count} {tail}");
         }
     }
+    // Too low a count, and what was filled up with zeros.
+    let with = |count: u32, tail: usize| {
+        let mut bytes = good.clone();
+        bytes[80..84].copy_from_slice(&count.to_le_bytes());
+        bytes.resize(bytes.len() + tail, 0);
+        read("a.stl", bytes)
+    };
+    for count in [1, 10, 11] {
+        let loaded = with(count, 0);
+        assert_eq!(loaded.mesh.triangles.len(), 12, "{count}");
+        assert!(loaded.warnings[0].contains(&format!("the header counts {count} triangle")), "{:?}", loaded.warnings);
+    }
+    let filled = with(12, 100);
+    assert_eq!((filled.mesh.triangles.len(), filled.mesh.positions.len()), (12, 8));
+    assert!(filled.warnings[0].contains("100 bytes after the last triangle"), "{:?}", filled.warnings);
 }
 
 #[test]
@@ -143,6 +158,10 @@ fn ply_as_text_and_with_lone_returns() {
     for bytes in saved(&text) {
         assert_eq!(volume(read("a.ply", bytes)), 1.0);
     }
+    // What a C library writes where there is no number, in a property that is not asked for.
+    let junk =
+        text.replace("property float z", "property float z\nproperty float nx").replace(" # x", " -nan(ind) # x");
+    assert_eq!(volume(read("a.ply", junk)), 1.0);
     // A body that begins with a line feed's byte, after lone returns.
     let header = "ply\rformat binary_little_endian 1.0\relement vertex 3\rproperty float x\rproperty float y\r\
                   property float z\relement face 1\rproperty list uchar int vertex_indices\rend_header\r";

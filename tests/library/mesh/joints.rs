@@ -282,3 +282,48 @@ fn sheets_in_a_body_are_not_seated() {
     let found = health(&[body, vec![[a, b, c], [a, c, d]]].concat());
     assert_eq!((found.seated_shells, found.dropped_sheets), (0, 1));
 }
+
+/// A level ring between two circles of as many chords, seen from above.
+fn ring(inner: &Ring, outer: &Ring, z: f64) -> Faces {
+    let at = |ring: &Ring, i: usize| DVec3::new(ring[i % ring.len()][0], ring[i % ring.len()][1], z);
+    let quad = |i: usize| [at(inner, i), at(outer, i), at(outer, i + 1), at(inner, i + 1)];
+    (0..inner.len()).map(quad).flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect()
+}
+
+/// A ring without thickness around a can, which hangs on it by edges of three triangles: at its foot, so that the
+/// bottom is bounded by such edges alone, or half way up. It was the bottom that went, or the lower half.
+#[test]
+fn brims_and_collars_without_thickness_are_left_out() {
+    for (reach, height) in [(5.0, 10.0), (5.0, 100.0), (9.0, 10.0), (9.0, 100.0)] {
+        let (inner, outer) = (circle(4.5, 24, 0.0), circle(reach, 24, 0.0));
+        let ends = [reversed(&lid(&inner, 0.0)), lid(&inner, height)].concat();
+        let base = 0.5 * 24.0 * 4.5 * 4.5 * (TAU / 24.0).sin();
+        let side = 48.0 * 4.5 * (PI / 24.0).sin() * height;
+        let halves = [walls(&inner, 0.0, 0.5 * height), walls(&inner, 0.5 * height, height)].concat();
+        for (name, body, z) in [("brim", walls(&inner, 0.0, height), 0.0), ("collar", halves, 0.5 * height)] {
+            let sheet = ring(&inner, &outer, z);
+            for sheet in [reversed(&sheet), sheet] {
+                let found = health(&[body.clone(), ends.clone(), sheet].concat());
+                assert!((found.volume_mm3 - base * height).abs() < 1e-6, "{name} {reach} {height}: {found:?}");
+                assert!((found.area_mm2 - 2.0 * base - side).abs() < 1e-6, "{name} {reach} {height}: {found:?}");
+                assert_eq!((found.dropped_sheets, found.holes, found.flipped_triangles), (1, 0, 0), "{name}");
+            }
+        }
+    }
+}
+
+/// What is above the wall has a hole in its lid, and hangs on the rest as a sheet would.
+#[test]
+fn walls_go_from_a_can_with_a_hole_too() {
+    let (rim, hole) = (circle(4.5, 24, 0.0), circle(0.5, 24, 0.0));
+    let base = 0.5 * 24.0 * 4.5 * 4.5 * (TAU / 24.0).sin();
+    for wall in [2.0, 5.0, 9.0] {
+        let body = [walls(&rim, 0.0, wall), walls(&rim, wall, 10.0), reversed(&lid(&rim, 0.0))].concat();
+        for inner in [lid(&rim, wall), reversed(&lid(&rim, wall))] {
+            let found = health(&[body.clone(), ring(&hole, &rim, 10.0), inner].concat());
+            assert!((found.volume_mm3 - 10.0 * base).abs() < 1e-6, "{wall}: {found:?}");
+            assert!((found.buried_area_mm2 - base).abs() < 1e-6, "{wall}: {found:?}");
+            assert_eq!((found.dropped_sheets, found.holes), (0, 1), "{wall}: {found:?}");
+        }
+    }
+}

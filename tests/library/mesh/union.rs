@@ -254,6 +254,75 @@ fn areas_and_volumes() {
     }
 }
 
+/// Two pyramids over one closed line, top above and below.
+fn double_pyramid(line: &[DVec3], tops: [DVec3; 2]) -> Body {
+    let sides = (0..line.len()).flat_map(|i| {
+        let (a, b) = (line[i], line[(i + 1) % line.len()]);
+        [[a, b, tops[0]], [b, a, tops[1]]]
+    });
+    sides.collect()
+}
+
+/// A star of `n` points drawn in one line that leaves out `step - 1` of them each time.
+fn star(n: usize, step: usize) -> Vec<DVec3> {
+    let angle = |i: usize| (i * step % n) as f64 / n as f64 * std::f64::consts::TAU + 0.3;
+    (0..n).map(|i| DVec3::new(angle(i).cos(), angle(i).sin(), 0.0)).collect()
+}
+
+/// Triangles that pass through each other from a common corner on, and nowhere else.
+#[test]
+fn sides_of_a_star_pass_through_each_other_from_the_top_on() {
+    use std::f64::consts::PI;
+    for (n, step) in [(5, 2), (7, 2), (7, 3), (8, 3)] {
+        // The outline: n tips at a distance of 1, n corners between them nearer to the middle.
+        let part = |of: usize| (PI * of as f64 / n as f64).cos();
+        let nearer = part(step) / part(step - 1);
+        let volume = 2.0 / 3.0 * n as f64 * nearer * (PI / n as f64).sin();
+        for turned in [false, true] {
+            let name = format!("{n}/{step}, turned {turned}");
+            let mut bodies = vec![double_pyramid(&star(n, step), [DVec3::Z, -DVec3::Z])];
+            if turned {
+                let turn = Random(n as u64).rotation();
+                round(&mut bodies, turn);
+            }
+            let solid = close(mesh_of(&bodies[0])).unwrap();
+            let expected = volume * if turned { 1.1_f64.powi(3) } else { 1.0 };
+            let found = solid.health.volume_mm3;
+            assert!((found / expected - 1.0).abs() < 2e-5, "{name}: {found} mm³, not {expected}");
+            assert!(solid.health.buried_area_mm2 > 0.5, "{name}");
+            check(&name, &bodies, &solid, &mut Random(step as u64));
+        }
+    }
+}
+
+/// Lines that cross themselves anyhow, flat and not: they go round some parts twice, and round some the wrong way.
+#[test]
+fn double_pyramids_over_any_line_leave_the_surface_of_what_they_hold() {
+    let mut crossed = 0;
+    for seed in 0..60_u64 {
+        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        for _ in 0..8 {
+            random.unit();
+        }
+        let rise = if seed % 2 == 0 { 0.0 } else { 0.6 };
+        let corners = 4 + random.below(5);
+        let line: Vec<DVec3> =
+            (0..corners).map(|_| random.vector(0.0, 3.0) * DVec3::new(1.0, 1.0, rise / 3.0)).collect();
+        let mut body = double_pyramid(&line, [DVec3::new(1.5, 1.5, 2.0), DVec3::new(1.4, 1.6, -1.5)]);
+        let volume: f64 = body.iter().map(|[a, b, c]| a.dot(b.cross(*c)) / 6.0).sum();
+        if volume.abs() < 0.1 {
+            continue;
+        }
+        if volume < 0.0 {
+            body = reversed(&body);
+        }
+        let solid = close(mesh_of(&body)).unwrap_or_else(|error| panic!("{seed}: {error}"));
+        crossed += usize::from(solid.health.buried_area_mm2 > 0.1);
+        check(&seed.to_string(), &[body], &solid, &mut random);
+    }
+    assert!(crossed > 20, "{crossed}");
+}
+
 #[test]
 fn what_does_not_meet_stays_as_it_is() {
     let shell =

@@ -1,0 +1,132 @@
+//! glTF's JSON: its version, its extensions, and what of it has to be right.
+
+use gltf::json::validation::Checked;
+use gltf::{Document, Semantic};
+use serde_json::Value;
+
+use super::gltf_container::CONVERTED;
+use super::gltf_tidy;
+use super::raw::RawMesh;
+use super::support::{self, Fate};
+use crate::mesh::error::{Fault, Parsed, quote};
+use crate::words::one_line;
+
+/// The document, of whose JSON only what concerns a shape has to be right.
+pub(super) fn document(json: &[u8], raw: &mut RawMesh) -> Parsed<Document> {
+    type Read = Result<gltf::json::Root, gltf::json::Error>;
+    let mut checked = |read: Read| -> Parsed<Document> {
+        let mut root = read.map_err(|error| Fault::new("the JSON part", one_line(error), "a glTF 2.0 document"))?;
+        check_version_of(&root.asset.version)?;
+        let warnings = check_extensions(&mut root)?;
+        check_position_accessors(&root)?;
+        let document = Document::from_json(root)
+            .map_err(|error| Fault::new("the JSON part", one_line(error), "a valid glTF 2.0 document"))?;
+        raw.warnings.extend(warnings);
+        note_unread_morphs(&document, json, raw);
+        Ok(document)
+    };
+    let document = checked(gltf::json::deserialize::from_slice(json));
+    let Some(mut untidy) = document.is_err().then(|| serde_json::from_slice(json).ok()).flatten() else {
+        return document;
+    };
+    check_version(&untidy)?;
+    match gltf_tidy::tidy(&mut untidy) {
+        true => checked(gltf::json::deserialize::from_value(untidy)),
+        false => document,
+    }
+}
+
+/// Says that colours and coordinates of morph targets are lost where default weights show them: the crate passes them
+/// over.
+fn note_unread_morphs(document: &Document, json: &[u8], raw: &mut RawMesh) {
+    let is_shown = |weights: Option<&[f32]>| weights.is_some_and(|weights| weights.iter().any(|weight| *weight != 0.0));
+    let of_nodes = document.nodes().any(|node| is_shown(node.weights()));
+    if !of_nodes && !document.meshes().any(|mesh| is_shown(mesh.weights())) {
+        return;
+    }
+    let Ok(value) = serde_json::from_slice::<Value>(json) else { return };
+    let primitives = list(&value, "meshes").flat_map(|mesh| list(mesh, "primitives"));
+    let targets = primitives.flat_map(|primitive| list(primitive, "targets")).filter_map(Value::as_object);
+    let mut names = targets.flat_map(|target| target.keys());
+    let unread = names.find(|name| ["COLOR_", "TEXCOORD_"].iter().any(|start| name.starts_with(start)));
+    if let Some(name) = unread {
+        raw.lose_color(format!("the {name} of morph targets is not read, and default weights show it"));
+    }
+}
+
+/// What stands in a list of this name.
+fn list<'a>(of: &'a Value, name: &str) -> impl Iterator<Item = &'a Value> + use<'a> {
+    of.get(name).and_then(Value::as_array).into_iter().flatten()
+}
+
+/// Refuses what is required and not read, by its exact name, and names what is in use, changes shape or colour and is
+/// not read.
+fn check_extensions(root: &mut gltf::json::Root) -> Parsed<Vec<String>> {
+    let fate = |name: &str| support::fate("glTF", name).unwrap_or(Fate::Warned);
+    let refused = root.extensions_required.iter().find(|name| matches!(fate(name), Fate::Warned | Fate::Refused));
+    if let Some(name) = refused {
+        let found = format!("required extension {}", quote(name.as_bytes()));
+        return Err(Fault::new(
+            "extensionsRequired",
+            found,
+            "only extensions that formats.md lists as read or ignored",
+        ));
+    }
+    // All that is left is ours to answer for.
+    root.extensions_required.clear();
+    let too_new = |version: &str| match version.split_once('.') {
+        Some((major, minor)) => !matches!((major, minor), ("0" | "1", _) | ("2", "0")),
+        None => !matches!(version, "0" | "1" | "2"),
+    };
+    if let Some(version) = root.asset.min_version.as_deref().filter(|version| too_new(version)) {
+        let found = format!("minVersion {}", quote(version.as_bytes()));
+        return Err(Fault::new("asset", found, "at most 2.0, which is what is read: export it as glTF 2.0"));
+    }
+    let unread = root.extensions_used.iter().filter(|name| fate(name) == Fate::Warned);
+    let said = |name: &String| {
+        let name = quote(name.as_bytes());
+        format!("extension {name} is in use and not read: what it says of shape or colour is missing")
+    };
+    Ok(unread.map(said).collect())
+}
+
+/// Refuses a document that is not glTF 2.0.
+fn check_version(document: &Value) -> Parsed<()> {
+    let stated = document.get("asset").and_then(|asset| asset.get("version"));
+    // Later versions number their parts.
+    let names_parts =
+        ["meshes", "nodes", "accessors"].iter().any(|part| document.get(part).is_some_and(Value::is_object));
+    match stated {
+        Some(Value::String(version)) => check_version_of(version),
+        Some(number) => check_version_of(&number.to_string()),
+        None if names_parts => {
+            let found = "no version, and parts with names, as glTF 0.8 and 1.0 have them";
+            Err(Fault::new("asset", found, CONVERTED))
+        }
+        None => Err(Fault::new("asset", "no version", "`\"version\": \"2.0\"`, as every glTF 2.0 document has it")),
+    }
+}
+
+/// Refuses any version but 2.0 and those that go on from it.
+fn check_version_of(version: &str) -> Parsed<()> {
+    let expected = match version.split('.').next() {
+        Some("2") => return Ok(()),
+        Some("0" | "1") => CONVERTED,
+        _ => "version 2.0: export it as glTF 2.0",
+    };
+    Err(Fault::new("asset", format!("glTF version {}", quote(version.as_bytes())), expected))
+}
+
+/// gltf-json 1.4.1 validates everything but looks positions up before it has checked their index, and panics.
+fn check_position_accessors(root: &gltf::json::Root) -> Parsed<()> {
+    let count = root.accessors.len();
+    for (m, mesh) in root.meshes.iter().enumerate() {
+        for attributes in mesh.primitives.iter().map(|primitive| &primitive.attributes) {
+            if let Some(index) = attributes.get(&Checked::Valid(Semantic::Positions)).filter(|i| i.value() >= count) {
+                let found = format!("POSITION accessor {}", index.value());
+                return Err(Fault::new(format!("mesh {m}"), found, format!("an index below {count}")));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,83 @@
+//! Whether what was found will do: by eye, or at least without a warning.
+
+use super::{super::SearchTarget, place_of};
+use crate::optics::FrequencyGrid;
+
+/// A stacking looks like a target where its albedo is within this of the target's, and its half-energy radius within
+/// that, as shares: both are below what an eye sees.
+const ALIKE: [f64; 2] = [0.02, 0.1];
+
+/// Where a target is black, its spectrum is met this closely.
+const BLACK: f64 = 1e-3;
+
+/// Albedos that differ by less look much alike: wider than [`ALIKE`], as one does not warn of all that an eye sees
+/// side by side.
+const MUCH_ALIKE: f64 = 0.05;
+
+impl SearchTarget {
+    /// Whether what reflects `found`, R̂ per channel on `grid`, looks like this target in every channel.
+    pub fn looks_like(&self, found: &[Vec<f64>], grid: &FrequencyGrid) -> bool {
+        let alike = |(asked, found): (&Vec<f64>, &Vec<f64>)| match (place_of(asked, grid), place_of(found, grid)) {
+            (Some(asked), Some(found)) => (0..2).all(|axis| (found[axis] / asked[axis] - 1.0).abs() <= ALIKE[axis]),
+            // Black, or wider than can be told.
+            (None, _) => asked.iter().zip(found).all(|(asked, found)| (asked - found).abs() <= BLACK),
+            _ => false,
+        };
+        self.channels.len() == found.len() && self.channels.iter().zip(found).all(alike)
+    }
+}
+
+/// Of albedos asked for and found, the two that are farthest apart if that is far enough for a warning.
+pub fn far_miss(albedos: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
+    let gap = |[asked, found]: &[f64; 2]| (asked - found).abs();
+    albedos.max_by(|a, b| gap(a).total_cmp(&gap(b))).filter(|pair| gap(pair) > MUCH_ALIKE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a profile like exp(−r/`width_mm`)/r reflects, R̂(0) = `albedo`.
+    fn spectrum(albedo: f64, width_mm: f64, grid: &FrequencyGrid) -> Vec<f64> {
+        grid.as_slice().iter().map(|k| albedo / (k * width_mm).hypot(1.0)).collect()
+    }
+
+    #[test]
+    fn targets_look_like_what_is_near_them_in_albedo_and_width() {
+        let grid = FrequencyGrid::default();
+        let found = |albedo, width| spectrum(albedo, width, &grid);
+        let target = SearchTarget { channels: vec![found(0.5, 1.0)] };
+        for (albedo, width, alike) in [
+            (0.5, 1.0, true),
+            (0.509, 1.08, true),
+            (0.491, 0.92, true),
+            (0.511, 1.0, false),
+            (0.489, 1.0, false),
+            (0.5, 1.2, false),
+            (0.5, 0.8, false),
+            (0.0, 1.0, false),
+        ] {
+            assert_eq!(target.looks_like(&[found(albedo, width)], &grid), alike, "{albedo}, {width} mm");
+        }
+        assert!(!target.looks_like(&[found(0.5, 1.0), found(0.5, 1.0)], &grid));
+        let two = SearchTarget { channels: vec![found(0.5, 1.0), found(0.2, 1.0)] };
+        assert!(two.looks_like(&[found(0.5, 1.0), found(0.2, 1.0)], &grid));
+        assert!(!two.looks_like(&[found(0.5, 1.0), found(0.3, 1.0)], &grid));
+    }
+
+    #[test]
+    fn black_is_met_by_black() {
+        let grid = FrequencyGrid::default();
+        let black = SearchTarget { channels: vec![vec![0.0; grid.len()]] };
+        assert!(black.looks_like(&[vec![0.0; grid.len()]], &grid));
+        assert!(black.looks_like(&[spectrum(0.0009, 1.0, &grid)], &grid));
+        assert!(!black.looks_like(&[spectrum(0.0011, 1.0, &grid)], &grid));
+    }
+
+    #[test]
+    fn the_farthest_miss_is_told() {
+        assert_eq!(far_miss([[0.5, 0.54], [0.3, 0.1], [0.2, 0.3]].into_iter()), Some([0.3, 0.1]));
+        assert_eq!(far_miss([[0.5, 0.54], [0.2, 0.24]].into_iter()), None);
+        assert_eq!(far_miss(std::iter::empty()), None);
+    }
+}
