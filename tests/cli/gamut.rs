@@ -113,7 +113,7 @@ fn a_job_brings_targets_into_the_gamut_and_says_so() {
     let mapped = mapped_job(&bench, "gamut-map = true");
     let entry = &mapped["stackings"][0]["stackings"][0];
     let map = &entry["gamut_map"];
-    assert_eq!(map["inside"], false);
+    assert_eq!(map["reached"], false);
     assert!(map["albedo_factor"].as_f64().unwrap() < 0.75, "{map}");
     assert!(
         entry["search"]["objective"].as_f64() < plain["stackings"][0]["stackings"][0]["search"]["objective"].as_f64()

@@ -1,5 +1,7 @@
 //! `look`: printed albedos from the job and from its slices, and what is refused.
 
+use std::collections::BTreeMap;
+
 use crate::support::{Bench, keys};
 
 #[test]
@@ -35,6 +37,19 @@ fn the_job_and_its_slices_look_the_same() {
     }
     assert!(field["against_asked"].is_null());
     assert_eq!(field["against_predicted"].as_array().unwrap().len(), 1);
+}
+
+/// Each face of a cube has a sixth of the spots, within three standard deviations: 50 ± 6.5.
+#[test]
+fn spots_lie_evenly_over_the_surface() {
+    let numbers = ["--spots", "300", "--photons", "2", "--json"];
+    let found = Bench::new().run(["look", "job.toml"].iter().chain(&numbers)).exits(0).json();
+    let mut faces = BTreeMap::new();
+    for spot in found["spots"].as_array().unwrap() {
+        let normal = [0, 1, 2].map(|axis| spot["normal"][axis].as_f64().unwrap() as i32);
+        *faces.entry(normal).or_insert(0) += 1;
+    }
+    assert!(faces.len() == 6 && faces.values().all(|count| (31..=69).contains(count)), "{faces:?}");
 }
 
 /// Without its job a folder shows the same light; what cannot be known then is said, and what its look.json knows is

@@ -6,6 +6,7 @@ use rand_xoshiro::{
     rand_core::{Rng, SeedableRng},
 };
 
+use super::{ByArea, SurfacePoint};
 use crate::{
     job::{Prepared, PreparedObject},
     look::{Scene, Site, Spot},
@@ -112,25 +113,15 @@ impl Prepared {
 
     /// `count` spots at random, evenly over the area of all surfaces that can be seen from outside.
     pub(super) fn random_spots(&self, scene: &Scene, count: usize, seed: u64) -> Vec<SurfaceSpot> {
-        let mut running = Vec::new();
-        let mut total = 0.0;
-        for (object, field) in self.slicer().objects().iter().enumerate() {
-            for (triangle, corners) in (0..).zip(field.surface().triangles()) {
-                total += normal_and_area(corners).map_or(0.0, |(_, area)| area);
-                running.push((total, object, triangle));
-            }
-        }
+        let areas = ByArea::new(self);
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut uniform = || (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
         let mut spots = Vec::with_capacity(count);
         for _ in 0..count {
             let found = (0..TRIES).find_map(|_| {
-                let at = running.partition_point(|(sum, ..)| *sum <= uniform() * total).min(running.len() - 1);
-                let (_, object, triangle) = running[at];
-                let [a, b, c] = self.slicer().objects()[object].surface().triangles()[triangle as usize];
-                let (u, v) = (uniform(), uniform());
-                let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-                self.spot(scene, object, triangle, a + (b - a) * u + (c - a) * v)
+                let SurfacePoint { object, triangle, point, .. } =
+                    areas.point(uniform() * areas.total, [uniform(), uniform()])?;
+                self.spot(scene, object, triangle, point)
             });
             spots.extend(found);
         }

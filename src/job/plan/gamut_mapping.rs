@@ -33,6 +33,7 @@ impl TargetContext<'_> {
         let mut map = GamutMap::new(&gamut, targets, shares, grid);
         let mut found = None;
         if options.mixtures && !map.moves.iter().all(Move::reached) {
+            // All of them, for a family is sought for all: without those inside it would be another.
             let with_mixtures = self.search(core, targets)?;
             let reflections: Vec<_> = with_mixtures.iter().map(Found::reflection).collect();
             map = GamutMap::with_mixtures(&gamut, &reflections, targets, shares, grid);

@@ -37,6 +37,6 @@ pub use job_targets::{JobTarget, targets};
 pub(super) use layer_maps::LayerMaps;
 pub use object::PreparedObject;
 pub use on_surface::VariantEntry;
-pub(super) use on_surface::{CHANNELS, ObjectPlan};
+pub(super) use on_surface::{CHANNELS, HALF_THICKNESSES_MM, ObjectPlan};
 pub use prepare::{InputFile, Prepared};
 pub use stacking_report::{GamutMapEntry, SearchEntry, StackingEntry, StackingReport, TransportEntry};

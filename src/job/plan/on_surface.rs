@@ -48,6 +48,8 @@ const FEWEST_POINTS: f64 = 500.0;
 const MOST_POINTS: usize = 20_000;
 /// Thinner parts are as good as this: light comes in from all sides, and no layers fit.
 const THINNEST_MM: f64 = 0.15;
+/// Half thicknesses in mm lie within these.
+pub(in crate::job) const HALF_THICKNESSES_MM: [f64; 2] = [THINNEST_MM, 1.5 * THICKEST_MM];
 /// Logarithm of a factor by which a stacking's albedo may miss what is asked for and is near.
 const NEAR: f64 = 0.02;
 /// Most labels beside the clusters' own: each is a row of a table that is read at every voxel.
@@ -144,10 +146,14 @@ impl ObjectPlan {
         context.watch.go_on()?;
         let area: f64 = solid.mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
         let spacing_mm = POINT_MM.min((area / FEWEST_POINTS).sqrt());
-        let points =
-            SurfacePoints::spread(closest.triangles(), spacing_mm, MOST_POINTS / context.job.objects.len().max(1));
+        let points = SurfacePoints::spread(
+            closest.triangles(),
+            spacing_mm,
+            (MOST_POINTS / context.job.objects.len().max(1)).max(1),
+        );
+        let [thinnest, thickest] = HALF_THICKNESSES_MM;
         let half = |place: &crate::appearance::PointOfSurface| {
-            libm::log(half_thickness(&closest, place.point, place.normal, THICKEST_MM * 1.5).max(THINNEST_MM))
+            libm::log(half_thickness(&closest, place.point, place.normal, thickest).max(thinnest))
         };
         let half_ln = points.points().par_iter().map(half).collect();
         context.watch.go_on()?;

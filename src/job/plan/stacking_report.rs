@@ -56,8 +56,8 @@ pub struct StackingEntry {
 /// A target before and after it was brought into the gamut. The search's objective is that of the target after.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GamutMapEntry {
-    /// Whether it lay inside, or layers with mixtures look like it.
-    pub inside: bool,
+    /// Whether it lay inside of what layers of one resin each reach, or what a search with mixtures found looks like it.
+    pub reached: bool,
     /// Half-energy radius asked for per channel, mm; `None` where there is no light.
     pub target_half_energy_radius_mm: Vec<Option<f64>>,
     /// Factor of its albedo, the same in all channels.
@@ -71,7 +71,7 @@ pub struct GamutMapEntry {
 impl GamutMapEntry {
     pub(super) fn new(moved: &Move, objective_as_asked: f64) -> Self {
         Self {
-            inside: moved.reached(),
+            reached: moved.reached(),
             target_half_energy_radius_mm: moved
                 .from
                 .iter()

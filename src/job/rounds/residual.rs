@@ -14,14 +14,19 @@ use crate::{
 };
 
 /// Misses are averaged over bells, one after the other, each of which adds what differs from those before by more than
-/// noise: a wide one, one over places of like shape, which lie along edges, and a narrow one of these.
+/// noise: a wide one, one over places of like shape, which lie along edges, and a narrow one of these. Tried on what a
+/// rabbit misses before any correction, 125 walks a point, a seventh of the points held back: what is left in hollows
+/// and where half the thickness is below 0.4 mm has standard deviations of 2.6 and 4.2%; without likeness 3.3 and 4.4%;
+/// a narrow bell of 0.5 mm takes noise for a miss on flat parts (1.5 to 2.9%).
 const BELLS: [Bell; 3] = [
-    Bell { reach_mm: 2.4, spacings: 5.0, likeness: None, beyond_noise: 1.0 },
+    WIDE,
     Bell { reach_mm: 2.4, spacings: 5.0, likeness: Some(0.15), beyond_noise: 3.0 },
     Bell { reach_mm: 1.0, spacings: 2.0, likeness: Some(0.15), beyond_noise: 3.0 },
 ];
 /// Printed albedos below this share of what is asked for are black.
 const BLACK: f64 = 1e-3;
+
+const WIDE: Bell = Bell { reach_mm: 2.4, spacings: 5.0, likeness: None, beyond_noise: 1.0 };
 
 /// What misses are averaged over.
 struct Bell {
@@ -57,6 +62,12 @@ impl Looked {
         Self { objects, walks, channels }
     }
 
+    /// What is asked and printed at the points of an object, by factor.
+    pub fn sums(&self, object: usize, plan: &ObjectPlan) -> Vec<Option<Sums>> {
+        let of = |seen: &Option<Seen>| seen.as_ref().map(|seen| sums_of(seen, plan.factors()));
+        self.objects[object].iter().map(of).collect()
+    }
+
     /// How far printed is from asked at single points.
     pub fn record(&self) -> RoundRecord {
         let seen: Vec<_> = self.objects.iter().flatten().flatten().collect();
@@ -80,8 +91,7 @@ impl Looked {
 
 /// By how much the albedo must rise at each point, as logarithms by channel, as far as noise allows; and the greatest
 /// miss of means over some mm². What places of like shape miss alike comes first, and then what is left around each.
-pub(super) fn residuals(plan: &ObjectPlan, seen: &[Option<Seen>]) -> (Vec<[f64; CHANNELS]>, f64) {
-    let sums: Vec<Option<Sums>> = seen.iter().map(|seen| seen.as_ref().map(|seen| sums(plan, seen))).collect();
+pub(super) fn residuals(plan: &ObjectPlan, sums: &[Option<Sums>]) -> (Vec<[f64; CHANNELS]>, f64) {
     let by_shape: Vec<ByShape> = (0..plan.factors())
         .map(|channel| ByShape::fit(&sums.iter().flatten().map(|sums| sums[channel]).collect::<Vec<_>>()))
         .collect();
@@ -96,7 +106,7 @@ pub(super) fn residuals(plan: &ObjectPlan, seen: &[Option<Seen>]) -> (Vec<[f64; 
         })
         .collect();
     let at = |(n, point): (usize, &PointOfSurface)| {
-        let shape = seen[n].as_ref().map(|seen| &seen.shape);
+        let shape = sums[n].as_ref().and_then(|sums| Some(&sums.first()?.shape));
         let mut off = [0.0; CHANNELS];
         for bell in &BELLS {
             let (missed, noise) = miss(plan, &expected, point, bell, shape);
@@ -104,7 +114,7 @@ pub(super) fn residuals(plan: &ObjectPlan, seen: &[Option<Seen>]) -> (Vec<[f64; 
                 *off += shrunk(missed - *off, bell.beyond_noise * noise);
             }
         }
-        let (whole, _) = miss(plan, &sums, point, &BELLS[0], None);
+        let (whole, _) = miss(plan, sums, point, &WIDE, None);
         if let (Some(asked), Some(expected)) = (&sums[n], &expected[n]) {
             for (off, (asked, expected)) in off.iter_mut().zip(asked.iter().zip(expected)) {
                 *off += if asked.asked > 0.0 { libm::log(asked.asked / expected.asked) } else { 0.0 };
@@ -122,8 +132,8 @@ pub(super) fn residuals(plan: &ObjectPlan, seen: &[Option<Seen>]) -> (Vec<[f64; 
 pub(super) type Sums = Vec<Sample>;
 
 /// Where all channels have the same factor, their means count.
-pub(super) fn sums(plan: &ObjectPlan, seen: &Seen) -> Sums {
-    let each = seen.asked.len() / plan.factors();
+fn sums_of(seen: &Seen, factors: usize) -> Sums {
+    let each = (seen.asked.len() / factors.max(1)).max(1);
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let of = |(asked, printed): (&[f64], &[Estimate])| Sample {
         shape: seen.shape,
@@ -131,7 +141,7 @@ pub(super) fn sums(plan: &ObjectPlan, seen: &Seen) -> Sums {
         printed: printed.iter().map(|printed| printed.mean).sum::<f64>() / printed.len().max(1) as f64,
         variance: printed.iter().map(|one| (one.standard_error / printed.len() as f64).powi(2)).sum(),
     };
-    seen.asked.chunks(each.max(1)).zip(seen.printed.chunks(each.max(1))).map(of).collect()
+    seen.asked.chunks(each).zip(seen.printed.chunks(each)).map(of).collect()
 }
 
 /// A difference no larger than its noise counts half, much smaller ones nothing.

@@ -4,30 +4,51 @@
 //! edges, in hollows and thin parts, the print follows them by half, or answers to its neighbours' in the end; on wide
 //! flat parts by all of it. What the last correction did is seen in the round after: the change of ln printed over the
 //! change of the factors, by least squares over all points, as a function of the [`Shape`]. The next one is divided by
-//! it.
+//! it. On a rabbit in one colour a correction of 0.8 of a miss moves flat parts by 0.8, hollows by 0.65 and thin parts
+//! by 0.55, and the next one, of what is left, by 0.8, 0.5 and 0.45.
+//!
+//! *Fails by a little:* noise of a look is in the correction that follows it, and in the change from there, so that
+//! small corrections, of flat parts in late rounds, seem to be followed by more than they are. There it changes nothing,
+//! for no correction is divided by more than 1.
 
 use super::{
-    Factors,
-    residual::{Seen, sums},
-    shape::Shape,
+    Followed,
+    shape::{Sample, Shape},
 };
-use crate::{job::plan::ObjectPlan, numeric::positive_definite};
+use crate::numeric::positive_definite;
 
-/// A constant and [`Shape::ways_out`].
+/// A constant and [`Shape::near_far_hidden`].
 const TERMS: usize = 4;
-/// Weight of the belief that the print follows by all of it, in squares of factors: as 400 points that changed by 5%.
-const BELIEF: f64 = 1.0;
-/// The print never follows by less, as far as a correction is concerned: it would be mostly noise.
+/// By how much what the print follows by is believed to differ from 1 before anything is seen, each term's factor.
+const BELIEVED: f64 = 0.3;
+/// Error of the fit itself, as a logarithm: beside it noise below counts little.
+const OWN_ERROR: f64 = 0.05;
+/// The print never follows by less, as far as a correction is concerned: corrections are at most twice the miss.
 const LEAST: f64 = 0.4;
 
 /// A point between two rounds.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Step {
-    pub shape: Shape,
+struct Step {
+    shape: Shape,
     /// Change of the factor's logarithm.
-    pub wanted: f64,
-    /// Change of the printed albedo's logarithm.
-    pub seen: f64,
+    wanted: f64,
+    /// Change of the printed albedo's logarithm, and the variance of that.
+    seen: f64,
+    variance: f64,
+}
+
+impl Step {
+    /// Between two looks at a point whose factor changed by `wanted`. `None` where one is black.
+    fn between(before: &Sample, now: &Sample, wanted: f64) -> Option<Self> {
+        let noise = |sample: &Sample| sample.variance / (sample.printed * sample.printed);
+        let told = before.printed > 0.0 && now.printed > 0.0;
+        told.then(|| Self {
+            shape: now.shape,
+            wanted,
+            seen: libm::log(now.printed / before.printed),
+            variance: noise(before) + noise(now),
+        })
+    }
 }
 
 /// Seen over wanted, as a function of shape.
@@ -36,42 +57,29 @@ pub(super) struct Response([f64; TERMS]);
 
 impl Response {
     /// The print follows by all of it.
-    pub const WHOLE: Self = Self([1.0, 0.0, 0.0, 0.0]);
+    const WHOLE: Self = Self([1.0, 0.0, 0.0, 0.0]);
 
-    /// Of each factor of an object, from what was seen under the factors of one round and of the next.
-    pub fn of(
-        plan: &ObjectPlan,
-        before: Option<(&[Option<Seen>], &Factors)>,
-        now: (&[Option<Seen>], &Factors),
-    ) -> Vec<Self> {
-        let Some(before) = before else { return vec![Self::WHOLE; plan.factors()] };
-        let sums_of = |(seen, _): (&[Option<Seen>], &Factors)| -> Vec<_> {
-            seen.iter().map(|seen| seen.as_ref().map(|seen| sums(plan, seen))).collect()
+    /// Of one factor of an object, from what came of its values in one round and in the next.
+    pub fn of(channel: usize, before: Option<&Followed>, now: &Followed) -> Self {
+        let Some(before) = before else { return Self::WHOLE };
+        let step = |at: usize| {
+            let [before_look, now_look] = [before, now].map(|round| Some(&round.sums[at].as_ref()?[channel]));
+            Step::between(before_look?, now_look?, now.reached[at][channel] - before.reached[at][channel])
         };
-        let printed: Vec<_> = sums_of(before).into_iter().zip(sums_of(now)).collect();
-        let of = |channel: usize| {
-            let steps = printed.iter().enumerate().filter_map(|(at, (before_sums, now_sums))| {
-                let (then, now_sample) = (before_sums.as_ref()?[channel], now_sums.as_ref()?[channel]);
-                let seen = libm::log(now_sample.printed / then.printed);
-                let wanted = now.1[at][channel] - before.1[at][channel];
-                (seen.is_finite()).then_some(Step { shape: now_sample.shape, wanted, seen })
-            });
-            Self::fit(steps)
-        };
-        (0..plan.factors()).map(of).collect()
+        Self::fit((0..now.sums.len()).filter_map(step))
     }
 
-    /// Fitted to what was seen.
-    pub fn fit(steps: impl IntoIterator<Item = Step>) -> Self {
+    fn fit(steps: impl IntoIterator<Item = Step>) -> Self {
         let (mut matrix, mut right) = (vec![vec![0.0; TERMS]; TERMS], vec![0.0; TERMS]);
-        for Step { shape, wanted, seen } in steps {
-            let terms = terms(&shape);
+        for Step { shape, wanted, seen, variance } in steps {
+            let (terms, weight) = (terms(&shape), 1.0 / (variance + OWN_ERROR * OWN_ERROR));
             for (row, (right, term)) in matrix.iter_mut().zip(right.iter_mut().zip(terms)) {
-                row.iter_mut().zip(terms).for_each(|(sum, other)| *sum += wanted * wanted * term * other);
-                *right += wanted * term * (seen - wanted);
+                let weighted = weight * wanted * term;
+                row.iter_mut().zip(terms).for_each(|(sum, other)| *sum += weighted * wanted * other);
+                *right += weighted * (seen - wanted);
             }
         }
-        matrix.iter_mut().enumerate().for_each(|(n, row)| row[n] += BELIEF);
+        matrix.iter_mut().enumerate().for_each(|(n, row)| row[n] += 1.0 / (BELIEVED * BELIEVED));
         let Some(beyond) = positive_definite::solve(matrix, right, 0.0) else { return Self::WHOLE };
         Self(std::array::from_fn(|n| Self::WHOLE.0[n] + beyond[n]))
     }
@@ -83,7 +91,7 @@ impl Response {
 }
 
 fn terms(shape: &Shape) -> [f64; TERMS] {
-    let [near, far, hidden] = shape.ways_out();
+    let [near, far, hidden] = shape.near_far_hidden();
     [1.0, near, far, hidden]
 }
 
@@ -95,11 +103,11 @@ mod tests {
     fn steps(scatter: f64) -> impl Iterator<Item = Step> {
         (0..5000).map(move |n| {
             let part = |step: f64| (f64::from(n) * step).fract();
-            let shape = Shape::with_ways_out([0.0, 0.5 * part(0.618), 0.0]);
-            let wanted = 0.1 * (part(0.755) - 0.5);
+            let far = 0.5 * part(0.618);
+            let wanted = 0.5 * (part(0.755) - 0.5);
             let noise = if n % 2 == 0 { scatter } else { -scatter };
-            let follows = 1.0 - shape.ways_out()[1];
-            Step { shape, wanted, seen: follows * wanted + noise }
+            let shape = Shape::with([0.0, far, 0.0]);
+            Step { shape, wanted, seen: (1.0 - far) * wanted + noise, variance: scatter * scatter }
         })
     }
 
@@ -108,17 +116,26 @@ mod tests {
         for scatter in [0.0, 0.1] {
             let response = Response::fit(steps(scatter));
             for far in [0.0, 0.2, 0.4] {
-                let found = response.at(&Shape::with_ways_out([0.0, far, 0.0]));
+                let found = response.at(&Shape::with([0.0, far, 0.0]));
                 assert!((found - (1.0 - far)).abs() < 0.06, "{found} at {far}, noise {scatter}");
             }
         }
     }
 
     #[test]
+    fn noisy_points_count_little() {
+        let flat = Shape::with([0.0; 3]);
+        let noisy = (0..5000).map(|_| Step { shape: flat, wanted: 0.2, seen: 3.0, variance: 25.0 });
+        let still = (0..5000).map(|_| Step { shape: flat, wanted: 0.2, seen: 0.1, variance: 0.01 });
+        let found = Response::fit(noisy.chain(still)).at(&flat);
+        assert!((found - 0.5).abs() < 0.05, "{found}");
+    }
+
+    #[test]
     fn without_steps_the_print_follows_by_all_of_it_and_never_by_too_little() {
-        let flat = Shape::with_ways_out([0.0; 3]);
+        let flat = Shape::with([0.0; 3]);
         assert_eq!(Response::fit([]).at(&flat), 1.0);
-        let against = (0..5000).map(|_| Step { shape: flat, wanted: 0.1, seen: -0.1 });
+        let against = (0..5000).map(|_| Step { shape: flat, wanted: 0.1, seen: -0.1, variance: 0.01 });
         assert_eq!(Response::fit(against).at(&flat), LEAST);
     }
 }

@@ -7,13 +7,14 @@
 //! lies.
 //!
 //! Shape is what light meets: the mean of exp(−d/ℓ) over the ways d out of the print, weighted with the cosine to the
-//! surface's normal, for a few lengths ℓ. It is 0 under a plane, and 1 at the tip of a needle. With it go the share of
+//! surface's normal, for a few lengths ℓ. It is near 0 under a plane, 0.15 for the longest of them, and 1 at the tip of a
+//! needle. With it go the share of
 //! the sky that is hidden and half the thickness. Printed over asked is a cubic in these and the albedo (less is lost of
 //! a light resin), of a lower degree where points are few. Of what the points of a rabbit in one colour miss before
 //! any correction, half of the standard deviation is left in hollows and thin parts where terms are not multiplied by
 //! each other, a third less with the cubic (held back points; boosted trees of the same numbers do as well).
 
-use super::super::look::shade;
+use super::super::{look::shade, plan::HALF_THICKNESSES_MM};
 use crate::{
     look::{Scene, Site},
     numeric::positive_definite,
@@ -23,8 +24,9 @@ use crate::{
 const LENGTHS_MM: [f64; 5] = [0.15, 0.3, 0.6, 1.2, 2.5];
 /// Longest way that is followed, mm.
 const FARTHEST_MM: f64 = 5.0;
-/// Half thicknesses in mm at which that number of a shape is 0 and 1.
-const HALF_MM: [f64; 2] = [0.15, 7.2];
+/// Which of them tell what is near and what is farther away.
+const NEAR: usize = 1;
+const FAR: usize = 3;
 const SHAPE: usize = LENGTHS_MM.len() + 2;
 /// Numbers that printed over asked depends on: a shape's and the albedo.
 const VARIABLES: usize = SHAPE + 1;
@@ -35,6 +37,8 @@ const SAMPLES_A_TERM: usize = 8;
 const OWN_ERROR: f64 = 0.05;
 /// Pulls coefficients to 0 that points do not tell, by this share of their own weight.
 const RIDGE: f64 = 1e-3;
+/// Stands in for the pivot of a term that is 0 everywhere.
+const NO_PIVOT: f64 = 1e-150;
 /// Printed over asked is fitted within these, and said to be within these.
 const RATIOS: [f64; 2] = [0.25, 4.0];
 
@@ -55,21 +59,21 @@ impl Shape {
                 *mean += libm::exp(-way / length) / shade::RAYS as f64;
             }
         }
-        let [thin, thick] = HALF_MM.map(libm::log);
+        let [thin, thick] = HALF_THICKNESSES_MM.map(libm::log);
         shape[SHAPE - 2] = 1.0 - sky;
         shape[SHAPE - 1] = ((half_ln - thin) / (thick - thin)).clamp(0.0, 1.0);
         Self(shape)
     }
 
     /// How much light finds its way out within 0.3 and 1.2 mm, and how much of the sky is hidden.
-    pub fn ways_out(&self) -> [f64; 3] {
-        [self.0[1], self.0[3], self.0[SHAPE - 2]]
+    pub fn near_far_hidden(&self) -> [f64; 3] {
+        [self.0[NEAR], self.0[FAR], self.0[SHAPE - 2]]
     }
 
     #[cfg(test)]
-    pub fn with_ways_out([near, far, hidden]: [f64; 3]) -> Self {
+    pub fn with([near, far, hidden]: [f64; 3]) -> Self {
         let mut numbers = [0.0; SHAPE];
-        [numbers[1], numbers[3], numbers[SHAPE - 2]] = [near, far, hidden];
+        [numbers[NEAR], numbers[FAR], numbers[SHAPE - 2]] = [near, far, hidden];
         Self(numbers)
     }
 
@@ -118,15 +122,14 @@ pub(super) struct ByShape {
 impl ByShape {
     /// Fitted to `samples`; 1 everywhere where they are fewer than tell.
     pub fn fit(samples: &[Sample]) -> Self {
+        let told: Vec<&Sample> = samples.iter().filter(|sample| sample.asked > 0.0).collect();
         let terms = |degree: usize| (1..=degree).fold(1, |terms, n| terms * (VARIABLES + n) / n);
-        let degree = (0..=DEGREE).rev().find(|&degree| samples.len() >= SAMPLES_A_TERM * terms(degree));
-        let Some(degree) = degree.filter(|degree| *degree > 0) else {
-            return Self { degree: 0, coefficients: vec![0.0] };
-        };
+        let degree = (1..=DEGREE).rev().find(|&degree| told.len() >= SAMPLES_A_TERM * terms(degree));
+        let Some(degree) = degree else { return Self { degree: 0, coefficients: vec![0.0] } };
         let none = vec![0.0; terms(degree)];
         let [least, most] = RATIOS;
         let (mut matrix, mut right) = (vec![none.clone(); none.len()], none.clone());
-        for sample in samples.iter().filter(|sample| sample.asked > 0.0) {
+        for sample in told {
             let terms = sample.shape.terms(sample.asked, degree);
             let missed = (sample.printed / sample.asked).clamp(least, most) - 1.0;
             let weight = 1.0 / (sample.variance / (sample.asked * sample.asked) + OWN_ERROR * OWN_ERROR);
@@ -135,9 +138,7 @@ impl ByShape {
                 *right += weight * term * missed;
             }
         }
-        // A term that is 0 everywhere has no pivot of its own.
-        let least = f64::MIN_POSITIVE;
-        matrix.iter_mut().enumerate().for_each(|(n, row)| row[n] += RIDGE * row[n] + least.sqrt());
+        matrix.iter_mut().enumerate().for_each(|(n, row)| row[n] += RIDGE * row[n] + NO_PIVOT);
         Self { degree, coefficients: positive_definite::solve(matrix, right, 0.0).unwrap_or(none) }
     }
 
@@ -176,6 +177,13 @@ mod tests {
             let found = fit.ratio(&sample(thin, asked, 0.0).shape, asked);
             assert!((found - exact).abs() < 0.02, "{thin} {asked}: {found} for {exact}");
         }
+    }
+
+    #[test]
+    fn few_lit_samples_among_black_ones_say_nothing() {
+        let lit = |n: i32| if n % 400 == 0 { 0.4 } else { 0.0 };
+        let samples: Vec<Sample> = (0..20_000).map(|n| sample((f64::from(n) * 0.618).fract(), lit(n), 0.3)).collect();
+        assert_eq!(ByShape::fit(&samples).ratio(&samples[400].shape, 0.4), 1.0);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::optics::FrequencyGrid;
 /// that, as shares: both are below what an eye sees.
 const ALIKE: [f64; 2] = [0.02, 0.1];
 
-/// Where a target is black, its spectrum is met this closely.
+/// Where a target is black, or wider than can be told, its spectrum is met this closely.
 const BLACK: f64 = 1e-3;
 
 /// Albedos that differ by less look much alike: wider than [`ALIKE`], as one does not warn of all that an eye sees
@@ -27,10 +27,10 @@ impl SearchTarget {
     }
 }
 
-/// Of albedos asked for and found, the two that are farthest apart if that is far enough for a warning.
+/// Of albedos asked for and found, the two that are farthest apart if that is far enough for a warning: more than 0.05.
 pub fn far_miss(albedos: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
     let gap = |[asked, found]: &[f64; 2]| (asked - found).abs();
-    albedos.max_by(|a, b| gap(a).total_cmp(&gap(b))).filter(|pair| gap(pair) > MUCH_ALIKE)
+    albedos.filter(|pair| gap(pair) > MUCH_ALIKE).max_by(|a, b| gap(a).total_cmp(&gap(b)))
 }
 
 #[cfg(test)]
@@ -79,5 +79,6 @@ mod tests {
         assert_eq!(far_miss([[0.5, 0.54], [0.3, 0.1], [0.2, 0.3]].into_iter()), Some([0.3, 0.1]));
         assert_eq!(far_miss([[0.5, 0.54], [0.2, 0.24]].into_iter()), None);
         assert_eq!(far_miss(std::iter::empty()), None);
+        assert_eq!(far_miss([[f64::NAN, 0.5], [0.5, 0.6]].into_iter()), Some([0.5, 0.6]));
     }
 }

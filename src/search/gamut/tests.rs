@@ -251,13 +251,11 @@ fn what_mixtures_reach_stays() {
     let gamut = Gamut::explored(&set, &options, &Unwatched, None).unwrap();
     let weights = [1.0; 3];
     let pure = GamutMap::new(&gamut, &targets, &weights, &set.grid);
-    println!("{:#?}", pure.moves);
-    assert!(pure.moves.iter().any(|moved| !moved.reached() && moved.width_factor > 1.5));
+    assert!(pure.moves.iter().any(|moved| !moved.reached() && moved.width_factor > 1.5), "{:#?}", pure.moves);
     let found = Matcher::matched(&set, &options, &targets, &Unwatched, None).unwrap();
     let reflections: Vec<_> = found.iter().map(Found::reflection).collect();
     let mixed = GamutMap::with_mixtures(&gamut, &reflections, &targets, &weights, &set.grid);
-    println!("{:#?}", mixed.moves);
-    assert!(mixed.moves.iter().all(Move::reached) && mixed.moved() == 0);
+    assert!(mixed.moves.iter().all(Move::reached) && mixed.moved() == 0, "{:#?}", mixed.moves);
     // What no resin is as bright as comes inside all the same.
     let mut more = targets.clone();
     more.push(SearchTarget { channels: vec![NormalizedDiffusion::new(0.97, 0.2).unwrap().spectrum(&set.grid)] });
