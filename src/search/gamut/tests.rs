@@ -240,28 +240,29 @@ fn what_mixtures_reach_stays() {
     let options = MatchOptions {
         search: SearchOptions { core, ..Default::default() },
         judge: Judge::Transport,
+        // Thick layers: grains of black make a narrower glow than they do.
+        layers: RefineOptions { min_layer_mm: 0.0847, ..RefineOptions::default() },
         mixtures: true,
-        ..Default::default()
     };
-    // Dark and narrow: grey does that, thin layers over black do not.
-    let targets: Vec<SearchTarget> = [(0.1, 0.1), (0.2, 0.1), (0.3, 0.2)]
-        .map(|(albedo, path)| NormalizedDiffusion::new(albedo, path).unwrap().spectrum(&set.grid))
-        .map(|spectrum| SearchTarget { channels: vec![spectrum] })
-        .to_vec();
+    let target = |albedo: f64, path: f64| SearchTarget {
+        channels: vec![NormalizedDiffusion::new(albedo, path).unwrap().spectrum(&set.grid)],
+    };
     let gamut = Gamut::explored(&set, &options, &Unwatched, None).unwrap();
-    let weights = [1.0; 3];
-    let pure = GamutMap::new(&gamut, &targets, &weights, &set.grid);
-    assert!(pure.moves.iter().any(|moved| !moved.reached() && moved.width_factor > 1.5), "{:#?}", pure.moves);
-    let found = Matcher::matched(&set, &options, &targets, &Unwatched, None).unwrap();
-    let reflections: Vec<_> = found.iter().map(Found::reflection).collect();
-    let mixed = GamutMap::with_mixtures(&gamut, &reflections, &targets, &weights, &set.grid);
-    assert!(mixed.moves.iter().all(Move::reached) && mixed.moved() == 0, "{:#?}", mixed.moves);
-    // What no resin is as bright as comes inside all the same.
-    let mut more = targets.clone();
-    more.push(SearchTarget { channels: vec![NormalizedDiffusion::new(0.97, 0.2).unwrap().spectrum(&set.grid)] });
-    let found = Matcher::matched(&set, &options, &more, &Unwatched, None).unwrap();
-    let reflections: Vec<_> = found.iter().map(Found::reflection).collect();
-    let brought = GamutMap::with_mixtures(&gamut, &reflections, &more, &[1.0; 4], &set.grid);
-    assert_eq!(brought.moves[3].lies, Lies::Outside);
-    assert!(brought.moves[3].albedo_factor < 0.99, "{:?}", brought.moves[3]);
+    let maps = |targets: &[SearchTarget]| {
+        let weights = vec![1.0; targets.len()];
+        let found = Matcher::matched(&set, &options, targets, &Unwatched, None).unwrap();
+        let found: Vec<_> = found.iter().map(Found::reflection).collect();
+        let pure = GamutMap::new(&gamut, targets, &weights, &set.grid);
+        [pure, GamutMap::with_mixtures(&gamut, &found, targets, &weights, &set.grid)]
+    };
+    let mut targets = vec![target(0.12, 0.25), target(0.3, 0.5)];
+    let [pure, mixed] = maps(&targets);
+    assert_eq!([pure.moves[0].lies, mixed.moves[0].lies], [Lies::Outside, Lies::Mixed]);
+    assert!(pure.moves[0].moves() && mixed.moved() == 0, "{pure:#?} {mixed:#?}");
+    // Where something is brighter than any resin, all comes inside together, what is at the rim by no more than before.
+    targets.push(target(0.97, 0.5));
+    let [pure, mixed] = maps(&targets);
+    assert_eq!(mixed.moves[2].lies, Lies::Outside);
+    assert!(mixed.moves[2].albedo_factor < 0.99, "{mixed:#?}");
+    assert!(mixed.moves[0].width_factor <= pure.moves[0].width_factor, "{pure:#?} {mixed:#?}");
 }
