@@ -645,6 +645,41 @@ fn gltf_colours_that_are_lost() {
         });
         assert_eq!(lost(&morphed).contains(&format!("the {name} of morph targets")), shown, "{}", lost(&morphed));
     }
+    // Weights count for the targets that they stand beside: those of the mesh, unless its node has others.
+    for (weights, node, shown) in [
+        ([0.5, 0.0], json!(null), ""),
+        ([0.0, 0.5], json!(null), "the COLOR_0 of morph targets"),
+        ([0.0, 0.5], json!([0.0, 0.0]), ""),
+        ([0.0, 0.0], json!([0.0, 0.5]), "the COLOR_0 of morph targets"),
+    ] {
+        let morphed = textured(&|gltf| {
+            let values = gltf.floats("VEC3", &[0.0; 108]);
+            let colored = json!([{"POSITION": values}, {"COLOR_0": values}]);
+            gltf.json["meshes"][0]["primitives"][0]["targets"] = colored.clone();
+            gltf.json["meshes"][0]["weights"] = json!(weights);
+            // Another mesh has the same targets, and nothing shows them.
+            let mut other = gltf.json["meshes"][0].clone();
+            other["weights"] = json!([0.0, 0.0]);
+            gltf.json["meshes"].as_array_mut().unwrap().push(other);
+            gltf.json["nodes"] = json!([{"mesh": 0}, {"mesh": 1, "translation": [3, 0, 0]}]);
+            gltf.json["scenes"][0]["nodes"] = json!([0, 1]);
+            if !node.is_null() {
+                gltf.json["nodes"][0]["weights"] = node.clone();
+            }
+        });
+        assert!(lost(&morphed).contains(shown) && lost(&morphed).is_empty() == shown.is_empty(), "{}", lost(&morphed));
+    }
+    let dormant = textured(&|gltf| {
+        let values = gltf.floats("VEC3", &[0.0; 108]);
+        let mut other = gltf.json["meshes"][0].clone();
+        gltf.json["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": values}]);
+        gltf.json["meshes"][0]["weights"] = json!([0.5]);
+        other["primitives"][0]["targets"] = json!([{"COLOR_0": values}]);
+        gltf.json["meshes"].as_array_mut().unwrap().push(other);
+        gltf.json["nodes"] = json!([{"mesh": 0}, {"mesh": 1, "translation": [3, 0, 0]}]);
+        gltf.json["scenes"][0]["nodes"] = json!([0, 1]);
+    });
+    assert_eq!(lost(&dormant), "");
     let codec =
         textured(&|gltf| gltf.json["textures"][0] = json!({"extensions": {"KHR_texture_basisu": {"source": 0}}}));
     assert!(lost(&codec).contains("a codec other than PNG and JPEG"));
