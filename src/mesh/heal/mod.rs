@@ -120,7 +120,7 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
             open_edges: health.open_edges,
             percent: 100.0 * health.cap_area_mm2 / health.area_mm2,
             limit_percent: 100.0 * MAX_CAP_FRACTION,
-            rim_gap_mm: health.rim_gap_mm,
+            unjoined_rim_gap_mm: bodies.unjoined_miss,
         });
     }
     let mut caps = shells.turn_outwards(&mut mesh, caps, &bodies, &mut health)?;
