@@ -131,9 +131,9 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     health.caps = caps.len();
     set_needles_aside(&mut mesh, &mut caps, &mut health);
     let tolerance = union::tolerance(mesh.corner_bounds());
-    let meetings = crossing::count(&mesh, tolerance);
+    let meetings = crossing::find(&mesh, tolerance);
     health.self_intersections = Some(meetings.crossings);
-    let may_be_buried = meetings.crossings + meetings.contacts + meetings.folds + health.non_manifold_edges > 0;
+    let may_be_buried = meetings.any() || health.non_manifold_edges > 0;
     let whole = if may_be_buried || shells.may_meet(tolerance.touch) {
         union::bare(&mut mesh, &caps, &mut health)
     } else {
