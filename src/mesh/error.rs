@@ -72,7 +72,7 @@ pub enum MeshError {
     #[error(
         "the mesh is an open sheet: closing its {} ({}) takes {percent:.1}% of its surface area, expected at most \
          {limit_percent:.0}%: {}",
-        counted(*.holes, "hole"), counted(*.open_edges, "open edge"), closing_advice(*.rim_gap_mm)
+        counted(*.holes, "hole"), counted(*.open_edges, "open edge"), closing_advice(*.unjoined_rim_gap_mm)
     )]
     OpenSheet {
         /// Boundary loops.
@@ -83,8 +83,9 @@ pub enum MeshError {
         percent: f64,
         /// [`super::MAX_CAP_FRACTION`] in percent.
         limit_percent: f64,
-        /// How far rims of its pieces that run along each other are apart at most, mm; 0 where there are none.
-        rim_gap_mm: f64,
+        /// How far rims of its pieces that run along each other, and are too far apart for one curve, are apart at
+        /// most, mm; 0 where there are none.
+        unjoined_rim_gap_mm: f64,
     },
     /// An open piece beside others that faces inwards.
     #[error(
@@ -115,11 +116,11 @@ pub enum MeshError {
 
 impl crate::blame::Blamed for MeshError {}
 
-fn closing_advice(rim_gap_mm: f64) -> String {
-    match rim_gap_mm > 0.0 {
+fn closing_advice(unjoined_rim_gap_mm: f64) -> String {
+    match unjoined_rim_gap_mm > 0.0 {
         true => format!(
-            "rims of its pieces run along each other, up to {rim_gap_mm:.3} mm apart, too far for one curve: join \
-             them in a modeller (merge by distance), or close each piece"
+            "rims of its pieces run along each other, up to {unjoined_rim_gap_mm:.3} mm apart, too far for one curve: \
+             join them in a modeller (merge by distance), or close each piece"
         ),
         false => "give the sheet a thickness or close it in a modeller".to_owned(),
     }

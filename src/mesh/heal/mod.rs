@@ -120,7 +120,7 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
             open_edges: health.open_edges,
             percent: 100.0 * health.cap_area_mm2 / health.area_mm2,
             limit_percent: 100.0 * MAX_CAP_FRACTION,
-            rim_gap_mm: health.rim_gap_mm,
+            unjoined_rim_gap_mm: bodies.unjoined_miss,
         });
     }
     let mut caps = shells.turn_outwards(&mut mesh, caps, &bodies, &mut health)?;
@@ -131,9 +131,9 @@ pub fn close(mut mesh: TriangleMesh) -> Result<Solid, MeshError> {
     health.caps = caps.len();
     set_needles_aside(&mut mesh, &mut caps, &mut health);
     let tolerance = union::tolerance(mesh.corner_bounds());
-    let meetings = crossing::count(&mesh, tolerance);
+    let meetings = crossing::find(&mesh, tolerance);
     health.self_intersections = Some(meetings.crossings);
-    let may_be_buried = meetings.crossings + meetings.contacts + meetings.folds + health.non_manifold_edges > 0;
+    let may_be_buried = meetings.any() || health.non_manifold_edges > 0;
     let whole = if may_be_buried || shells.may_meet(tolerance.touch) {
         union::bare(&mut mesh, &caps, &mut health)
     } else {

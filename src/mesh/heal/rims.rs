@@ -30,6 +30,8 @@ pub(super) struct Bodies {
     pub(super) of_shell: Vec<u32>,
     /// How far rims of a body's shells miss each other at most; 0 for a shell alone.
     pub(super) miss: Vec<f64>,
+    /// How far rims that run along others but are no curve in common with them miss those at most.
+    pub(super) unjoined_miss: f64,
     /// How many shells each has.
     sizes: Vec<usize>,
     /// For every shell: whether each of its rims meets others that run along it.
@@ -41,12 +43,17 @@ impl Bodies {
     pub(super) fn new(mesh: &TriangleMesh, shells: &Shells, holes: &[Hole]) -> Self {
         let mut sets = DisjointSets::new(shells.len());
         let mut misses = Vec::new();
+        let mut unjoined_miss = 0.0f64;
         let mut unmet = vec![0usize; shells.len()];
         holes.iter().for_each(|hole| unmet[hole.shell as usize] += 1);
         for Neighbour { shell, others, miss, meets } in neighbours(&mesh.positions, holes) {
             others.iter().for_each(|&other| sets.join(shell, other));
             misses.push((shell, miss));
-            unmet[shell as usize] -= usize::from(meets);
+            if meets {
+                unmet[shell as usize] -= 1;
+            } else {
+                unjoined_miss = unjoined_miss.max(miss);
+            }
         }
         let of_shell: Vec<u32> = (0..shells.len() as u32).map(|shell| sets.root(shell)).collect();
         let mut miss = vec![0.0; shells.len()];
@@ -57,7 +64,7 @@ impl Bodies {
         let mut sizes = vec![0; shells.len()];
         of_shell.iter().for_each(|&body| sizes[body as usize] += 1);
         let is_met = (0..shells.len()).map(|s| sizes[of_shell[s] as usize] > 1 && unmet[s] == 0).collect();
-        Self { of_shell, miss, sizes, is_met }
+        Self { of_shell, miss, unjoined_miss, sizes, is_met }
     }
 
     /// How many shells have rims in common with others.

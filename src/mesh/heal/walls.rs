@@ -13,12 +13,14 @@ use glam::DVec3;
 use super::edges::{Edges, triangle_of};
 use super::union::{Soup, tolerance};
 use super::{HealthReport, TriangleMesh, area, orient, sheets};
+use crate::disjoint_sets::DisjointSets;
 
 /// Directions that each side of a patch is looked at from.
 const VIEWS: u32 = 96;
 /// Patches looked at: about a second.
 const MAX_PATCHES: usize = 2_000;
-/// Triangles that may be looked through for patches that can be seen, all together: about two seconds.
+/// Triangles that a search may look through, patch by patch: about two seconds. There are up to three: for walls, for
+/// what is attached to the body, and for walls without that.
 const BUDGET: usize = 4_000_000;
 
 /// Drops such patches; says whether there were any.
@@ -65,19 +67,8 @@ fn attached(mesh: &TriangleMesh, edges: &Edges) -> Vec<bool> {
     let faults = Faults::of(edges);
     let mut is_attached = vec![false; mesh.triangles.len()];
     let mut patches = sheets::patches(mesh.triangles.len(), edges);
-    // By the root of each: the odd and the open edges that bound it.
-    let mut bounds = vec![[0usize; 2]; mesh.triangles.len()];
-    for edge in edges.iter() {
-        let count = edge.half_edges.len();
-        let mut roots: Vec<u32> = edge.half_edges.iter().map(|&h| patches.root(triangle_of(h) as u32)).collect();
-        roots.dedup();
-        for root in roots {
-            let [odd, open] = &mut bounds[root as usize];
-            *odd += usize::from(is_odd(count));
-            *open += usize::from(count == 1);
-        }
-    }
-    let roots: Vec<usize> = (0..bounds.len()).filter(|&root| !bounds[root].contains(&0)).collect();
+    let rims = Rim::of_patches(&mut patches, mesh.triangles.len(), edges);
+    let roots: Vec<usize> = (0..rims.len()).filter(|&root| rims[root].has_odd && rims[root].open > 0).collect();
     let mut spent = 0;
     for root in roots {
         spent += mesh.triangles.len();
@@ -85,7 +76,7 @@ fn attached(mesh: &TriangleMesh, edges: &Edges) -> Vec<bool> {
             break;
         }
         let is_of: Vec<bool> = (0..mesh.triangles.len()).map(|t| patches.root(t as u32) as usize == root).collect();
-        let own_open = bounds[root][1];
+        let own_open = rims[root].open;
         if faults.without(mesh, &is_of).is_some_and(|rest| rest.open + own_open == faults.open) {
             is_of.iter().zip(&mut is_attached).filter(|(is_of, _)| **is_of).for_each(|(_, is)| *is = true);
         }
@@ -173,7 +164,31 @@ fn is_odd(count: usize) -> bool {
     count > 2 && count % 2 == 1
 }
 
-/// A patch (what edges with two triangles connect) that edges of an odd number of triangles bound, and no open ones.
+/// The edges that bound a patch (what edges with two triangles connect).
+#[derive(Clone, Default)]
+struct Rim {
+    /// Whether there are edges of an odd number of triangles, more than one.
+    has_odd: bool,
+    /// How many have no other triangle.
+    open: usize,
+}
+
+impl Rim {
+    /// By the root of each patch.
+    fn of_patches(patches: &mut DisjointSets, triangles: usize, edges: &Edges) -> Vec<Self> {
+        let mut rims = vec![Self::default(); triangles];
+        for edge in edges.iter() {
+            for &half_edge in edge.half_edges {
+                let rim = &mut rims[patches.root(triangle_of(half_edge) as u32) as usize];
+                rim.has_odd |= is_odd(edge.half_edges.len());
+                rim.open += usize::from(edge.half_edges.len() == 1);
+            }
+        }
+        rims
+    }
+}
+
+/// A patch that edges of an odd number of triangles bound, and no open ones.
 struct Patch {
     triangles: Vec<usize>,
     area: f64,
@@ -187,19 +202,11 @@ impl Patch {
     fn all(mesh: &TriangleMesh, edges: &Edges) -> Vec<Self> {
         let count = mesh.triangles.len();
         let mut patches = sheets::patches(count, edges);
-        // By the root of each: whether an odd edge, and whether an open one, bounds it.
-        let mut bounds = vec![[false; 2]; count];
-        for edge in edges.iter() {
-            for &half_edge in edge.half_edges {
-                let [odd, open] = &mut bounds[patches.root(triangle_of(half_edge) as u32) as usize];
-                *odd |= is_odd(edge.half_edges.len());
-                *open |= edge.half_edges.len() == 1;
-            }
-        }
+        let rims = Rim::of_patches(&mut patches, count, edges);
         let mut members = vec![Vec::new(); count];
         for t in 0..count {
             let root = patches.root(t as u32) as usize;
-            if bounds[root] == [true, false] {
+            if rims[root].has_odd && rims[root].open == 0 {
                 members[root].push(t);
             }
         }

@@ -12,7 +12,7 @@ use gltf::mesh::{Mode, Primitive};
 use gltf::{Document, Node, Semantic};
 
 use super::gltf_container::{resolve, split};
-use super::gltf_document::document;
+use super::gltf_document::{ShownTarget, document, note_unread_morphs};
 use super::gltf_mask::Alphas;
 use super::gltf_material::{BaseColor, Materials, name_of};
 use super::gltf_shape::{self, Pose};
@@ -31,7 +31,8 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let (json, blob) = split(source.bytes)?;
     let mut raw = RawMesh::new(1000.0);
     raw.y_up = true;
-    let document = document(&decoded(json), &mut raw)?;
+    let json = decoded(json);
+    let document = document(&json, &mut raw)?;
     let buffers = document
         .buffers()
         .map(|buffer| {
@@ -81,6 +82,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         empty: BTreeSet::new(),
         skipped: [0; 4],
         alphas,
+        morphs: BTreeSet::new(),
     };
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let roots = match &scene {
@@ -109,6 +111,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
             }
         }
     }
+    note_unread_morphs(&json, &walk.morphs, &mut walk.raw);
     Ok(walk.finish())
 }
 
@@ -202,6 +205,8 @@ struct Walk<'a> {
     empty: BTreeSet<usize>,
     skipped: [usize; 4],
     alphas: Alphas,
+    /// Morph targets with a weight.
+    morphs: BTreeSet<ShownTarget>,
 }
 
 /// Slots of `Walk::skipped`.
@@ -248,6 +253,8 @@ impl Walk<'_> {
         transform: DMat4,
     ) -> Parsed<()> {
         let weights = weights.unwrap_or(&[]);
+        let shown = (0..weights.len()).filter(|&target| weights[target] != 0.0);
+        self.morphs.extend(shown.map(|target| ShownTarget { mesh: mesh.index(), target }));
         mesh.primitives().try_for_each(|primitive| self.primitive(&primitive, pose, weights, transform))
     }
 

@@ -1,5 +1,7 @@
 //! glTF's JSON: its version, its extensions, and what of it has to be right.
 
+use std::collections::BTreeSet;
+
 use gltf::json::validation::Checked;
 use gltf::{Document, Semantic};
 use serde_json::Value;
@@ -22,7 +24,6 @@ pub(super) fn document(json: &[u8], raw: &mut RawMesh) -> Parsed<Document> {
         let document = Document::from_json(root)
             .map_err(|error| Fault::new("the JSON part", one_line(error), "a valid glTF 2.0 document"))?;
         raw.warnings.extend(warnings);
-        note_unread_morphs(&document, json, raw);
         Ok(document)
     };
     let document = checked(gltf::json::deserialize::from_slice(json));
@@ -36,22 +37,33 @@ pub(super) fn document(json: &[u8], raw: &mut RawMesh) -> Parsed<Document> {
     }
 }
 
-/// Says that colours and coordinates of morph targets are lost where default weights show them: the crate passes them
-/// over.
-fn note_unread_morphs(document: &Document, json: &[u8], raw: &mut RawMesh) {
-    let is_shown = |weights: Option<&[f32]>| weights.is_some_and(|weights| weights.iter().any(|weight| *weight != 0.0));
-    let of_nodes = document.nodes().any(|node| is_shown(node.weights()));
-    if !of_nodes && !document.meshes().any(|mesh| is_shown(mesh.weights())) {
+/// Says that colours and coordinates of the morph targets in `shown` are lost: the crate passes them over.
+pub(super) fn note_unread_morphs(json: &[u8], shown: &BTreeSet<ShownTarget>, raw: &mut RawMesh) {
+    if shown.is_empty() {
         return;
     }
     let Ok(value) = serde_json::from_slice::<Value>(json) else { return };
-    let primitives = list(&value, "meshes").flat_map(|mesh| list(mesh, "primitives"));
-    let targets = primitives.flat_map(|primitive| list(primitive, "targets")).filter_map(Value::as_object);
-    let mut names = targets.flat_map(|target| target.keys());
-    let unread = names.find(|name| ["COLOR_", "TEXCOORD_"].iter().any(|start| name.starts_with(start)));
-    if let Some(name) = unread {
-        raw.lose_color(format!("the {name} of morph targets is not read, and default weights show it"));
+    for (m, mesh) in list(&value, "meshes").enumerate() {
+        for primitive in list(mesh, "primitives") {
+            let targets = list(primitive, "targets").enumerate();
+            let moving = targets.filter(|&(target, _)| shown.contains(&ShownTarget { mesh: m, target }));
+            let mut names = moving.filter_map(|(_, target)| target.as_object()).flat_map(|target| target.keys());
+            let unread = names.find(|name| ["COLOR_", "TEXCOORD_"].iter().any(|start| name.starts_with(start)));
+            if let Some(name) = unread {
+                raw.lose_color(format!("the {name} of morph targets is not read, and default weights show it"));
+                return;
+            }
+        }
     }
+}
+
+/// A morph target, of every primitive of a mesh, that has a weight somewhere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct ShownTarget {
+    /// Index of the mesh.
+    pub(super) mesh: usize,
+    /// Index of the target in its primitives.
+    pub(super) target: usize,
 }
 
 /// What stands in a list of this name.

@@ -33,6 +33,9 @@ const MAP_OPTIONS: [(&str, usize); 12] = [
     ("-texres", 1),
 ];
 
+/// Those that change what the texture shows, or where.
+const PLACING: [&str; 4] = ["-mm", "-o", "-s", "-t"];
+
 /// Statements by which a material that has no colour else may be given one.
 const ELSEWHERE: [&str; 3] = ["Ke", "map_Ka", "map_Ke"];
 
@@ -169,7 +172,7 @@ struct Map {
     offset: DVec2,
     /// An option changes the colours and is not read.
     unread: bool,
-    /// A number of an option has a decimal comma.
+    /// A number of an option that matters has a comma.
     has_comma: bool,
 }
 
@@ -193,10 +196,10 @@ impl Map {
             let mut word = "";
             // Trailing arguments of -o, -s and -t may be left out.
             for i in 0..arguments {
-                let has_comma = words.peek().is_some_and(|word| has_comma(word.as_bytes()));
+                let with_comma = words.peek().is_some_and(|word| has_comma(word.as_bytes()));
                 let number = words.peek().and_then(|w| w.parse::<f64>().ok()).filter(|n| n.is_finite());
-                map.has_comma |= has_comma;
-                if i > 0 && number.is_none() && !has_comma {
+                map.has_comma |= with_comma && PLACING.contains(&name);
+                if i > 0 && number.is_none() && !with_comma {
                     break;
                 }
                 numbers.extend(number);
@@ -244,5 +247,16 @@ mod tests {
         assert_eq!((map.scale, map.offset, map.clamp), (DVec2::new(2.0, 3.0), DVec2::new(0.25, 0.0), true));
         assert!(!Map::parse("-mm 0 1 -t 0 0 0 x.png").unread);
         assert!(Map::parse("-mm 0.2 1 x.png").unread && Map::parse("-t 0.1 x.png").unread);
+        for (text, has_comma) in [
+            ("-bm 0,5 x.png", false),
+            ("-boost 1,5 -texres 5,0 x.png", false),
+            ("-s 0,5 1,0 x.png", true),
+            ("-O 1, 0, 0 x.png", true),
+            ("-mm 0 0,9 x.png", true),
+            ("-bm 0,5 -t 0,1 x.png", true),
+        ] {
+            let map = Map::parse(text);
+            assert_eq!((map.has_comma, map.file.as_str()), (has_comma, "x.png"), "{text}");
+        }
     }
 }

@@ -8,7 +8,8 @@ use glam::DVec3;
 
 use super::Source;
 use super::raw::{RawMesh, finite};
-use super::text::{Lines, decoded, expected_number};
+use super::text::{self, Lines, decoded, expected_number};
+use crate::mesh::bounds;
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::counted;
 
@@ -16,6 +17,9 @@ const HEADER: usize = 84;
 const RECORD: usize = 50;
 /// Where a text must have come to a facet, or to its end: names and comments before it are shorter.
 const TEXT_PROBE: usize = 1 << 16;
+/// How far from the triangles that the header counts others may lie, in diagonals of the box around them: the first
+/// triangle of a mesh may be a thousandth of it. Of random bits about 1 triangle in 200 lies within.
+const REACH: f64 = 1e3;
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let bytes = source.bytes;
@@ -60,7 +64,7 @@ fn binary(bytes: &[u8], claimed: usize) -> Parsed<RawMesh> {
     let mut count = claimed;
     // Writers that stream cannot go back to fill in the count, and others count before they are done.
     let room = body.len() / RECORD;
-    let goes_on = || claimed == 0 || are_triangles(body.chunks_exact(RECORD).skip(claimed));
+    let goes_on = || claimed == 0 || are_triangles(body, claimed);
     if claimed < room && body.len().is_multiple_of(RECORD) && goes_on() {
         count = room;
         let counts = counted(claimed, "triangle");
@@ -93,15 +97,18 @@ fn corner(record: &[u8], i: usize) -> DVec3 {
     DVec3::new(at(0), at(1), at(2))
 }
 
-/// Whether records that the header does not count hold triangles, up to the last, and not what a writer or a disk
-/// filled up with.
-fn are_triangles<'a>(mut records: impl DoubleEndedIterator<Item = &'a [u8]>) -> bool {
-    let corners = |record: &'a [u8]| [0, 1, 2].map(|i| corner(record, i));
-    let is_last = records
-        .next_back()
-        .map(corners)
-        .is_some_and(|[a, b, c]| a.is_finite() && b.is_finite() && c.is_finite() && a != b && b != c && c != a);
-    is_last && records.flat_map(corners).all(DVec3::is_finite)
+/// Whether records that the header does not count hold triangles of the same mesh, up to the last, and not what a
+/// writer or a disk filled up with, or a text.
+fn are_triangles(body: &[u8], claimed: usize) -> bool {
+    let records = || body.chunks_exact(RECORD);
+    let corners = |record: &[u8]| [0, 1, 2].map(|i| corner(record, i));
+    let (low, high) = bounds(&records().take(claimed).flat_map(corners).collect::<Vec<_>>());
+    let reach = DVec3::splat(REACH * (high - low).length());
+    let is_near = |p: DVec3| p.cmpge(low - reach).all() && p.cmple(high + reach).all();
+    let is_text = |record: &[u8]| record.iter().all(|b| b.is_ascii_graphic() || b.is_ascii_whitespace());
+    let is_triangle = |record: &[u8]| !is_text(record) && corners(record).into_iter().all(is_near);
+    let ends = |[a, b, c]: [DVec3; 3]| a != b && b != c && c != a;
+    records().last().map(corners).is_some_and(ends) && records().skip(claimed).all(is_triangle)
 }
 
 /// Words with the numbers of their lines; `#` begins a comment, `solid` and `endsolid` take a name up to the end of
@@ -201,8 +208,7 @@ fn text(bytes: &[u8]) -> Parsed<RawMesh> {
                 for value in &mut p {
                     let word = words.next().map(|(_, word)| word);
                     said.extend([b" ", word.unwrap_or_default()].concat());
-                    let parsed = word.and_then(|w| std::str::from_utf8(w).ok()?.parse().ok());
-                    *value = parsed.ok_or_else(|| {
+                    *value = word.and_then(text::number).ok_or_else(|| {
                         let expected = expected_number(&said, "`vertex x y z` with three numbers");
                         Fault::new(place(), quote(&said), expected)
                     })?;
@@ -261,4 +267,36 @@ fn push_last_three(raw: &mut RawMesh, place: impl Fn() -> String) -> Parsed<()> 
     // Positions stay below 3 · MAX_TRIANGLES, far from u32's limit.
     let end = raw.positions.len() as u32;
     raw.push(place, [end - 3, end - 2, end - 1], None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A body of triangles in steps of 1 along x, each 1 mm wide but for the first.
+    fn records(first: f32, count: usize) -> Vec<u8> {
+        let mut body = Vec::new();
+        for t in 0..count {
+            let (x, side) = (t as f32, if t == 0 { first } else { 1.0 });
+            let numbers = [0.0, 0.0, 1.0, x, 0.0, 0.0, x + side, 0.0, 0.0, x, side, 0.0];
+            body.extend(numbers.iter().flat_map(|n: &f32| n.to_le_bytes()));
+            body.extend([0; 2]);
+        }
+        body
+    }
+
+    #[test]
+    fn what_follows_the_counted_triangles_is_triangles_or_not() {
+        // The rest of a mesh, though the header counts a small triangle alone, and others are far away.
+        assert!(are_triangles(&records(1.0, 12), 11) && are_triangles(&records(0.01, 12), 1));
+        let tail = |bytes: &[u8]| are_triangles(&[records(1.0, 12), bytes.to_vec()].concat(), 12);
+        let text = b"Exported with a program that signs what it writes.";
+        assert_eq!(text.len(), RECORD);
+        assert!(!tail(text) && !tail(&[b'7'; 50]) && !tail(&text.repeat(3)));
+        // The first 50 letters and a zero at the end are no triangle either: they would be 1e20 mm away.
+        let ended: Vec<u8> = text[..49].iter().copied().chain([0]).collect();
+        assert!(corner(&ended, 0).abs().max_element() > 1e15);
+        assert!(!tail(&ended) && !tail(&[0; 50]) && !tail(&[0xff; 50]));
+        assert!(tail(&records(2.0, 1)));
+    }
 }

@@ -90,7 +90,7 @@ pub(super) const ROWS: &[Row] = &[
         Fate::Lost,
         &["kd spectral", "kd xyz"],
         "the options -mm and -t of map_Kd; materials with neither Kd nor map_Kd; colours that stand in Ke, map_Ka or \
-         map_Ke alone; numbers with decimal commas",
+         map_Ke alone; commas in the numbers of Kd and of the options -s, -o, -t and -mm",
     ),
     row(
         "glTF",
@@ -111,8 +111,8 @@ pub(super) const ROWS: &[Row] = &[
         "the default scene's nodes, the first one's where none is named, all where there are no scenes; triangles, \
          strips, fans; sparse accessors, and those without bytes, which are 0; base or diffuse colour, texture with \
          its wrap modes, COLOR_0 (linear; multiplies); default morph weights; skins in the pose of their joints; \
-         texels and vertices that alpha cuts out (of factor, texture and COLOR_0) take the nearest one's colour, with a \
-         warning",
+         texels and vertices that alpha cuts out (of factor, texture and COLOR_0) take the nearest one's colour, with \
+         a warning",
     ),
     row(
         "glTF",
@@ -164,14 +164,16 @@ pub(super) const ROWS: &[Row] = &[
         Fate::Warned,
         &["KHR_materials_variants"],
         "every extension in use that is not in this table; refused where required. Primitives without a material \
-         are white; other scenes are left out; rotations that are not of unit length are made so",
+         are white; what is wholly transparent under `BLEND` is printed in its colour; other scenes are left out; \
+         rotations that are not of unit length are made so",
     ),
     row(
         "glTF",
         Fate::Lost,
         &["KHR_materials_cmnBlinnPhong", "KHR_materials_common", "KHR_techniques_webgl"],
-        "missing or unreadable images; what alpha cuts out whole; a texture without TEXCOORD; sets of colours beyond COLOR_0 without that; \
-         colours that only glow (emissive), those of instances (`_COLOR_0`), and those of morph targets",
+        "missing or unreadable images; what a mask cuts out whole; a texture without TEXCOORD; sets of colours beyond \
+         COLOR_0 without that; colours that only glow (emissive), those of instances (`_COLOR_0`), and those of morph \
+         targets with a default weight",
     ),
     row(
         "glTF",
@@ -185,8 +187,8 @@ pub(super) const ROWS: &[Row] = &[
         Fate::Read,
         &[],
         "both kinds, told apart by size and content; several solids; too low a count in the header, with a \
-         warning; `end solid`, or \
-         none; `outerloop` and `facetnormal` in one word; no `endfacet` before the next facet",
+         warning, where triangles follow; `end solid`, or none; `outerloop` and `facetnormal` in one word; no \
+         `endfacet` before the next facet",
     ),
     row("STL", Fate::Ignored, &[], "normals, attribute bytes and colours in them: an STL has no base colour"),
     row(

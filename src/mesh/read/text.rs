@@ -121,23 +121,44 @@ pub(super) fn without_comment(name: &str) -> &str {
 /// A number; what C libraries write in place of one (`-nan(ind)`, `1.#QNAN`) is none, and no fault of the text.
 pub(super) fn number(word: &[u8]) -> Option<f64> {
     let word = std::str::from_utf8(word).ok()?;
-    let unsigned = || word.strip_prefix(['+', '-']).unwrap_or(word).to_ascii_lowercase();
-    let is_none = || ["nan", "1.#"].iter().any(|start| unsigned().starts_with(start));
-    word.parse().ok().or_else(|| is_none().then_some(f64::NAN))
+    word.parse().ok().or_else(|| is_c_nan(word).then_some(f64::NAN))
 }
 
-/// Whether a word is a number with a decimal comma, as programs write that take their user's for a German or French
-/// one.
+/// Whether a word is C's `nan(…)`, or what Microsoft's library wrote before 2015: `1.#` and a name, filled up with
+/// zeros, or cut to as many decimals as were asked for and its last letter rounded up like a digit (`1.#J`).
+fn is_c_nan(word: &str) -> bool {
+    const NAMES: [&str; 8] = ["ind", "qnan", "snan", "inf", "io", "qo", "j", "r"];
+    let unsigned = word.strip_prefix(['+', '-']).unwrap_or(word).to_ascii_lowercase();
+    match unsigned.strip_prefix("1.#") {
+        Some(name) => NAMES.contains(&name.trim_end_matches('0')),
+        None => unsigned.starts_with("nan(") && unsigned.ends_with(')'),
+    }
+}
+
+/// Whether a word is made of numbers and commas: a number with a decimal comma, as programs write that take their
+/// user's for a German or French one, or a list's.
 pub(super) fn has_comma(word: &[u8]) -> bool {
-    let dotted = std::str::from_utf8(word).ok().filter(|word| word.matches(',').count() == 1);
+    let word = std::str::from_utf8(word).unwrap_or("");
+    let parts = || word.split(',').filter(|part| !part.is_empty());
+    let is_number = |part: &str| part == "+" || part == "-" || part.parse::<f64>().is_ok();
+    word.contains(',') && parts().next().is_some() && parts().all(is_number)
+}
+
+/// Whether the comma of such a word is a decimal one, and not one that parts it from the next.
+fn is_decimal(word: &[u8]) -> bool {
+    let dotted = std::str::from_utf8(word).ok().filter(|word| word.matches(',').count() == 1 && !word.ends_with(','));
     dotted.is_some_and(|word| word.replace(',', ".").parse::<f64>().is_ok())
 }
 
-/// What was expected in place of this text, with a hint where it has decimal commas.
+/// What was expected in place of this text, with a hint where it has commas.
 pub(super) fn expected_number(text: &[u8], expected: &str) -> String {
-    match text.split(|b| b.is_ascii_whitespace() || *b == b'/').any(has_comma) {
-        true => format!("{expected} (decimal commas are not read: export it with points)"),
-        false => expected.to_owned(),
+    let words = || text.split(u8::is_ascii_whitespace).filter(|word| has_comma(word));
+    match words().next() {
+        None => expected.to_owned(),
+        Some(_) if words().all(is_decimal) => {
+            format!("{expected} (decimal commas are not read: export it with points)")
+        }
+        Some(_) => format!("{expected} (commas between numbers are not read: export it with blanks)"),
     }
 }
 
@@ -147,8 +168,13 @@ mod tests {
 
     #[test]
     fn what_stands_for_no_number_is_none() {
-        for word in ["nan", "-nan(ind)", "NaN", "1.#QNAN", "-1.#IND00", "1.#J"] {
+        for word in
+            ["nan", "-nan(ind)", "NaN", "NAN(snan)", "1.#QNAN", "-1.#IND00", "1.#SNAN0", "1.#INF", "1.#J", "1.#IO"]
+        {
             assert!(number(word.as_bytes()).is_some_and(f64::is_nan), "{word}");
+        }
+        for word in ["nancy", "nan(", "nano)", "1.#house", "1.#", "1.#000", "1.#INDIA", "2.#IND"] {
+            assert_eq!(number(word.as_bytes()), None, "{word}");
         }
         assert_eq!(
             ["1", "-.5e1", "+2", "x", "", "1,5"].map(|word| number(word.as_bytes())),
@@ -158,14 +184,22 @@ mod tests {
 
     #[test]
     fn numbers_with_commas_are_told() {
-        for word in ["1,5", "-0,25", "+,5", "1,5e-3", "2,"] {
-            assert!(has_comma(word.as_bytes()), "{word}");
+        for word in ["1,5", "-0,25", "+,5", "1,5e-3"] {
+            assert!(has_comma(word.as_bytes()) && is_decimal(word.as_bytes()), "{word}");
         }
-        for word in ["1.5", "1,5,2", "a,b", ",", "1,234.5", "wood,1.png", ""] {
+        for word in ["2,", "1.5,", "1,5,2", "1,5,", "1,234.5"] {
+            assert!(has_comma(word.as_bytes()) && !is_decimal(word.as_bytes()), "{word}");
+        }
+        for word in ["1.5", "a,b", ",", "wood,1.png", ""] {
             assert!(!has_comma(word.as_bytes()), "{word}");
         }
         assert_eq!(expected_number(b"v 1.5 x", "numbers"), "numbers");
-        assert!(expected_number(b"v 1,5 2", "numbers").starts_with("numbers (decimal commas"));
+        for decimal in ["v 1,5 2", "0,5 0,25 0"] {
+            assert!(expected_number(decimal.as_bytes(), "numbers").starts_with("numbers (decimal commas"), "{decimal}");
+        }
+        for list in ["v 1, 2, 3", "1, 0, 0", "v 1,2,3", "1,5, 2,5, 3", "1.5, 2"] {
+            assert!(expected_number(list.as_bytes(), "numbers").starts_with("numbers (commas between"), "{list}");
+        }
     }
 
     fn statements(text: &str) -> Vec<(usize, String)> {

@@ -59,6 +59,8 @@ fn obj() {
         ("a.obj", with("v 1 2\nf 1 2 3\n"), &["line 4", "`v 1 2`", "three numbers"]),
         ("a.obj", with("v 1 2 x\n"), &["line 4", "`v 1 2 x`"]),
         ("a.obj", with("v 1 nan 2\nf 1 2 3\n"), &["line 4", "NaN", "finite"]),
+        ("a.obj", with("v -nan(ind) 0 0\nf 1 2 3\n"), &["line 4", "position (NaN, 0, 0)", "finite"]),
+        ("a.obj", with("v nancy 0 0\n"), &["line 4", "`v nancy 0 0`", "three numbers"]),
         ("a.obj", with("v 1 2 1e999\n"), &["line 4", "inf", "finite"]),
         ("a.obj", with("vt\n"), &["line 4", "`vt u v`"]),
         ("a.obj", vec![0xff; 400], &["no triangles"]),
@@ -94,6 +96,7 @@ fn stl() {
             &["line 7", "`endfacet`", "corner 3", "line 2"],
         ),
         ("a.stl", text(&format!("{facet}vertex 0 1\n")), &["line 6", "`vertex 0 1`", "three numbers"]),
+        ("a.stl", text(&format!("{facet}vertex -nan(ind) 0 0\n")), &["line 6", "position (NaN, 0, 0)", "finite"]),
         ("a.stl", text(&format!("{facet}vertex 0 1 0\nvertex 0 0 1\n")), &["line 7", "endloop"]),
         ("a.stl", text("solid x\nfacets\nendsolid\n"), &["line 2", "`facets`"]),
         ("a.stl", text("solid x\nendsolid\n"), &["no triangles, but 1 solid"]),
@@ -267,6 +270,7 @@ fn gltf() {
 #[test]
 fn decimal_commas() {
     const COMMAS: &str = "decimal commas are not read";
+    const LIST: &str = "commas between numbers are not read";
     let head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                 element face 1\nproperty list uchar int vertex_indices\nend_header\n";
     let model = writers::threemf_model(&sample());
@@ -278,6 +282,8 @@ fn decimal_commas() {
         ("a.obj", text("v 1,5 2,0 0,25\n"), &["line 1", "`v 1,5 2,0 0,25`", "three numbers", COMMAS]),
         ("a.obj", text("v 0 0 0\nv 1 0 -0,5\n"), &["line 2", "`v 1 0 -0,5`", COMMAS]),
         ("a.obj", text("v 0 0 0 0,8 0,2 0,2\n"), &["line 1", "`v x y z r g b`", COMMAS]),
+        ("a.obj", text("v 1, 2, 3\n"), &["line 1", "`v 1, 2, 3`", LIST]),
+        ("a.obj", text("v 0 0 0 1, 0, 0\n"), &["line 1", "`v x y z r g b`", LIST]),
         ("a.obj", text("v 0 0 0\nvt 0,5 0,5\n"), &["line 2", "`vt 0,5 0,5`", COMMAS]),
         ("a.obj", text("v 0 0 0\nvt 0 0,5\n"), &["line 2", "`vt 0 0,5`", COMMAS]),
         (
@@ -286,7 +292,7 @@ fn decimal_commas() {
             &["line 4", "`vertex 0 1,5`", COMMAS],
         ),
         ("a.ply", text(&format!("{head}0 0 0\n1 0,5 0\n0 1 0\n3 0 1 2\n")), &["line 11, vertex 1", "`0,5`", COMMAS]),
-        ("a.3mf", replaced("<vertex x=\"", "<vertex x=\"0,\" was=\""), &["line 44", "x = `0,`", COMMAS]),
+        ("a.3mf", replaced("<vertex x=\"", "<vertex x=\"0,\" was=\""), &["line 44", "x = `0,`", LIST]),
         ("a.3mf", replaced("1 0 0 0 1 0 0 0 1 1 2 3", "1,0 0 0 0 1 0 0 0 1 1 2 3"), &["transform `1,0", COMMAS]),
     ]);
 }

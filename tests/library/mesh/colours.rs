@@ -591,15 +591,32 @@ fn what_the_alpha_of_vertices_cuts_out_takes_the_colour_beside_it() {
         let loaded = read("MASK", factor, [alpha; 2], picture);
         assert!(lost(&loaded).contains(part) && loaded.warnings.len() == 1, "{:?}", loaded.warnings);
     }
-    for (factor, alpha) in [(0.0, 1.0), (1.0, 0.0)] {
-        let clear = read("BLEND", factor, [alpha; 2], None);
+    let unseen = png(1, &[[255, 255, 255, 0]]);
+    for (factor, alpha, picture) in
+        [(0.0, 1.0, None), (1.0, 0.0, None), (0.0, 1.0, white()), (1.0, 0.0, white()), (1.0, 1.0, Some(unseen))]
+    {
+        let clear = read("BLEND", factor, [alpha; 2], picture);
         assert_eq!(lost(&clear), "");
         assert!(said(&clear, "material `m` is wholly transparent") && clear.warnings.len() == 1);
+        assert_shares(&clear, both);
     }
+    // Corners that are placed twice are counted once.
+    let mut twice = Gltf::new([0.0, 1.0]);
+    let alphas = [[1.0_f32; 4].repeat(18), [1.0, 1.0, 1.0, 0.0].repeat(18)].concat();
+    let colors = twice.floats("VEC4", &alphas);
+    twice.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = colors.into();
+    twice.json["materials"][0]["alphaMode"] = "MASK".into();
+    twice.json["nodes"] = json!([{"mesh": 0}, {"mesh": 0, "translation": [3, 0, 0]}]);
+    twice.json["scenes"][0]["nodes"] = json!([0, 1]);
+    let twice = twice.read();
+    assert!(twice.mesh.triangles.len() == 24 && said(&twice, "cuts 18 corners out"), "{:?}", twice.warnings);
     // Half of the texture where vertices take part.
     let half = png(2, &[opaque([255; 3]), [255, 255, 255, 200]]);
-    let mixed = read("MASK", 1.0, [1.0, 0.6], Some(half));
+    let mixed = read("MASK", 1.0, [1.0, 0.6], Some(half.clone()));
     assert!(said(&mixed, "vertices and texture together") && mixed.warnings.len() == 1, "{:?}", mixed.warnings);
+    // Vertices that are cut out by themselves take the others' colour, and no more is cut out of the texture.
+    let apart = read("MASK", 1.0, [1.0, 0.0], Some(half));
+    assert!(said(&apart, "cuts 18 corners out") && apart.warnings.len() == 1, "{:?}", apart.warnings);
     // A piece with nothing left beside it.
     let piece = |mode: &str| {
         let mut gltf = Gltf::new([0.0, 1.0]);
@@ -645,6 +662,41 @@ fn gltf_colours_that_are_lost() {
         });
         assert_eq!(lost(&morphed).contains(&format!("the {name} of morph targets")), shown, "{}", lost(&morphed));
     }
+    // Weights count for the targets that they stand beside: those of the mesh, unless its node has others.
+    for (weights, node, shown) in [
+        ([0.5, 0.0], json!(null), ""),
+        ([0.0, 0.5], json!(null), "the COLOR_0 of morph targets"),
+        ([0.0, 0.5], json!([0.0, 0.0]), ""),
+        ([0.0, 0.0], json!([0.0, 0.5]), "the COLOR_0 of morph targets"),
+    ] {
+        let morphed = textured(&|gltf| {
+            let values = gltf.floats("VEC3", &[0.0; 108]);
+            let colored = json!([{"POSITION": values}, {"COLOR_0": values}]);
+            gltf.json["meshes"][0]["primitives"][0]["targets"] = colored.clone();
+            gltf.json["meshes"][0]["weights"] = json!(weights);
+            // Another mesh has the same targets, and nothing shows them.
+            let mut other = gltf.json["meshes"][0].clone();
+            other["weights"] = json!([0.0, 0.0]);
+            gltf.json["meshes"].as_array_mut().unwrap().push(other);
+            gltf.json["nodes"] = json!([{"mesh": 0}, {"mesh": 1, "translation": [3, 0, 0]}]);
+            gltf.json["scenes"][0]["nodes"] = json!([0, 1]);
+            if !node.is_null() {
+                gltf.json["nodes"][0]["weights"] = node.clone();
+            }
+        });
+        assert!(lost(&morphed).contains(shown) && lost(&morphed).is_empty() == shown.is_empty(), "{}", lost(&morphed));
+    }
+    let dormant = textured(&|gltf| {
+        let values = gltf.floats("VEC3", &[0.0; 108]);
+        let mut other = gltf.json["meshes"][0].clone();
+        gltf.json["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": values}]);
+        gltf.json["meshes"][0]["weights"] = json!([0.5]);
+        other["primitives"][0]["targets"] = json!([{"COLOR_0": values}]);
+        gltf.json["meshes"].as_array_mut().unwrap().push(other);
+        gltf.json["nodes"] = json!([{"mesh": 0}, {"mesh": 1, "translation": [3, 0, 0]}]);
+        gltf.json["scenes"][0]["nodes"] = json!([0, 1]);
+    });
+    assert_eq!(lost(&dormant), "");
     let codec =
         textured(&|gltf| gltf.json["textures"][0] = json!({"extensions": {"KHR_texture_basisu": {"source": 0}}}));
     assert!(lost(&codec).contains("a codec other than PNG and JPEG"));

@@ -143,6 +143,9 @@ fn binary_stl_whatever_its_header_says() {
     let filled = with(12, 100);
     assert_eq!((filled.mesh.triangles.len(), filled.mesh.positions.len()), (12, 8));
     assert!(filled.warnings[0].contains("100 bytes after the last triangle"), "{:?}", filled.warnings);
+    let signed = read("a.stl", [&good[..], b"Exported with a program that signs what it writes."].concat());
+    assert_eq!((signed.mesh.triangles.len(), signed.mesh.positions.len()), (12, 8));
+    assert!(signed.warnings[0].contains("50 bytes after the last triangle"), "{:?}", signed.warnings);
 }
 
 #[test]

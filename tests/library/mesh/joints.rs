@@ -193,10 +193,21 @@ fn rims_without_a_common_corner_are_one_curve() {
         assert!(found.rim_gap_mm < 0.2, "{found:?}");
     }
     // So far apart they may be a hole and a sleeve.
-    for wall in [circle(4.3, 48, 0.0), circle(4.0, 24, 0.0)] {
-        let found = close(mesh_of(&through_hole(&circle(4.5, 48, 0.0), &wall)));
-        assert!(matches!(found, Err(MeshError::OpenSheet { .. } | MeshError::Facing { .. })), "{found:?}");
+    for (wall, gap) in [(circle(4.3, 48, 0.0), 0.2), (circle(4.0, 24, 0.0), 0.0)] {
+        match close(mesh_of(&through_hole(&circle(4.5, 48, 0.0), &wall))) {
+            Err(MeshError::OpenSheet { unjoined_rim_gap_mm, .. }) => {
+                assert!((unjoined_rim_gap_mm - gap).abs() < 1e-3, "{unjoined_rim_gap_mm}");
+            }
+            found => panic!("{found:?}"),
+        }
     }
+    // What is refused for an open box is not advised on rims that fit.
+    let fits = through_hole(&circle(4.5, 48, 0.0), &circle(4.5, 48, 0.03));
+    assert!(health(&fits).rim_gap_mm > 0.0);
+    let open_box = &box_triangles(DVec3::splat(20.0), DVec3::splat(40.0))[..10];
+    let refused = close(mesh_of(&[&fits, open_box].concat())).unwrap_err();
+    assert!(matches!(refused, MeshError::OpenSheet { unjoined_rim_gap_mm: 0.0, .. }), "{refused:?}");
+    assert!(refused.to_string().ends_with("give the sheet a thickness or close it in a modeller"), "{refused}");
 }
 
 /// A sleeve that does not fit its hole: the wall of another hole, or a body inside out.
