@@ -53,8 +53,12 @@ const SAMPLES: f64 = 4e6;
 /// Least memory of a process with its code and buffers, bytes.
 const BASE_MEMORY: u64 = 24 << 20;
 /// Bytes per texel while layers are laid by place: whatever the light, and for each channel of it.
-const LAID_TEXEL_BYTES: u64 = 90;
-const LAID_CHANNEL_BYTES: u64 = 27;
+const LAID_TEXEL_BYTES: u64 = 106;
+const LAID_CHANNEL_BYTES: u64 = 3;
+/// Bytes per point of the surface that rounds look at.
+const POINT_BYTES: u64 = 3000;
+/// What the exploration of a gamut leaves behind for each channel, bytes.
+const GAMUT_CHANNEL_BYTES: u64 = 40 << 20;
 /// What pictures of a job and its look take beside their voxels, and material meshes beside theirs, bytes.
 const PICTURES_MEMORY: u64 = 72 << 20;
 const MESHES_MEMORY: u64 = 110 << 20;
@@ -125,6 +129,10 @@ impl Prepared {
             true => 0,
             false => texels * (LAID_TEXEL_BYTES + channels * LAID_CHANNEL_BYTES),
         };
+        let points: u64 = self.plans.iter().map(|plan| plan.points.points().len() as u64).sum();
+        let mapped = self.job.objects.iter().any(|object| object.gamut_map);
+        let gamut = if mapped { channels * GAMUT_CHANNEL_BYTES } else { 0 };
+        let laying = laying + points * POINT_BYTES + gamut;
         let looking = texels * TEXEL_BYTES + volume(self.job.rounds() > 0);
         let drawing = wants(OutputFormat::Preview);
         let drawn = if drawing { PICTURES_MEMORY + volume(true) } else { 0 };
