@@ -24,6 +24,34 @@ pub(crate) fn solve(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>, least_pivot:
     Some(right)
 }
 
+/// The normal equations of weighted least squares, added up over what is observed.
+pub(crate) struct NormalEquations {
+    matrix: Vec<Vec<f64>>,
+    right: Vec<f64>,
+}
+
+impl NormalEquations {
+    /// Of so many unknowns, with nothing observed.
+    pub fn new(unknowns: usize) -> Self {
+        Self { matrix: vec![vec![0.0; unknowns]; unknowns], right: vec![0.0; unknowns] }
+    }
+
+    /// That the unknowns times `terms` are `value`, which counts `weight` times.
+    pub fn add(&mut self, terms: &[f64], value: f64, weight: f64) {
+        for (row, (right, term)) in self.matrix.iter_mut().zip(self.right.iter_mut().zip(terms)) {
+            row.iter_mut().zip(terms).for_each(|(sum, other)| *sum += weight * term * other);
+            *right += weight * term * value;
+        }
+    }
+
+    /// The unknowns, each pulled to 0 by a weight that is given of the weight it has been observed with. `None` where
+    /// they are not told.
+    pub fn solve(mut self, pull: impl Fn(f64) -> f64) -> Option<Vec<f64>> {
+        self.matrix.iter_mut().enumerate().for_each(|(n, row)| row[n] += pull(row[n]));
+        solve(self.matrix, self.right, 0.0)
+    }
+}
+
 /// The inverse, by Gauss and Jordan's elimination. `None` where the matrix is not positive definite.
 pub(crate) fn inverse(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
     let n = matrix.len();
@@ -73,6 +101,21 @@ mod tests {
             assert!(row.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{inverse:?}");
             assert!((x - dot(expected, &[1.0, -2.0, 0.5])).abs() < 1e-9, "{x}");
         }
+    }
+
+    #[test]
+    fn what_is_observed_is_told_and_pulled_to_nothing() {
+        let observed = || {
+            let mut equations = NormalEquations::new(2);
+            for (terms, weight) in [([1.0, 0.0], 2.0), ([1.0, 1.0], 0.5), ([1.0, 2.0], 4.0)] {
+                equations.add(&terms, 3.0 * terms[0] - terms[1], weight);
+            }
+            equations
+        };
+        let exact = observed().solve(|_| 0.0).unwrap();
+        assert!((exact[0] - 3.0).abs() < 1e-12 && (exact[1] + 1.0).abs() < 1e-12, "{exact:?}");
+        assert!(observed().solve(|weight| 1e6 * weight).unwrap().iter().all(|x| x.abs() < 1e-5));
+        assert_eq!(NormalEquations::new(1).solve(|_| 0.0), None);
     }
 
     #[test]

@@ -48,7 +48,7 @@ use crate::{
     watch::{StopOnly, Watch},
 };
 
-/// Walks of a round, for each channel, and how many a point has at least and at most. With 600 in place of 125 at each of
+/// Walks of a round, for each channel, and how many a point has at least and at most. With 400 in place of 125 at each of
 /// a rabbit's 20,000 points, what bells and shape cannot tell of a miss is smaller by a tenth in thin parts.
 const WALKS: u64 = 4_000_000;
 const WALKS_EACH: [u64; 2] = [128, 512];

@@ -15,7 +15,7 @@ use super::{
     Followed,
     shape::{Sample, Shape},
 };
-use crate::numeric::positive_definite;
+use crate::numeric::positive_definite::NormalEquations;
 
 /// A constant and [`Shape::near_far_hidden`].
 const TERMS: usize = 4;
@@ -70,17 +70,12 @@ impl Response {
     }
 
     fn fit(steps: impl IntoIterator<Item = Step>) -> Self {
-        let (mut matrix, mut right) = (vec![vec![0.0; TERMS]; TERMS], vec![0.0; TERMS]);
+        let mut equations = NormalEquations::new(TERMS);
         for Step { shape, wanted, seen, variance } in steps {
-            let (terms, weight) = (terms(&shape), 1.0 / (variance + OWN_ERROR * OWN_ERROR));
-            for (row, (right, term)) in matrix.iter_mut().zip(right.iter_mut().zip(terms)) {
-                let weighted = weight * wanted * term;
-                row.iter_mut().zip(terms).for_each(|(sum, other)| *sum += weighted * wanted * other);
-                *right += weighted * (seen - wanted);
-            }
+            let weight = 1.0 / (variance + OWN_ERROR * OWN_ERROR);
+            equations.add(&terms(&shape).map(|term| wanted * term), seen - wanted, weight);
         }
-        matrix.iter_mut().enumerate().for_each(|(n, row)| row[n] += 1.0 / (BELIEVED * BELIEVED));
-        let Some(beyond) = positive_definite::solve(matrix, right, 0.0) else { return Self::WHOLE };
+        let Some(beyond) = equations.solve(|_| 1.0 / (BELIEVED * BELIEVED)) else { return Self::WHOLE };
         Self(std::array::from_fn(|n| Self::WHOLE.0[n] + beyond[n]))
     }
 
