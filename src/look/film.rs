@@ -1,9 +1,4 @@
-//! A picture of a print under all lamps at once, by paths from the camera.
-//!
-//! Lines of sight go through the voxels as any flight does; where one scatters, one of the beams is asked whether it
-//! gets there (a flight towards it that nothing ends), and what leaves the print in the end sees the sky, or the
-//! ground, which asks the same. So one path serves all lamps. Estimates are without bias but for the light of more than
-//! [`BOUNCES`] turns between ground and print.
+//! A picture of a print under all lamps at once, by [paths](super::path) from the camera.
 
 use std::ops::Range;
 
@@ -11,14 +6,10 @@ use glam::DVec3;
 use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
 use rayon::prelude::*;
 
-use super::{
-    Beam, Camera, Ground, LAMPS, Lamps, SEED_STEP, Scene, media::Media, scene::Place, spots::over, walker::Walker,
-};
-use crate::optics::monte_carlo::photon::{Direction, uniform};
+use super::{Camera, Ground, LAMPS, Lamps, SEED_STEP, Scene, path::Path};
+use crate::optics::monte_carlo::photon::uniform;
 use crate::watch::{Stopped, Watch};
 
-/// Turns of a path at the ground.
-const BOUNCES: u32 = 3;
 /// Samples of a pixel between two looks at the watch.
 const PASS: u32 = 4;
 /// Of so many samples a pixel that shows no print gets one: nothing there is darker than a shadow's edge.
@@ -35,6 +26,8 @@ pub struct Stage<'a> {
     pub lamps: Lamps,
     /// The ground.
     pub ground: Ground,
+    /// Whether light meets the print's surface, if the scene has one ([`Scene::under`]).
+    pub surface: bool,
 }
 
 /// Radiance in every pixel, per channel and lamp, in units of what a white matt sheet shows under an irradiance of 1.
@@ -120,7 +113,7 @@ impl<'a> Stage<'a> {
             for _ in samples.clone() {
                 let (u, v) = (uniform(&mut rng), uniform(&mut rng));
                 let from = self.camera.from(x as f64 + u, y as f64 + v);
-                let seen = self.radiance(media, self.scene.place(from), -toward, &mut rng);
+                let seen = Path::new(self, media).radiance(self.scene.place(from), -toward, &mut rng);
                 for (sum, seen) in sums.iter_mut().zip(seen) {
                     let white = (seen * std::f64::consts::PI) as f32;
                     sum[0] += white;
@@ -128,87 +121,6 @@ impl<'a> Stage<'a> {
                 }
             }
         }
-    }
-
-    /// One sample of the radiance that comes to `place` against `direction`, under each lamp.
-    fn radiance(
-        &self,
-        media: &Media,
-        mut place: Place,
-        direction: DVec3,
-        rng: &mut Xoshiro256PlusPlus,
-    ) -> [f64; LAMPS] {
-        let walker = Walker::new(self.scene, media);
-        let mut direction = Direction { x: direction.x, y: direction.y, z: direction.z };
-        let mut seen = [0.0; LAMPS];
-        let (mut weight, mut bounces) = (1.0, 0);
-        loop {
-            match walker.fly_in(&mut place, direction, rng) {
-                Some(id) => {
-                    let from = DVec3::new(direction.x, direction.y, direction.z);
-                    self.ask_a_beam(&walker, place, &mut seen, rng, |toward| {
-                        let [albedo, density] = walker.towards(id, from.dot(toward));
-                        weight * albedo * density
-                    });
-                    match walker.scatter(id, direction, weight, rng) {
-                        Some(next) => (direction, weight) = next,
-                        None => return seen,
-                    }
-                }
-                None if direction.z < 0.0 => {
-                    if bounces == BOUNCES {
-                        return seen;
-                    }
-                    bounces += 1;
-                    let from = self.scene.position(place);
-                    let way = (self.ground.z - from.z) / direction.z;
-                    place = self.scene.place(DVec3::new(
-                        from.x + way * direction.x,
-                        from.y + way * direction.y,
-                        self.ground.z,
-                    ));
-                    weight *= self.ground.albedo;
-                    // What is level shows the beams' shadows as they are, so each is asked.
-                    for (lamp, beam) in self.lamps.beams.iter().enumerate() {
-                        let share = weight * beam.toward.z.max(0.0) / std::f64::consts::PI;
-                        if share > 0.0 && self.reaches(&walker, place, beam, rng) {
-                            seen[lamp + 1] += share;
-                        }
-                    }
-                    let (up, _) = over(DVec3::Z, rng);
-                    direction = Direction { x: up.x, y: up.y, z: up.z };
-                }
-                None => {
-                    seen[0] += weight * Lamps::sky(DVec3::new(direction.x, direction.y, direction.z));
-                    return seen;
-                }
-            }
-        }
-    }
-
-    /// Adds what one of the beams, drawn by chance, sends to `place`; `share` of it goes on along the path.
-    #[inline]
-    fn ask_a_beam(
-        &self,
-        walker: &Walker<'a>,
-        place: Place,
-        seen: &mut [f64; LAMPS],
-        rng: &mut Xoshiro256PlusPlus,
-        share: impl Fn(DVec3) -> f64,
-    ) {
-        let beams = &self.lamps.beams;
-        let lamp = ((uniform(rng) * beams.len() as f64) as usize).min(beams.len() - 1);
-        let beam = &beams[lamp];
-        if self.reaches(walker, place, beam, rng) {
-            seen[lamp + 1] += beams.len() as f64 * share(beam.toward);
-        }
-    }
-
-    /// Whether a photon of a beam gets to `place`.
-    #[inline]
-    fn reaches(&self, walker: &Walker<'a>, place: Place, beam: &Beam, rng: &mut Xoshiro256PlusPlus) -> bool {
-        let toward = Direction { x: beam.toward.x, y: beam.toward.y, z: beam.toward.z };
-        beam.lights(self.scene.position(place)) && walker.fly_in(&mut { place }, toward, rng).is_none()
     }
 }
 

@@ -97,9 +97,15 @@ impl Scene {
     /// The id at a place within the bricks.
     #[inline(always)]
     pub(super) fn id_at(&self, place: Place) -> u8 {
+        self.volume.id_in(self.brick(place), [place.x as usize, place.y as usize, place.z as usize])
+    }
+
+    /// The brick of a place within the bricks.
+    #[inline(always)]
+    pub(super) fn brick(&self, place: Place) -> usize {
         let [nx, ny, _] = self.volume.bricks();
         let voxel = [place.x as usize, place.y as usize, place.z as usize];
-        self.volume.id_in((voxel[0] >> 3) + nx * ((voxel[1] >> 3) + ny * (voxel[2] >> 3)), voxel)
+        (voxel[0] >> 3) + nx * ((voxel[1] >> 3) + ny * (voxel[2] >> 3))
     }
 
     /// Voxels per mm.

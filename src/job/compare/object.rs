@@ -73,10 +73,6 @@ pub fn compare_object(request: &ObjectRequest<'_>, watch: &dyn Watch) -> Result<
     printed.compare_with_goal(&clustered);
     printed.compare_with(&promised);
     let size = request.pictures.size;
-    let mut warnings = Vec::new();
-    if prepared.materials.resins.iter().any(|resin| resin.refractive_index != 1.0) {
-        warnings.push("pictures leave refractive indices out".to_owned());
-    }
     Ok(Comparison {
         name: prepared.job.name.clone(),
         width: size,
@@ -86,7 +82,7 @@ pub fn compare_object(request: &ObjectRequest<'_>, watch: &dyn Watch) -> Result<
         lights: OBJECT_LAMPS.iter().map(|(_, key)| *key).collect(),
         stages: vec![clustered, promised, printed],
         jobs: Vec::new(),
-        warnings,
+        warnings: Vec::new(),
         view_deg: Some(request.pictures.view_deg),
         lamps: OBJECT_LAMPS.iter().map(|&(name, key)| Lamp { name, key, irradiance: Vec::new() }).collect(),
         surface: Some(light.surface),

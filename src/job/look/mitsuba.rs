@@ -2,7 +2,7 @@
 //!
 //! One scene for each channel: volumes of extinction, of albedo and of which phase function, as Mitsuba's grids, and
 //! `scene_<channel>.xml` with `-Dlamp=sky|edge|behind|spot`. Mitsuba blends two phase functions, so a set of resins
-//! with three different g in a channel is refused. Beside it lies what this program sees of the scene, for Mitsuba's
+//! with three different g in a channel is refused. Refractive indices are left out. Beside it lies what this program sees of the scene, for Mitsuba's
 //! pictures to be held against: `film_<channel>.npy`, nothing smoothed.
 
 use std::{
@@ -69,6 +69,8 @@ pub(super) fn write_scenes(
     let Some(stage) = stage(scene, options) else {
         return Err(fault("nothing that is printed".to_owned(), "some to look at"));
     };
+    // Its grids have no refractive indices.
+    let stage = Stage { surface: false, ..stage };
     if scene.volume().lattice().voxels() > MAX_VOXELS {
         return Err(fault(format!("{} voxels", scene.volume().lattice().voxels()), "at most 1 G for Mitsuba's grids"));
     }

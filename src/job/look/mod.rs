@@ -188,11 +188,7 @@ pub fn look_at(
     let with_goal =
         |(spot, edge): (SurfaceSpot, Option<EdgeShape>)| Goal { expected: prepared.expected(&spot), spot, edge };
     let goals: Vec<Goal> = spots.into_iter().zip(shapes).map(with_goal).collect();
-    let mut warnings = Vec::new();
-    if prepared.materials.resins.iter().any(|resin| resin.refractive_index != 1.0) {
-        warnings.push("pictures leave refractive indices out; printed albedos have them".to_owned());
-    }
-    let about = About { job: &prepared.job.name, channels: &prepared.materials.channels, warnings };
+    let about = About { job: &prepared.job.name, channels: &prepared.materials.channels, warnings: Vec::new() };
     let mut look = look_at_spots(about, scene, &goals, options, watch)?;
     let pictures = options.pictures.map(|options| pictures::pictures(Some(prepared), scene, &options, watch));
     look.pictures = pictures.transpose()?.unwrap_or_default();

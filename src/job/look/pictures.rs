@@ -124,7 +124,7 @@ pub(super) fn stage<'a>(scene: &'a Scene, options: &PictureOptions) -> Option<St
     let middle = 0.5 * options.size as f64;
     let aim = scene.meets(camera.from(middle, middle), -camera.axes[2]).unwrap_or(camera.middle);
     let ground = Ground { z: bounds[0].z, albedo: GROUND };
-    Some(Stage { scene, camera, lamps: Lamps::around(&camera, aim), ground })
+    Some(Stage { scene, camera, lamps: Lamps::around(&camera, aim), ground, surface: true })
 }
 
 /// What every pixel shows.
@@ -295,7 +295,7 @@ fn sheet(
     }
     panels.push(panel("printed", &|pixel| bytes(print(pixel))));
     if asked.is_some() {
-        panels.push(panel("difference: red too bright, blue too dark", &differ));
+        panels.push(panel("difference: red is too bright", &differ));
     }
     let note = format!("{samples} samples a pixel, smoothed");
     let path = format!("look/{}.png", mood.file);

@@ -3,14 +3,18 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
 
 use super::{
     ball::in_an_exact_ball,
     spots::{printed, sites, synthetic, top, volume},
 };
-use crate::look::{Scene, Spot};
+use crate::look::{Beam, Camera, Ground, LAMPS, Lamps, Lit, Scene, Spot, Stage, path::Path, spots::over};
 use crate::mesh::TriangleMesh;
-use crate::optics::{Interface, Light, MaterialSet, Model, Stack, TransportOptions, VolumeCoefficients, predict};
+use crate::optics::{
+    Interface, Light, MaterialSet, Model, Stack, TransportOptions, VolumeCoefficients, fresnel::refraction,
+    monte_carlo::photon::Moments, predict,
+};
 use crate::sdf::Surface;
 use crate::test_shapes::{box_triangles, indexed, sphere};
 use crate::watch::Unwatched;
@@ -56,6 +60,50 @@ fn slabs_under_a_surface_print_as_the_transport_model_has_it() {
         let found = printed(&scene, top(size), 200_000);
         println!("{top_resin}: printed {:.5} ± {:.5}, promised {promised:.5}", found.mean, found.standard_error);
         assert!((found.mean - promised).abs() < 3.0 * found.standard_error + 0.005 * promised, "{found:?}");
+    }
+}
+
+/// Lit by a sky and by parallel light from three sides, a slab shows what it does under even light, times what of that
+/// light gets in: by paths from all sides.
+#[test]
+fn pictures_under_a_surface_show_what_gets_in() {
+    let (_, media) = synthetic();
+    let (pitch, size) = (DVec3::splat(0.1), DVec3::new(24.0, 24.0, 3.0));
+    let dims = (size / pitch).to_array().map(|n| n.round() as u32);
+    let white_over_black = volume(dims, pitch, |p| if p.z > 1.0 { 1 } else { 3 });
+    let scene = under(Scene::new(white_over_black, &[media]).unwrap(), &mesh(&box_triangles(DVec3::ZERO, size)));
+    let albedo = printed(&scene, top(size), 100_000);
+    let beam = |cosine: f64| {
+        let toward = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
+        Beam { toward, lit: Lit::Everything }
+    };
+    let stage = Stage {
+        scene: &scene,
+        camera: Camera::new([DVec3::ZERO, size], 0.0, 1.0, [8; 2]),
+        lamps: Lamps { beams: [1.0, 0.5, 0.2].map(beam) },
+        ground: Ground { z: -1.0, albedo: 0.0 },
+        surface: true,
+    };
+    let sites = top(size).sites;
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(3);
+    let mut sums = [Moments::default(); LAMPS];
+    let walks = 100_000;
+    for walk in 0..walks {
+        let site = &sites[walk % sites.len()];
+        let (outward, _) = over(site.normal, &mut rng);
+        let seen = Path::new(&stage, &scene.media()[0]).radiance(scene.place(site.point + outward), -outward, &mut rng);
+        sums.iter_mut().zip(seen).for_each(|(sum, seen)| sum.score(std::f64::consts::PI * seen));
+    }
+    let gets_in = 1.0 - Interface::between(1.0, INDEX).above;
+    let entering = |cosine: f64| (1.0 - refraction(cosine, 1.0, INDEX).unwrap().reflectance) / gets_in;
+    let steps = (0..1000).map(|n| (f64::from(n) + 0.5) / 1000.0);
+    let sky: f64 = steps.map(|mu| 2e-3 * mu * entering(mu) * std::f64::consts::PI * Lamps::sky(DVec3::Z * mu)).sum();
+    let beams = stage.lamps.beams.map(|beam| beam.toward.z * entering(beam.toward.z));
+    for (lamp, (sum, share)) in sums.iter().zip([sky].into_iter().chain(beams)).enumerate() {
+        let (found, expected) = (sum.estimate(walks as u64), albedo.mean * share);
+        println!("lamp {lamp}: {:.5} ± {:.5}, expected {expected:.5}", found.mean, found.standard_error);
+        let noise = found.standard_error.hypot(albedo.standard_error * share);
+        assert!((found.mean - expected).abs() < 3.5 * noise && noise < 0.01 * expected, "{lamp}: {found:?}");
     }
 }
 

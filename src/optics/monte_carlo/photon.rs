@@ -1,5 +1,6 @@
 //! What every walk of photons shares: directions, the phase function, roulette, random numbers, and sums of weights.
 
+use glam::DVec3;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::Rng;
 
@@ -18,6 +19,20 @@ pub(crate) struct Direction {
     pub(crate) x: f64,
     pub(crate) y: f64,
     pub(crate) z: f64,
+}
+
+impl From<DVec3> for Direction {
+    #[inline]
+    fn from(DVec3 { x, y, z }: DVec3) -> Self {
+        Self { x, y, z }
+    }
+}
+
+impl From<Direction> for DVec3 {
+    #[inline]
+    fn from(Direction { x, y, z }: Direction) -> Self {
+        Self { x, y, z }
+    }
 }
 
 impl Direction {
