@@ -7,7 +7,10 @@
 //! light that comes back is what the whole, symmetric plate reflects and lets through. Where the layers are thicker
 //! than H they are squeezed into it first, so that each still counts.
 //!
-//! Where a job allows mixtures, the top layer takes in more or less of the other resins too. All of these numbers move
+//! Where a job allows mixtures, the top layer takes in more or less of the other resins too. Thin parts then have no
+//! core, if they can be dark enough without: the last layer goes on to the middle, and farther, for a part is thicker
+//! here and there than it counts. A core shows up there in specks, and takes light from all around: in resins that
+//! absorb next to nothing from millimetres, which no change of the layers above makes up for. All of these numbers move
 //! by the least change that makes up for what is missing, in each channel, by Newton's rule with differences for
 //! slopes: thicknesses relative to what they are, shares in units of [`SHARE`].
 
@@ -63,6 +66,17 @@ pub(in crate::job) struct Answers {
     min_layer_mm: f64,
     /// Resins that the top layer may take in, but for those that have limits.
     inks: Vec<ResinId>,
+}
+
+/// What lies below the layers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Below {
+    /// The core, without an end.
+    Core,
+    /// The core, up to the middle of a part at this depth, mm; then the mirror image of all.
+    CoreToMiddle(f64),
+    /// The last layer, up to the middle of a part at this depth, mm; then the mirror image of all.
+    Middle(f64),
 }
 
 /// Transport in stacks of one order of layers, by channel.
@@ -129,7 +143,7 @@ impl Answers {
             let top = answers.top(&layers);
             let model = answers.model(&layers, top.is_some());
             let mut base = Base { top, layers, model, promised: Vec::new() };
-            base.promised = answers.albedo(&base, &base.numbers(), None);
+            base.promised = answers.albedo(&base, &base.numbers(), Below::Core);
             answers.clusters.push(base);
         }
         answers.slot_depths = answers.depths_of_slots();
@@ -225,38 +239,65 @@ impl Answers {
         mixable.then(|| (carrier, others.into_iter().filter(|resin| *resin != carrier).collect()))
     }
 
-    /// Answers to questions of one cluster and thickness: from what was found for the cluster outwards, each from the
-    /// nearest of those before.
+    /// Answers to questions of one cluster and thickness.
     fn answer_run(&self, run: &[Question]) -> Vec<Answer> {
         let base = &self.clusters[run[0].cluster];
-        let half = run[0].half_mm;
+        let asked: Vec<&[f64]> = run.iter().map(|question| question.ln_albedo.as_slice()).collect();
+        let Some(half) = run[0].half_mm else { return self.answer_over(base, &asked, Below::Core) };
+        if !self.fills(base) {
+            return self.answer_over(base, &asked, Below::CoreToMiddle(half));
+        }
+        let mut answers = self.answer_over(base, &asked, Below::Middle(half));
+        let missed: Vec<usize> = (0..run.len()).filter(|&n| answers[n].misses()).collect();
+        let missing: Vec<&[f64]> = missed.iter().map(|&n| asked[n]).collect();
+        if !missing.is_empty() {
+            let over_core = self.answer_over(base, &missing, Below::CoreToMiddle(half));
+            for (n, other) in missed.into_iter().zip(over_core) {
+                if other.miss() < answers[n].miss() {
+                    answers[n] = other;
+                }
+            }
+        }
+        answers
+    }
+
+    /// Whether a stacking does without a core in thin parts.
+    fn fills(&self, base: &Base) -> bool {
+        let endless = |resin: &ResinId| self.limit(*resin).max_mm == f64::INFINITY;
+        let parts = base.last().map(|last| base.layers[last].0.parts());
+        base.top.is_some() && parts.is_some_and(|parts| parts.iter().all(|(resin, _)| endless(resin)))
+    }
+
+    /// Answers to questions of one cluster over the same: from what was found for the cluster outwards, each from the
+    /// nearest of those before.
+    fn answer_over(&self, base: &Base, run: &[&[f64]], below: Below) -> Vec<Answer> {
         let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
-        let start = self.squeezed(base, half);
+        let start = self.squeezed(base, below);
         let here: Vec<f64> =
-            self.albedo(base, &start, half).into_iter().map(|albedo| libm::log(albedo.max(BLACK))).collect();
+            self.albedo(base, &start, below).into_iter().map(|albedo| libm::log(albedo.max(BLACK))).collect();
         let mut order: Vec<(f64, usize)> =
-            run.iter().enumerate().map(|(n, question)| (apart(&question.ln_albedo, &here), n)).collect();
+            run.iter().enumerate().map(|(n, ln_albedo)| (apart(ln_albedo, &here), n)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut solved = vec![(here, start, None)];
         let mut answers: Vec<Option<Answer>> = vec![None; run.len()];
         for (_, n) in order {
-            let goal = &run[n].ln_albedo;
+            let goal = run[n];
             let nearest = (0..solved.len()).map(|at| (apart(&solved[at].0, goal), at));
             let (_, nearest) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
             let (_, from, slopes) = &solved[nearest];
             let mut slopes = slopes.clone();
-            let (numbers, answer) = self.solve(base, half, from, goal, &mut slopes);
+            let (numbers, answer) = self.solve(base, below, from, goal, &mut slopes);
             answers[n] = Some(answer);
-            solved.push((goal.clone(), numbers, slopes));
+            solved.push((goal.to_vec(), numbers, slopes));
         }
         answers.into_iter().flatten().collect()
     }
 
-    /// The numbers of a cluster's stacking in a part of half thickness `half`.
-    fn squeezed(&self, base: &Base, half: Option<f64>) -> Vec<f64> {
+    /// The numbers of a cluster's stacking, squeezed into a thin part.
+    fn squeezed(&self, base: &Base, below: Below) -> Vec<f64> {
         let mut numbers = base.numbers();
         let total: f64 = numbers[..base.layers.len()].iter().sum();
-        if let Some(half) = half.filter(|half| SQUEEZED * half < total) {
+        if let Some(half) = below.middle_mm().filter(|half| SQUEEZED * half < total) {
             numbers[..base.layers.len()].iter_mut().for_each(|mm| *mm *= SQUEEZED * half / total);
             self.keep_limits(base, &mut numbers);
         }
@@ -291,21 +332,24 @@ impl Answers {
     }
 
     /// Albedo per channel of layers over the core, or cut off at half the thickness of a part over its mirror image.
-    fn albedo(&self, base: &Base, numbers: &[f64], half: Option<f64>) -> Vec<f64> {
+    fn albedo(&self, base: &Base, numbers: &[f64], below: Below) -> Vec<f64> {
         let model = &self.models[base.model];
         let mut mm: Vec<f64> = numbers[..base.layers.len()].to_vec();
-        if let Some(half) = half {
+        if let Some(half) = below.middle_mm() {
             let mut left = half;
             for mm in &mut mm {
                 *mm = mm.min(left);
                 left -= *mm;
+            }
+            if let (Below::Middle(_), Some(last)) = (below, base.last()) {
+                mm[last] += std::mem::take(&mut left);
             }
             mm.push(left);
         } else if mm.is_empty() {
             mm.push(0.0);
         }
         let top = base.top.is_some().then(|| base.mixtures(numbers).next()).flatten();
-        let models = if half.is_some() { &model.thin } else { &model.thick };
+        let models = if below == Below::Core { &model.thick } else { &model.thin };
         let in_channel = |(model, volumes): (&LayeredReflection, &Vec<VolumeCoefficients>)| {
             let mixed: Vec<_> = top.iter().map(|mixture| mixed_volume(self.grains, mixture, volumes)).collect();
             model.reflection(&mm, &mixed)[0]
@@ -325,7 +369,33 @@ impl std::fmt::Debug for Answers {
     }
 }
 
+impl Below {
+    /// Depth of the middle of a thin part, mm.
+    fn middle_mm(self) -> Option<f64> {
+        match self {
+            Self::Core => None,
+            Self::CoreToMiddle(half) | Self::Middle(half) => Some(half),
+        }
+    }
+}
+
+impl Answer {
+    /// Sum of the squares of what is missing.
+    fn miss(&self) -> f64 {
+        self.short.iter().map(|ln| ln * ln).sum()
+    }
+
+    fn misses(&self) -> bool {
+        self.short.iter().any(|ln| ln.abs() >= newton::CLOSE)
+    }
+}
+
 impl Base {
+    /// The last layer that is one, not a slot that was found to be skipped.
+    fn last(&self) -> Option<usize> {
+        self.layers.iter().rposition(|layer| layer.1 > 0.0)
+    }
+
     /// Thicknesses of the layers in mm, then shares of the top layer.
     fn numbers(&self) -> Vec<f64> {
         let thickness = self.layers.iter().map(|layer| layer.1);

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Answer, Answers, BLACK, Base, MIXED};
+use super::{Answer, Answers, BLACK, Base, Below, MIXED};
 use crate::{
     numeric::{positive_definite, rounding::rounded},
     optics::{Mixture, Stack},
@@ -25,7 +25,7 @@ impl Answers {
     pub(super) fn solve(
         &self,
         base: &Base,
-        half: Option<f64>,
+        below: Below,
         start: &[f64],
         ln_albedo: &[f64],
         slopes: &mut Option<Vec<Vec<f64>>>,
@@ -36,7 +36,7 @@ impl Answers {
         };
         let size = |missing: &[f64]| missing.iter().map(|ln| ln * ln).sum::<f64>();
         let mut numbers = start.to_vec();
-        let mut albedo = self.albedo(base, &numbers, half);
+        let mut albedo = self.albedo(base, &numbers, below);
         let mut off = missing(&albedo);
         for _ in 0..STEPS {
             if off.iter().all(|ln| ln.abs() < CLOSE) {
@@ -44,9 +44,9 @@ impl Answers {
             }
             let (known, fresh) = match slopes.take() {
                 Some(known) => (known, false),
-                None => (self.slopes(base, half, &numbers, &albedo), true),
+                None => (self.slopes(base, below, &numbers, &albedo), true),
             };
-            match self.stepped(base, half, (&numbers, &off, &known), &missing, &size) {
+            match self.stepped(base, below, (&numbers, &off, &known), &missing, &size) {
                 Some(better) => {
                     *slopes = (size(&better.2) < STALE * size(&off)).then_some(known);
                     (numbers, albedo, off) = better;
@@ -57,17 +57,21 @@ impl Answers {
         }
         numbers.iter_mut().chain(&mut albedo).for_each(|value| *value = rounded(*value));
         off = missing(&albedo);
-        let layers = numbers.iter().zip(base.mixtures(&numbers)).map(|(mm, mixture)| (mixture, *mm));
+        let mut laid = numbers[..base.layers.len()].to_vec();
+        if let (Below::Middle(half), Some(last)) = (below, base.last()) {
+            laid[last] += half;
+        }
+        let layers = base.mixtures(&numbers).zip(laid);
         let stacking = Stack::new(layers).over(Mixture::from(self.core));
         (numbers, Answer { stacking, albedo, short: off })
     }
 
     /// What ln albedo changes by with every number, in its unit.
-    fn slopes(&self, base: &Base, half: Option<f64>, numbers: &[f64], albedo: &[f64]) -> Vec<Vec<f64>> {
+    fn slopes(&self, base: &Base, below: Below, numbers: &[f64], albedo: &[f64]) -> Vec<Vec<f64>> {
         let of = |n: usize| {
             let mut moved = numbers.to_vec();
             base.shift(&mut moved, n, DIFFERENCE);
-            let moved = self.albedo(base, &moved, half);
+            let moved = self.albedo(base, &moved, below);
             let slope = |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
             moved.iter().zip(albedo).map(slope).collect()
         };
@@ -79,7 +83,7 @@ impl Answers {
     fn stepped(
         &self,
         base: &Base,
-        half: Option<f64>,
+        below: Below,
         (numbers, off, slopes): (&[f64], &[f64], &[Vec<f64>]),
         missing: &dyn Fn(&[f64]) -> Vec<f64>,
         size: &dyn Fn(&[f64]) -> f64,
@@ -90,7 +94,7 @@ impl Answers {
                 let mut next = numbers.to_vec();
                 (0..next.len()).for_each(|n| base.shift(&mut next, n, shorter * step[n]));
                 self.keep_limits(base, &mut next);
-                let there = self.albedo(base, &next, half);
+                let there = self.albedo(base, &next, below);
                 let left = missing(&there);
                 if size(&left) < 0.98 * size(off) {
                     return Some((next, there, left));

@@ -31,7 +31,7 @@ impl Answers {
         let top = self.top(layers);
         let model = self.model(layers, top.is_some());
         let mut base = Base { layers: layers.to_vec(), model, top, promised: Vec::new() };
-        base.promised = self.albedo(&base, &base.numbers(), None);
+        base.promised = self.albedo(&base, &base.numbers(), Below::Core);
         self.clusters.push(base);
         self.slot_depths = self.depths_of_slots();
     }
@@ -208,4 +208,29 @@ fn answers_of_a_ladder_rise_with_it() {
             |n: usize| (pair[0].stacking.layers[n].thickness_mm / pair[1].stacking.layers[n].thickness_mm).ln().abs();
         assert!((0..3).all(|n| apart(n) < 0.15), "{pair:?}");
     }
+}
+
+/// A part thinner than what was found for it, in mixtures: no core shows up where it is thicker here and there; where it
+/// must be darker than mixtures are, there is a core after all, and where only resins by themselves may be laid.
+#[test]
+fn thin_parts_of_mixtures_have_no_core() {
+    let set = MaterialSet::builtin("synthetic").unwrap();
+    let [white, support, black] = ["white", "support", "black"].map(|name| set.resin(name).unwrap().0);
+    let grey = Mixture::new([(white, 0.9), (black, 0.1)]).unwrap();
+    let layers = [(grey, 0.3), (support.into(), 0.8), (white.into(), 0.5)];
+    let question = |half: f64, albedo: f64| Question { cluster: 0, half_mm: Some(half), ln_albedo: vec![albedo.ln()] };
+    let questions = [question(0.4, 0.15), question(0.4, 0.3), question(0.4, 0.5)];
+    let mixing = answers(&set, &layers, true);
+    for (answer, question) in mixing.answer(&questions, &Unwatched).unwrap().iter().zip(&questions) {
+        assert!(answer.short[0].abs() < CLOSE, "{question:?}: {answer:?}");
+        let mm: f64 = answer.stacking.pairs().map(|(_, mm)| mm).sum();
+        assert!(mm > 0.6, "{mm} mm of {answer:?}");
+        // As thick as it counts it looks as promised, over the core that is never reached.
+        let whole = total(&set, &plate(&answer.stacking, 0.4), 0);
+        assert!((whole - answer.albedo[0]).abs() < 4e-3, "{whole} {answer:?}");
+    }
+    let mut pure = answers(&set, &layers[1..], false);
+    pure.inks.clear();
+    let found = pure.answer(&[question(0.4, 0.2)], &Unwatched).unwrap();
+    assert!(found[0].stacking.pairs().map(|(_, mm)| mm).sum::<f64>() < 0.4, "{found:?}");
 }
