@@ -9,12 +9,12 @@ use std::ops::Range;
 
 use glam::DVec3;
 use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
-use rayon::prelude::*;
 
 use super::{
     Beam, Camera, Ground, LAMPS, Lamps, SEED_STEP, Scene, media::Media, scene::Place, spots::over, walker::Walker,
 };
 use crate::optics::monte_carlo::photon::{Direction, uniform};
+use crate::parallel;
 use crate::watch::{Stopped, Watch};
 
 /// Turns of a path at the ground.
@@ -62,7 +62,7 @@ impl<'a> Stage<'a> {
         let channels = self.scene.media().len();
         Film {
             size: self.camera.size,
-            met: (0..width * height).into_par_iter().map(met).collect(),
+            met: parallel::map(width * height, met),
             channels,
             sums: vec![[0.0; 2]; width * height * channels * LAMPS],
             samples: [0; 2],
@@ -89,12 +89,12 @@ impl<'a> Stage<'a> {
             let first = film.samples[0];
             let ground = film.samples[1]..film.samples[1].max((first + pass).div_ceil(GROUND_SAMPLES));
             let stride = film.channels * LAMPS;
-            let pixels = film.sums.par_chunks_mut(stride * width).zip(film.met.par_chunks(width)).enumerate();
-            pixels.for_each(|(y, (sums, met))| {
+            let met = &film.met;
+            parallel::rows(&mut film.sums, stride * width, |y, sums| {
                 if watch.stop_requested() {
                     return;
                 }
-                for (x, (sums, met)) in sums.chunks_mut(stride).zip(met).enumerate() {
+                for (x, (sums, met)) in sums.chunks_mut(stride).zip(&met[y * width..]).enumerate() {
                     let samples = if met.is_some() { first..first + pass } else { ground.clone() };
                     self.expose_pixel([x, y], samples, seed, sums);
                 }

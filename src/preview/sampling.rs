@@ -1,7 +1,7 @@
 //! Reading and smoothing fields of cells.
 
+use crate::parallel;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// The eight cells around a position with their trilinear weights; cells outside are left out.
 #[inline]
@@ -42,7 +42,7 @@ const WINDOWS: [usize; 2] = [2, 1];
 /// A field averaged over windows of five, then three cells along every axis; outside everything is 0.
 pub(super) fn smoothed(n: [usize; 3], value: impl Fn(usize) -> u8 + Sync) -> Vec<u16> {
     let [nx, ny, _] = n;
-    let mut field: Vec<u16> = (0..n.iter().product()).into_par_iter().map(|cell| u16::from(value(cell)) << 8).collect();
+    let mut field: Vec<u16> = parallel::map(n.iter().product(), |cell| u16::from(value(cell)) << 8);
     let average = |line: &mut dyn FnMut(usize) -> u16, length: usize, half: usize, out: &mut [u16]| {
         let mut sum = (0..half.min(length)).map(|at| u32::from(line(at))).sum::<u32>();
         for (at, out) in out.iter_mut().enumerate() {
@@ -52,25 +52,23 @@ pub(super) fn smoothed(n: [usize; 3], value: impl Fn(usize) -> u8 + Sync) -> Vec
         }
     };
     for half in WINDOWS {
-        field.par_chunks_mut(nx * ny).for_each_init(
-            || vec![0; nx.max(ny)],
-            |out, layer| {
-                for row in layer.chunks_exact_mut(nx) {
-                    average(&mut |at| row[at], nx, half, &mut out[..nx]);
-                    row.copy_from_slice(&out[..nx]);
+        parallel::rows(&mut field, nx * ny, |_, layer| {
+            let mut out = vec![0; nx.max(ny)];
+            for row in layer.chunks_exact_mut(nx) {
+                average(&mut |at| row[at], nx, half, &mut out[..nx]);
+                row.copy_from_slice(&out[..nx]);
+            }
+            for x in 0..nx {
+                average(&mut |at| layer[x + nx * at], ny, half, &mut out[..ny]);
+                for (y, &value) in out[..ny].iter().enumerate() {
+                    layer[x + nx * y] = value;
                 }
-                for x in 0..nx {
-                    average(&mut |at| layer[x + nx * at], ny, half, &mut out[..ny]);
-                    for (y, &value) in out[..ny].iter().enumerate() {
-                        layer[x + nx * y] = value;
-                    }
-                }
-            },
-        );
+            }
+        });
         // Along z a row of sums moves from layer to layer.
         let layers: Vec<&[u16]> = field.chunks_exact(nx * ny).collect();
         let mut next = vec![0; field.len()];
-        next.par_chunks_mut(nx * ny).enumerate().for_each(|(z, out)| {
+        parallel::rows(&mut next, nx * ny, |z, out| {
             let near = &layers[z.saturating_sub(half)..(z + half + 1).min(layers.len())];
             for (cell, out) in out.iter_mut().enumerate() {
                 let sum: u32 = near.iter().map(|layer| u32::from(layer[cell])).sum();

@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use super::{answers::Answers, on_surface::CHANNELS};
+use crate::parallel;
 use crate::search::SearchTarget;
 
 /// Thicknesses are told apart from the first down, mm, each smaller than the one before by this factor.
@@ -112,18 +113,18 @@ impl<'a> Lattice<'a> {
         let origins = (0..answers.len()).map(origin).collect();
         let mut lattice = Self { answers, classes, step: FINEST_STEP, origins };
         loop {
-            let cells: Vec<Cell> = places.par_iter().map(|place| lattice.cell(place)).collect();
+            let cells: Vec<Cell> = parallel::map_all(places, |place| lattice.cell(place));
             let mut occurring = cells.clone();
             occurring.par_sort_unstable();
             occurring.dedup();
-            let keys: Vec<Key> = occurring.par_iter().map(|cell| lattice.key(cell)).collect();
+            let keys: Vec<Key> = parallel::map_all(&occurring, |cell| lattice.key(cell));
             let mut distinct = keys.clone();
             distinct.par_sort_unstable();
             distinct.dedup();
             distinct.retain(|key| lattice.plain(key).is_none());
             if distinct.len() <= most {
                 let key = |cell: &Cell| keys[occurring.partition_point(|other| other < cell)];
-                return (lattice, cells.par_iter().map(key).collect(), distinct);
+                return (lattice, parallel::map_all(&cells, key), distinct);
             }
             lattice.step *= WIDER;
         }

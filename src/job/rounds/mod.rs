@@ -29,8 +29,6 @@ mod shape;
 
 use std::{path::Path, time::Instant};
 
-use rayon::prelude::*;
-
 use progress::Wanting;
 use residual::{Looked, Seen, Sums, residuals};
 use response::Response;
@@ -45,6 +43,7 @@ use super::{
 use crate::{
     appearance::PointOfSurface,
     look::{Scene, Spot},
+    parallel,
     watch::{StopOnly, Watch},
 };
 
@@ -229,7 +228,7 @@ impl Prepared {
 
     /// A spot around every point that can be seen, and what is asked for there.
     fn spots_of(&self, plans: &[ObjectPlan], scene: &Scene) -> Vec<PointSpot> {
-        let of_point = |(n, at): (usize, usize)| {
+        let of_point = |&(n, at): &(usize, usize)| {
             let plan = &plans[n];
             let point = &plan.points.points()[at];
             let spot = self.spot(scene, plan.object, point.triangle, point.point)?;
@@ -243,7 +242,7 @@ impl Prepared {
         };
         let points = |(n, plan): (usize, &ObjectPlan)| (0..plan.points.points().len()).map(move |at| (n, at));
         let points: Vec<_> = plans.iter().enumerate().flat_map(points).collect();
-        points.into_par_iter().filter_map(of_point).collect()
+        parallel::map_all(&points, of_point).into_iter().flatten().collect()
     }
 
     /// Looks at the points of all objects that can be corrected.

@@ -15,14 +15,13 @@ mod newton;
 #[cfg(test)]
 pub(super) mod tests;
 
-use rayon::prelude::*;
-
 use super::context::TargetContext;
 use crate::{
     job::RunError,
     optics::{
         Base as Bottom, Grains, LayeredReflection, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients,
     },
+    parallel,
     search::ResinLimit,
     watch::{Stopped, Watch},
 };
@@ -176,10 +175,8 @@ impl Answers {
     pub fn answer(&self, questions: &[Question], watch: &dyn Watch) -> Result<Vec<Answer>, Stopped> {
         let alike = |a: &Question, b: &Question| a.cluster == b.cluster && a.half_mm == b.half_mm;
         let runs: Vec<&[Question]> = questions.chunk_by(alike).collect();
-        let answered: Vec<Vec<Answer>> = runs
-            .into_par_iter()
-            .map(|run| if watch.stop_requested() { Vec::new() } else { self.answer_run(run) })
-            .collect();
+        let answer = |run: &&[Question]| if watch.stop_requested() { Vec::new() } else { self.answer_run(run) };
+        let answered: Vec<Vec<Answer>> = parallel::map_all(&runs, answer);
         watch.go_on()?;
         Ok(answered.into_iter().flatten().collect())
     }
