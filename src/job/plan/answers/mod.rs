@@ -140,11 +140,15 @@ impl Answers {
         if self.clusters.iter().any(|base| base.layers.len() != slots) {
             return Vec::new();
         }
-        let depth = |mixture: &Mixture| {
-            mixture.parts().iter().map(|(resin, _)| self.limit(*resin).min_depth_mm).fold(0.0, f64::max)
+        let of = |slot: usize| {
+            let anywhere = self.clusters.iter().map(|base| self.limit_of(&base.layers[slot].0));
+            ResinLimit::all(anywhere).min_depth_mm
         };
-        let of = |slot: usize| self.clusters.iter().map(|base| depth(&base.layers[slot].0)).fold(0.0, f64::max);
         (0..slots).map(of).collect()
+    }
+
+    fn limit_of(&self, mixture: &Mixture) -> ResinLimit {
+        ResinLimit::all(mixture.parts().iter().map(|(resin, _)| self.limit(*resin)))
     }
 
     fn limit(&self, resin: ResinId) -> ResinLimit {
@@ -265,15 +269,14 @@ impl Answers {
         let (thickness, shares) = numbers.split_at_mut(base.layers.len());
         let mut above = 0.0;
         for n in 0..thickness.len() {
-            let parts = || base.layers[n].0.parts().iter().map(|(resin, _)| self.limit(*resin));
+            let limit = self.limit_of(&base.layers[n].0);
             // A layer that was found to be none may stay so.
             let free = !self.inks.is_empty() || base.layers[n].1 == 0.0;
             let thinnest = if free { 0.0 } else { self.min_layer_mm.min(base.layers[n].1) };
-            let least = parts().map(|limit| limit.min_mm).fold(thinnest, f64::max);
-            let most = parts().map(|limit| limit.max_mm).fold(f64::INFINITY, f64::min);
-            thickness[n] = thickness[n].max(least).min(most.max(least));
+            let least = limit.min_mm.max(thinnest);
+            thickness[n] = thickness[n].max(least).min(limit.max_mm.max(least));
             let of_slot = self.slot_depths.get(n).copied().unwrap_or_default();
-            let depth = parts().map(|limit| limit.min_depth_mm).fold(of_slot, f64::max);
+            let depth = limit.min_depth_mm.max(of_slot);
             if above < depth && above > 0.0 && thickness[n] > 0.0 {
                 thickness[..n].iter_mut().for_each(|mm| *mm *= depth / above);
                 above = depth;
