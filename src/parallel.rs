@@ -3,7 +3,9 @@
 //! What is found comes in the order of the items and does not depend on the number of threads. Rayon's own pipelines
 //! are compiled anew for every closure, some 10 kB of code each; here rayon runs one closure, and what is compiled for
 //! each use is a loop over a piece of its items. Few items are a piece each, and such a piece costs some 100 ns: items
-//! that take less belong into one item of many. Inner loops of kernels have rayon's pipelines still.
+//! that take less belong into one item of many. Pieces are put together in the end, so that for a moment all that was
+//! found may be there twice: inner loops of kernels, and maps of pixels and texels, have rayon's pipelines still, which
+//! write where it stays.
 
 use std::{
     ops::Range,

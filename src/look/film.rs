@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
+use rayon::prelude::*;
 
 use super::{
     Beam, Camera, Ground, LAMPS, Lamps, SEED_STEP, Scene, media::Media, scene::Place, spots::over, walker::Walker,
@@ -62,7 +63,7 @@ impl<'a> Stage<'a> {
         let channels = self.scene.media().len();
         Film {
             size: self.camera.size,
-            met: parallel::map(width * height, met),
+            met: (0..width * height).into_par_iter().map(met).collect(),
             channels,
             sums: vec![[0.0; 2]; width * height * channels * LAMPS],
             samples: [0; 2],

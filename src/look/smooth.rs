@@ -5,8 +5,8 @@
 //! that, sparks (a rare path of much light) are brought down to the brightest pixel around them. For the eye only; no
 //! number comes from what is smoothed.
 
-use crate::parallel;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// What a pixel shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,7 +54,7 @@ fn quench(shown: &[Shown], width: usize, image: &mut Vec<f32>, variance: &mut Ve
         let from = if witnesses >= WITNESSES && spark { brightest } else { pixel };
         (image[from], variance[from])
     };
-    (*image, *variance) = parallel::map(shown.len(), pixel).into_iter().unzip();
+    (*image, *variance) = (0..shown.len()).into_par_iter().map(pixel).unzip();
 }
 
 /// Smooths a picture of rows of `shown.len() / height` pixels, given the variance of every pixel.
@@ -79,7 +79,7 @@ pub fn smooth(shown: &[Shown], width: usize, pixel_mm: f32, mut image: Vec<f32>,
             }
             sum / f32::max(total, f32::MIN_POSITIVE)
         };
-        let noise: Vec<f32> = parallel::map(shown.len(), blurred);
+        let noise: Vec<f32> = (0..shown.len()).into_par_iter().map(blurred).collect();
         let pixel = |pixel: usize| {
             let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
             let here = &shown[pixel];
@@ -103,7 +103,7 @@ pub fn smooth(shown: &[Shown], width: usize, pixel_mm: f32, mut image: Vec<f32>,
             }
             if total > 0.0 { (sum / total, spread / (total * total)) } else { (image[pixel], variance[pixel]) }
         };
-        (image, variance) = parallel::map(shown.len(), pixel).into_iter().unzip();
+        (image, variance) = (0..shown.len()).into_par_iter().map(pixel).unzip();
     }
     image
 }

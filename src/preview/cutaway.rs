@@ -4,6 +4,7 @@
 //! those.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::{
     canvas::Canvas,
@@ -303,7 +304,7 @@ fn fade([x, y]: [f64; 2], [width, height]: [usize; 2]) -> f32 {
 fn draw(canvas: &mut Canvas, top: usize, raster: &Raster, stage: &Stage<'_>) {
     let [width, height] = raster.size;
     let middle = |n: usize| stage.sample(raster, (n % width) as f64 + 0.5, (n / width) as f64 + 0.5);
-    let coarse: Vec<Sample> = parallel::map(width * height, middle);
+    let coarse: Vec<Sample> = (0..width * height).into_par_iter().map(middle).collect();
     // At a silhouette the surface falls away over a few pixels; only a gap beyond that is an edge.
     let jump = (24.0 / raster.scale) as f32;
 

@@ -2,6 +2,7 @@
 
 use crate::parallel;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// The eight cells around a position with their trilinear weights; cells outside are left out.
 #[inline]
@@ -42,7 +43,7 @@ const WINDOWS: [usize; 2] = [2, 1];
 /// A field averaged over windows of five, then three cells along every axis; outside everything is 0.
 pub(super) fn smoothed(n: [usize; 3], value: impl Fn(usize) -> u8 + Sync) -> Vec<u16> {
     let [nx, ny, _] = n;
-    let mut field: Vec<u16> = parallel::map(n.iter().product(), |cell| u16::from(value(cell)) << 8);
+    let mut field: Vec<u16> = (0..n.iter().product()).into_par_iter().map(|cell| u16::from(value(cell)) << 8).collect();
     let average = |line: &mut dyn FnMut(usize) -> u16, length: usize, half: usize, out: &mut [u16]| {
         let mut sum = (0..half.min(length)).map(|at| u32::from(line(at))).sum::<u32>();
         for (at, out) in out.iter_mut().enumerate() {

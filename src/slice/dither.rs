@@ -35,9 +35,9 @@
 use std::sync::Arc;
 
 use glam::{DVec3, IVec3};
+use rayon::prelude::*;
 
 use crate::{
-    parallel,
     sdf::{BrickSurface, DepthRange, Surface},
     voxel::{BRICK_VOXELS, ThresholdMask},
 };
@@ -94,7 +94,7 @@ impl Grain {
 impl Dither {
     pub fn new(mask: Arc<ThresholdMask>, surface: &Surface, pitch: DVec3) -> Self {
         let grain = |&[a, b, c]: &[DVec3; 3]| Grain::new((b - a).cross(c - a).normalize_or_zero(), pitch);
-        Self::of(mask, parallel::map_all(surface.triangles(), grain).into())
+        Self::of(mask, surface.triangles().par_iter().map(grain).collect::<Vec<_>>().into())
     }
 
     fn of(mask: Arc<ThresholdMask>, grains: Arc<[Grain]>) -> Self {

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 use super::{
     LookError,
@@ -12,7 +13,6 @@ use crate::{
     colour::{LinearRgb, Rgb, linear_to_byte, linear_to_srgb},
     job::{Prepared, RunError},
     look::{Camera, Film, Ground, LAMPS, Lamps, Scene, Shown, Stage, smooth},
-    parallel,
     preview::{LookPanel, PreviewFile, look_sheet},
     watch::Watch,
 };
@@ -156,7 +156,7 @@ fn seen(job: Option<&Prepared>, stage: &Stage<'_>, film: &Film) -> Vec<Seen> {
             Seen { shown: Shown { position: position.as_vec3(), normal: Vec3::Z, kind: 0 }, surface: None }
         }
     };
-    parallel::map(film.met.len(), |n| pixel((n, &film.met[n])))
+    film.met.par_iter().enumerate().map(pixel).collect()
 }
 
 /// What of a surface point is shown.
@@ -179,7 +179,7 @@ fn spread(prepared: &Prepared, light: &AskedLight, seen: &[Seen], which: Which) 
         }
         Some(spread)
     };
-    parallel::map_all(seen, pixel)
+    seen.par_iter().map(pixel).collect()
 }
 
 /// What a camera sees of an object under every lamp, by channel and lamp, in units of what a white matt sheet shows.
@@ -287,7 +287,7 @@ fn sheet(
     };
     let panel = |name: &str, of: &(dyn Fn(usize) -> Rgb + Sync)| LookPanel {
         name: name.to_owned(),
-        pixels: parallel::map(seen.len(), of),
+        pixels: (0..seen.len()).into_par_iter().map(of).collect(),
     };
     let mut panels = Vec::new();
     if asked.is_some() {

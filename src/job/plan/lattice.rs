@@ -113,7 +113,7 @@ impl<'a> Lattice<'a> {
         let origins = (0..answers.len()).map(origin).collect();
         let mut lattice = Self { answers, classes, step: FINEST_STEP, origins };
         loop {
-            let cells: Vec<Cell> = parallel::map_all(places, |place| lattice.cell(place));
+            let cells: Vec<Cell> = places.par_iter().map(|place| lattice.cell(place)).collect();
             let mut occurring = cells.clone();
             occurring.par_sort_unstable();
             occurring.dedup();
@@ -124,7 +124,7 @@ impl<'a> Lattice<'a> {
             distinct.retain(|key| lattice.plain(key).is_none());
             if distinct.len() <= most {
                 let key = |cell: &Cell| keys[occurring.partition_point(|other| other < cell)];
-                return (lattice, parallel::map_all(&cells, key), distinct);
+                return (lattice, cells.par_iter().map(key).collect(), distinct);
             }
             lattice.step *= WIDER;
         }

@@ -12,6 +12,8 @@
 //! that was found for it. Between two steps of a lattice fine texels take either, as often as they are near it, so that
 //! over some of them what is wanted is laid on the mean, and no step shows as an edge.
 
+use rayon::prelude::*;
+
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -247,7 +249,7 @@ impl ObjectPlan {
             let threshold = if self.shared_out[page] { threshold(site.texel, width) } else { 0.5 };
             Place { cluster: cluster.0, half_ln: by_thickness.then_some(known[0]), ln, threshold }
         };
-        let places: Vec<Place> = parallel::map_all(&self.sites, place);
+        let places: Vec<Place> = self.sites.par_iter().map(place).collect();
         watch.go_on()?;
         let (lattice, keys, distinct) = Lattice::finest(&self.answers, &classes, &places, MOST_LABELS);
         let question = |key: &Key| Question {
