@@ -132,6 +132,7 @@ mod numeric;
 pub mod optics;
 pub mod output;
 mod page;
+mod parallel;
 mod picture;
 pub mod plot;
 pub mod preview;

@@ -15,6 +15,7 @@ use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 
 use super::metric::Metric;
+use crate::parallel;
 use crate::search::Objective;
 
 /// What to look for.
@@ -144,21 +145,16 @@ pub fn cluster(points: &[f64], weights: &[f64], options: &ClusterOptions) -> Res
     // Padded to whole chunks.
     let stride = metric.dimensions().next_multiple_of(CHUNK);
     let mut placed = vec![0.0; weights.len() * stride];
-    placed.par_chunks_mut(stride).zip(points.par_chunks(dims)).for_each(|(row, point)| metric.place(point, row));
+    parallel::rows(&mut placed, stride, |n, row| metric.place(&points[n * dims..][..dims], row));
     let mut lloyd = Lloyd::new(&placed, weights, stride);
     lloyd.seed(options.k, options.seed);
     lloyd.run(options.max_iterations);
 
     let members = lloyd.members();
-    let centroids: Vec<Vec<f64>> = lloyd
-        .centroids
-        .par_chunks(stride)
-        .zip(&members)
-        .map(|(centroid, members)| {
-            let points = members.iter().map(|&p| (&points[p as usize * dims..][..dims], weights[p as usize]));
-            metric.centroid(centroid, points)
-        })
-        .collect();
+    let centroids: Vec<Vec<f64>> = parallel::map(members.len(), |c| {
+        let points = members[c].iter().map(|&p| (&points[p as usize * dims..][..dims], weights[p as usize]));
+        metric.centroid(&lloyd.centroids[c * stride..][..stride], points)
+    });
     let fits: Vec<ClusterFit> = members
         .iter()
         .map(|members| {
@@ -260,7 +256,7 @@ impl<'a> Lloyd<'a> {
                 }
             });
         }
-        self.upper.par_iter_mut().for_each(|upper| *upper = upper.sqrt());
+        self.upper.iter_mut().for_each(|upper| *upper = upper.sqrt());
     }
 
     fn run(&mut self, max_iterations: usize) {
@@ -289,14 +285,11 @@ impl<'a> Lloyd<'a> {
     fn assign(&mut self) -> bool {
         let (stride, centroids) = (self.stride, &self.centroids);
         // Half the distance of each centroid to its nearest other: nothing nearer than that can change sides.
-        let halves: Vec<f64> = centroids
-            .par_chunks(stride)
-            .enumerate()
-            .map(|(c, a)| {
-                let others = centroids.chunks(stride).enumerate().filter(|(o, _)| *o != c);
-                0.5 * others.fold(f64::INFINITY, |near, (_, b)| near.min(distance_squared(a, b, near))).sqrt()
-            })
-            .collect();
+        let halves: Vec<f64> = parallel::map(centroids.len() / stride, |c| {
+            let own = &centroids[c * stride..][..stride];
+            let others = centroids.chunks(stride).enumerate().filter(|(o, _)| *o != c);
+            0.5 * others.fold(f64::INFINITY, |near, (_, b)| near.min(distance_squared(own, b, near))).sqrt()
+        });
         let first = self.iterations == 1;
         let state = self.labels.par_iter_mut().zip(&mut self.upper).zip(&mut self.lower);
         let changed =
@@ -332,7 +325,7 @@ impl<'a> Lloyd<'a> {
     /// own, or away.
     fn update(&mut self) {
         let members = self.members();
-        let mut means: Vec<Option<Vec<f64>>> = members.par_iter().map(|members| self.mean(members)).collect();
+        let mut means: Vec<Option<Vec<f64>>> = parallel::map_all(&members, |members| self.mean(members));
         let empty: Vec<usize> = (0..means.len()).filter(|c| means[*c].is_none()).collect();
         if !empty.is_empty() {
             let cost = |p: &usize| self.weights[*p] * self.upper[*p] * self.upper[*p];
@@ -359,7 +352,7 @@ impl<'a> Lloyd<'a> {
         let first = (0..moved.len()).max_by(|a, b| moved[*a].total_cmp(&moved[*b])).unwrap_or(0);
         let second = moved.iter().enumerate().filter(|(c, _)| *c != first).map(|(_, m)| *m).fold(0.0, f64::max);
         let labels = &self.labels;
-        self.lower.par_iter_mut().zip(labels).for_each(|(lower, &label)| {
+        self.lower.iter_mut().zip(labels).for_each(|(lower, &label)| {
             *lower -= if label as usize == first { second } else { moved[first] };
         });
         self.centroids = means;

@@ -9,9 +9,8 @@
 //! sum over its texels a sum of shifted images. Beyond its edges the sheet goes on as its mirror image. Light that goes
 //! farther than the last ring is spread evenly over the sheet.
 
-use rayon::prelude::*;
-
 use crate::optics::{FrequencyGrid, InverseHankel};
+use crate::parallel;
 
 /// Texels around a texel, in rings by their distance rounded to whole texels.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,7 +94,7 @@ impl<'a> LocalProfiles<'a> {
             let profile = InverseHankel::new(spectrum, grid);
             rings.edges_mm.iter().map(|&edge| profile.energy_within(edge)).collect()
         };
-        let within: Vec<_> = spectra.par_iter().map(within).collect();
+        let within: Vec<_> = parallel::map_all(spectra, within);
         let albedo: Vec<f64> = spectra.iter().map(|spectrum| spectrum[0]).collect();
         Self::new(rings, &within, &albedo, of_texel, width)
     }
@@ -109,16 +108,14 @@ impl<'a> LocalProfiles<'a> {
             for (light, seen) in lights.iter().zip(&mut seen) {
                 let lit: Vec<f32> = local.iter().zip(light).map(|(root, light)| root * light).collect();
                 let around = Mirrored::new(&lit, width, ring + 1);
-                let rows = seen.par_chunks_mut(width).zip(local.par_chunks(width)).enumerate();
-                rows.for_each_init(Vec::new, |sum, (y, (seen, local))| {
-                    sum.clear();
-                    sum.resize(width, 0.0_f32);
+                parallel::rows(seen, width, |y, seen| {
+                    let mut sum = vec![0.0_f32; width];
                     for offset in offsets {
                         sum.iter_mut().zip(around.row(y, *offset)).for_each(|(sum, value)| *sum += value);
                     }
                     let area = self.rings.texel_mm2 as f32;
                     seen.iter_mut()
-                        .zip(sum.iter().zip(local))
+                        .zip(sum.iter().zip(&local[y * width..]))
                         .for_each(|(seen, (sum, root))| *seen += area * root * sum);
                 });
             }

@@ -60,13 +60,7 @@ impl SlotLimits {
     pub fn of_slots<'a>(slots: impl IntoIterator<Item = &'a [ResinId]>, limits: &[ResinLimit]) -> Self {
         let slots: Vec<&[ResinId]> = slots.into_iter().collect();
         let of = |resin: &ResinId| limits.get(resin.0).copied().unwrap_or(ResinLimit::NONE);
-        let all = |resins: &&[ResinId]| {
-            resins.iter().map(of).fold(ResinLimit::NONE, |all, one| ResinLimit {
-                min_depth_mm: all.min_depth_mm.max(one.min_depth_mm),
-                min_mm: all.min_mm.max(one.min_mm),
-                max_mm: all.max_mm.min(one.max_mm),
-            })
-        };
+        let all = |resins: &&[ResinId]| ResinLimit::all(resins.iter().map(of));
         // Slots of the same resins are one run where they meet.
         let same = |resins: &&[ResinId]| slots.iter().position(|other| other == resins).unwrap_or_default() as u32;
         let column = |f: fn(ResinLimit) -> f64| slots.iter().map(|slot| f(all(slot)) as f32).collect::<Vec<f32>>();

@@ -11,7 +11,6 @@
 
 use glam::Vec2;
 use multiversion::multiversion;
-use rayon::prelude::*;
 
 use super::{
     ClusterId,
@@ -24,6 +23,7 @@ use super::{
 };
 use crate::{
     mesh::TriangleMesh,
+    parallel,
     sdf::{DepthRange, PART_COLUMNS, PART_SLICES, Part},
     voxel::{BRICK_VOXELS, MaterialId},
 };
@@ -152,37 +152,35 @@ impl TexturedLayers {
         let stride = self.slots.stride();
         let mixed = self.slots.mixed();
         let mut ranges = vec![0.0; mesh.triangles.len() * 2 * stride];
-        let known = ranges.par_chunks_mut(2 * stride).zip(&mesh.uvs).zip(&self.places).map_init(
-            Vec::new,
-            |labels, ((range, uvs), &place)| {
-                self.labels_under(place, uvs, labels);
-                let (low, high) = range.split_at_mut(stride);
-                low.fill(f32::INFINITY);
-                high.fill(f32::NEG_INFINITY);
-                for &label in labels.iter() {
-                    for (slot, &bottom) in self.slots.bottoms(label).iter().enumerate() {
-                        low[slot] = low[slot].min(bottom);
-                        high[slot] = high[slot].max(bottom);
-                    }
+        let of_triangle = |triangle: usize, range: &mut [f32]| {
+            let labels = &mut Vec::new();
+            self.labels_under(self.places[triangle], &mesh.uvs[triangle], labels);
+            let (low, high) = range.split_at_mut(stride);
+            low.fill(f32::INFINITY);
+            high.fill(f32::NEG_INFINITY);
+            for &label in labels.iter() {
+                for (slot, &bottom) in self.slots.bottoms(label).iter().enumerate() {
+                    low[slot] = low[slot].min(bottom);
+                    high[slot] = high[slot].max(bottom);
                 }
-                let mut levels = Vec::new();
-                if labels.is_empty() {
-                    // Texture coordinates that are not numbers: nothing can be said.
-                    low.fill(f32::NEG_INFINITY);
-                    high.fill(f32::INFINITY);
-                    levels.resize(self.level_starts[mixed.len()], [0, u16::MAX]);
-                    return (vec![Shares::Vary; mixed.len()], levels);
-                }
-                mixed.iter().for_each(|slot| slot.levels(labels, &mut levels));
-                (mixed.iter().map(|slot| slot.shares(labels)).collect(), levels)
-            },
-        );
-        let known: Vec<(Vec<Shares>, Vec<[u16; 2]>)> = if mixed.is_empty() {
-            known.for_each(drop);
-            Vec::new()
-        } else {
-            known.collect()
+            }
+            let mut levels = Vec::new();
+            if labels.is_empty() {
+                // Texture coordinates that are not numbers: nothing can be said.
+                low.fill(f32::NEG_INFINITY);
+                high.fill(f32::INFINITY);
+                levels.resize(self.level_starts[mixed.len()], [0, u16::MAX]);
+                return (vec![Shares::Vary; mixed.len()], levels);
+            }
+            mixed.iter().for_each(|slot| slot.levels(labels, &mut levels));
+            (mixed.iter().map(|slot| slot.shares(labels)).collect(), levels)
         };
+        let mut known: Vec<(Vec<Shares>, Vec<[u16; 2]>)> = Vec::new();
+        if mixed.is_empty() {
+            parallel::rows(&mut ranges, 2 * stride, |triangle, range| drop(of_triangle(triangle, range)));
+        } else {
+            known = parallel::map_rows(&mut ranges, 2 * stride, of_triangle);
+        }
         let (shares, levels): (Vec<_>, Vec<_>) = known.into_iter().unzip();
         (ranges, shares.concat(), levels.concat())
     }

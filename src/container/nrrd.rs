@@ -9,13 +9,12 @@ use std::{
     io::{self, BufWriter, Write},
 };
 
-use rayon::prelude::*;
-
 use super::{
     Container, ContainerError, Content, Counts, SliceImage, Voxels,
     deflate::{END_OF_STREAM, GZIP_HEADER, part},
     slice_ids,
 };
+use crate::parallel;
 use crate::watch::Watch;
 
 /// The header, with the empty line that ends it.
@@ -59,13 +58,14 @@ impl Nrrd {
 
 impl Container for Nrrd {
     fn take(&mut self, voxels: &dyn Voxels, _: &[SliceImage], watch: &dyn Watch) -> Result<(), ContainerError> {
-        let encode = |ids: &mut Vec<u8>, k| {
-            let ids = slice_ids(voxels, k, ids);
+        let slices = voxels.slices();
+        let encode = |ids: &mut Vec<u8>, n: usize| {
+            let ids = slice_ids(voxels, slices.start + n as u32, ids);
             let mut checksum = crc32fast::Hasher::new();
             checksum.update(ids);
             Ok((part(ids)?, checksum))
         };
-        let parts: Vec<io::Result<_>> = voxels.slices().into_par_iter().map_init(Vec::new, encode).collect();
+        let parts: Vec<io::Result<_>> = parallel::map_in(slices.len(), Vec::new, encode);
         for part in parts {
             let (bytes, checksum) = part?;
             self.out.write_all(&bytes)?;

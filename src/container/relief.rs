@@ -8,10 +8,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Vec3;
 use png::{BitDepth, ColorType, Filter};
-use rayon::prelude::*;
 
 use super::{Content, Voxels};
 use crate::{
+    parallel,
     slice::encoder,
     voxel::{BRICK, BRICK_VOXELS, Lattice},
 };
@@ -68,7 +68,7 @@ impl Relief {
         let width = self.lattice.dims[0] as usize;
         let [across, _, layers] = voxels.bricks();
         let (printed, step, cells, filled) = (&self.printed, self.step, self.cells, &self.filled);
-        let found = self.heights.par_chunks_mut(width * BRICK).enumerate().map(|(y, heights)| {
+        let found = parallel::map_rows(&mut self.heights, width * BRICK, |y, heights| {
             let mut ids = [0; BRICK_VOXELS];
             let mut bounds = NOWHERE;
             for z in layers.clone() {
@@ -113,7 +113,7 @@ impl Relief {
             }
             bounds
         });
-        self.bounds = around(self.bounds, found.reduce(|| NOWHERE, around));
+        self.bounds = around(self.bounds, found.into_iter().fold(NOWHERE, around));
     }
 
     /// Least and greatest corner of what is printed, mm; of the lattice where nothing is.

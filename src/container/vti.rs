@@ -10,9 +10,9 @@ use std::{
 };
 
 use quick_xml::escape::escape;
-use rayon::prelude::*;
 
 use super::{Container, ContainerError, Content, Counts, SliceImage, Voxels, deflate::zlib, slice_ids};
+use crate::parallel;
 use crate::watch::Watch;
 
 /// The name of the ids.
@@ -78,8 +78,9 @@ impl Vti {
 
 impl Container for Vti {
     fn take(&mut self, voxels: &dyn Voxels, _: &[SliceImage], watch: &dyn Watch) -> Result<(), ContainerError> {
+        let slices = voxels.slices();
         let blocks: Vec<io::Result<Vec<u8>>> =
-            voxels.slices().into_par_iter().map_init(Vec::new, |ids, k| zlib(slice_ids(voxels, k, ids))).collect();
+            parallel::map_in(slices.len(), Vec::new, |ids, n| zlib(slice_ids(voxels, slices.start + n as u32, ids)));
         for block in blocks {
             let block = block?;
             self.sizes.push(block.len() as u64);

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::{Camera, Ground, LAMPS, Lamps, SEED_STEP, Scene, path::Path};
 use crate::optics::monte_carlo::photon::uniform;
+use crate::parallel;
 use crate::watch::{Stopped, Watch};
 
 /// Samples of a pixel between two looks at the watch.
@@ -82,12 +83,12 @@ impl<'a> Stage<'a> {
             let first = film.samples[0];
             let ground = film.samples[1]..film.samples[1].max((first + pass).div_ceil(GROUND_SAMPLES));
             let stride = film.channels * LAMPS;
-            let pixels = film.sums.par_chunks_mut(stride * width).zip(film.met.par_chunks(width)).enumerate();
-            pixels.for_each(|(y, (sums, met))| {
+            let met = &film.met;
+            parallel::rows(&mut film.sums, stride * width, |y, sums| {
                 if watch.stop_requested() {
                     return;
                 }
-                for (x, (sums, met)) in sums.chunks_mut(stride).zip(met).enumerate() {
+                for (x, (sums, met)) in sums.chunks_mut(stride).zip(&met[y * width..]).enumerate() {
                     let samples = if met.is_some() { first..first + pass } else { ground.clone() };
                     self.expose_pixel([x, y], samples, seed, sums);
                 }

@@ -41,7 +41,6 @@ use std::ops::Range;
 use glam::DVec3;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
-use rayon::prelude::*;
 
 pub use camera::Camera;
 pub use film::{Film, Stage};
@@ -59,6 +58,7 @@ use crate::optics::{
     Light, OpticsError, VolumeCoefficients,
     monte_carlo::{in_batches, photon::uniform},
 };
+use crate::parallel;
 use crate::voxel::{BRICK, Lattice};
 use crate::watch::Watch;
 use light::Source;
@@ -119,7 +119,7 @@ impl VoxelScene {
         sides: Sides,
         base: Option<VolumeCoefficients>,
     ) -> Result<Self, OpticsError> {
-        let largest = grid.ids().par_iter().copied().max().unwrap_or(0);
+        let largest = grid.ids().iter().copied().max().unwrap_or(0);
         if usize::from(largest) >= media.len() {
             let expected = format!("0 to {}, as there are coefficients", media.len() as i64 - 1);
             return Err(OpticsError::parameter("material id", largest, expected));
@@ -214,7 +214,7 @@ impl VoxelScene {
             }
             Ok(response.finish(photons.count))
         };
-        (0..texels.dims[0]).into_par_iter().map(lit).collect()
+        parallel::map(texels.dims[0], lit).into_iter().collect()
     }
 
     fn checked_walk(&self, photons: Photons) -> Result<Walk<'_>, OpticsError> {

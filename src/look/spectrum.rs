@@ -7,7 +7,6 @@
 use std::ops::Range;
 
 use rand_xoshiro::Xoshiro256PlusPlus;
-use rayon::prelude::*;
 
 use super::{Pattern, Photons, Sides, VoxelScene, light::Source, top};
 use crate::{
@@ -15,6 +14,7 @@ use crate::{
         FrequencyGrid, OpticsError,
         monte_carlo::{in_batches, photon::uniform},
     },
+    parallel,
     watch::Watch,
 };
 
@@ -71,7 +71,7 @@ impl VoxelScene {
             }
         })?;
         let n = photons.count as f64;
-        let moments = grid.as_slice().par_iter().map(|k| {
+        let moments = parallel::map_all(grid.as_slice(), |k| {
             let sums = counts.iter().enumerate().fold([0.0; 2], |[sum, squares], (step, count)| {
                 let wave = libm::j0(k * (step as f64 + 0.5) * STEP_MM);
                 [sum + count[0] * wave, squares + count[1] * wave * wave]
@@ -79,7 +79,7 @@ impl VoxelScene {
             let mean = sums[0] / n;
             (mean, ((sums[1] / n - mean * mean).max(0.0) / (n - 1.0)).sqrt())
         });
-        let (reflection, standard_error) = moments.unzip();
+        let (reflection, standard_error) = moments.into_iter().unzip();
         Ok(ExitSpectrum { reflection, standard_error })
     }
 }

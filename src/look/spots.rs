@@ -15,7 +15,6 @@
 
 use glam::DVec3;
 use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
-use rayon::prelude::*;
 
 use super::{
     SEED_STEP, Scene,
@@ -26,6 +25,7 @@ use crate::optics::{
     Estimate,
     monte_carlo::photon::{Direction, Moments, azimuth, uniform},
 };
+use crate::parallel;
 use crate::watch::{Stopped, Watch};
 
 /// A point of a surface.
@@ -104,7 +104,8 @@ impl Scene {
         // Groups of spots between two looks at the watch: about a second of work.
         let group = (1 + (1 << 20) / walks.max(1)) as usize;
         for (first, spots) in (0..).step_by(group).zip(spots.chunks(group)) {
-            let work = (0..spots.len() as u64 * batches).into_par_iter().map(|piece| {
+            let work = |piece: usize| {
+                let piece = piece as u64;
                 let (spot, batch) = (piece / batches, piece % batches);
                 let range = batch * BATCH..walks.min((batch + 1) * BATCH);
                 let stream = (first as u64 + spot).wrapping_mul(SEED_STEP) ^ batch.rotate_right(24);
@@ -112,8 +113,8 @@ impl Scene {
                     return Vec::new();
                 }
                 self.batch(&spots[spot as usize], edge_mm, range, seed.wrapping_add(stream))
-            });
-            let counted: Vec<Vec<Sums>> = work.collect();
+            };
+            let counted: Vec<Vec<Sums>> = parallel::map(spots.len() * batches as usize, work);
             watch.go_on()?;
             for batches in counted.chunks(batches as usize) {
                 let of_media = |media: usize| {

@@ -20,9 +20,9 @@
 //! Bounds only decide the work, never the result: any bound gives an estimate without bias.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::Volume;
+use crate::parallel;
 use crate::voxel::{BRICK_VOXELS, Tile};
 
 /// Density bounds of the bricks of a volume in one channel.
@@ -82,15 +82,14 @@ impl Strides {
             Tile::Uniform(id) => class_of[usize::from(id.0)],
             Tile::Dense(ids) => ids.iter().map(|id| class_of[usize::from(*id)]).max().unwrap_or(0),
         };
-        let classes: Vec<u8> = (0..bricks.iter().product()).into_par_iter().map(class).collect();
+        let classes: Vec<u8> = parallel::map(bricks.iter().product(), class);
         let mut of: Vec<Stride> = classes.iter().map(|class| Stride { class: *class, edges: [FAR; 8] }).collect();
         let densest = classes.iter().copied().max().unwrap_or(0);
         for level in 0..densest {
             if !classes.contains(&level) {
                 continue;
             }
-            let edges: Vec<Vec<u8>> =
-                (0..8).into_par_iter().map(|octant| cubes(&classes, bricks, level, octant)).collect();
+            let edges: Vec<Vec<u8>> = parallel::map(8, |octant| cubes(&classes, bricks, level, octant));
             for (brick, stride) in of.iter_mut().enumerate().filter(|(_, stride)| stride.class == level) {
                 stride.edges = std::array::from_fn(|octant| edges[octant][brick]);
             }

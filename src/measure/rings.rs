@@ -3,9 +3,8 @@
 //! Pixel (i, j) is the square of side 1 about (i, j). Near the centre its share is counted on a fine grid; farther out,
 //! where a ring's edge is straight across a pixel, it is the exact share of a square cut by a line.
 
+use crate::parallel;
 use std::f64::consts::PI;
-
-use rayon::prelude::*;
 
 use super::bracket::Radiance;
 
@@ -201,7 +200,7 @@ impl Rings {
             }
             sums
         };
-        let parts: Vec<Vec<Sums>> = blocks.par_iter().map(sum).collect();
+        let parts: Vec<Vec<Sums>> = parallel::map_all(&blocks, sum);
         let mut total = vec![Sums::default(); grid.bins];
         for part in &parts {
             total.iter_mut().zip(part).for_each(|(total, part)| total.add(part));

@@ -7,7 +7,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use rayon::prelude::*;
 use serde::Deserialize;
 
 use super::{
@@ -17,6 +16,7 @@ use super::{
     place::{FileEntry, is_plain, lies_at},
     scratch::is_scratch,
 };
+use crate::parallel;
 use crate::regular_file;
 
 /// Longest manifest that is read, bytes: a full tray of 14 µm layers with six masks each lists 100 000 files in 20 MB.
@@ -150,13 +150,15 @@ impl Earlier {
 
     /// Refuses if a file that would be replaced is not, or no longer, what was listed.
     fn check_unchanged(&self, root: &Path) -> Result<(), OutputError> {
-        self.replaces.par_iter().filter(|(_, entries)| !entries.is_empty()).try_for_each(|(path, entries)| {
+        let listed: Vec<_> = self.replaces.iter().filter(|(_, entries)| !entries.is_empty()).collect();
+        let unchanged = |(path, entries): &(&String, &Vec<FileEntry>)| {
             let there = lies_at(root, path)?.is_some();
             if there && !entries.iter().any(|entry| entry.is_whole(root)) {
                 return Err(OutputError::Changed { path: root.join(path) });
             }
             Ok(())
-        })
+        };
+        parallel::map_all(&listed, unchanged).into_iter().collect()
     }
 
     /// Refuses if one of `inputs`, files or folders, is or holds what may be replaced.

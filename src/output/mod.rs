@@ -11,6 +11,7 @@ mod lock;
 mod place;
 mod scratch;
 
+use crate::parallel;
 use std::{
     collections::BTreeMap,
     fs,
@@ -29,7 +30,6 @@ use lock::FolderLock;
 pub use place::FileEntry;
 pub(crate) use place::{digest, is_plain};
 use place::{lies_at, make_folder_of};
-use rayon::prelude::*;
 use scratch::Scratch;
 use serde::Serialize;
 
@@ -143,7 +143,10 @@ impl OutputFolder {
         // What another job noted of its slices says nothing of this one's.
         let (kept, slices) = match existing {
             Existing::Resume => {
-                (earlier.files.into_par_iter().filter(|(_, entry)| entry.is_whole(root)).collect(), earlier.slices)
+                let files: Vec<_> = earlier.files.into_iter().collect();
+                let whole = parallel::map_all(&files, |(_, entry)| entry.is_whole(root));
+                let kept = files.into_iter().zip(whole).filter(|(_, whole)| *whole).map(|(file, _)| file);
+                (kept.collect(), earlier.slices)
             }
             _ => (BTreeMap::new(), BTreeMap::new()),
         };

@@ -3,14 +3,13 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{
     PreviewError, PreviewFile, PreviewMaterial, Voxels, cutaway, cuts, film, legend::Legend, middles, section::Section,
     sheet, style::Palette, volume::Volume,
 };
 use crate::{
-    look,
+    look, parallel,
     voxel::{Lattice, Slab},
 };
 
@@ -136,7 +135,7 @@ impl PreviewBuilder {
             pictures.push((format!("preview/slice_{}.png", section.index), picture));
         }
         pictures.push((film::FILM_STRIP.to_owned(), film::film(&self.volume, &palette)));
-        pictures.into_par_iter().map(|(path, canvas)| canvas.file(path)).collect()
+        parallel::map_all(&pictures, |(path, canvas)| canvas.file(path.clone())).into_iter().collect()
     }
 
     fn legend(&self) -> Legend {

@@ -17,6 +17,7 @@ use super::{
     text::Font,
     volume::Volume,
 };
+use crate::parallel;
 use crate::{look, voxel::Lattice};
 
 /// Most pixels the object spans.
@@ -308,23 +309,19 @@ fn draw(canvas: &mut Canvas, top: usize, raster: &Raster, stage: &Stage<'_>) {
     let jump = (24.0 / raster.scale) as f32;
 
     // Four rays for the pixels that differ from one beside them.
-    let fine: Vec<Vec<(usize, [Sample; 4])>> = (0..height)
-        .into_par_iter()
-        .map(|y| {
-            let differs = |x: usize| {
-                let own = &coarse[x + width * y];
-                (y.saturating_sub(1)..(y + 2).min(height)).any(|v| {
-                    (x.saturating_sub(1)..(x + 2).min(width)).any(|u| own.differs(&coarse[u + width * v], jump))
-                })
-            };
-            let quarter = |x: usize| {
-                std::array::from_fn(|n| {
-                    stage.sample(raster, x as f64 + 0.25 + 0.5 * (n % 2) as f64, y as f64 + 0.25 + 0.5 * (n / 2) as f64)
-                })
-            };
-            (0..width).filter(|&x| differs(x)).map(|x| (x, quarter(x))).collect()
-        })
-        .collect();
+    let fine: Vec<Vec<(usize, [Sample; 4])>> = parallel::map(height, |y| {
+        let differs = |x: usize| {
+            let own = &coarse[x + width * y];
+            (y.saturating_sub(1)..(y + 2).min(height))
+                .any(|v| (x.saturating_sub(1)..(x + 2).min(width)).any(|u| own.differs(&coarse[u + width * v], jump)))
+        };
+        let quarter = |x: usize| {
+            std::array::from_fn(|n| {
+                stage.sample(raster, x as f64 + 0.25 + 0.5 * (n % 2) as f64, y as f64 + 0.25 + 0.5 * (n / 2) as f64)
+            })
+        };
+        (0..width).filter(|&x| differs(x)).map(|x| (x, quarter(x))).collect()
+    });
 
     // The sample at a quarter of a pixel, counted in half pixels.
     let at = |x: usize, y: usize| {
@@ -335,7 +332,7 @@ fn draw(canvas: &mut Canvas, top: usize, raster: &Raster, stage: &Stage<'_>) {
         }
     };
     let ink = linear(INK);
-    canvas.pixels[top * width..(top + height) * width].par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+    parallel::rows(&mut canvas.pixels[top * width..(top + height) * width], width, |y, row| {
         let mut refined = fine[y].iter().peekable();
         for (x, pixel) in row.iter_mut().enumerate() {
             if refined.next_if(|(at, _)| *at == x).is_none() {

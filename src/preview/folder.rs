@@ -6,14 +6,12 @@ use std::{
     path::Path,
 };
 
-use rayon::prelude::*;
-
 use super::{
     PreviewBuilder, PreviewError, PreviewFile, PreviewMaterial, Voxels,
     enclosed::{mark_enclosed, open_hollows},
 };
 use crate::{
-    look,
+    look, parallel,
     voxel::{Lattice, MaterialId},
     watch::Watch,
 };
@@ -61,7 +59,7 @@ pub fn from_folder(
     };
     for slices in needed.chunks(batch) {
         // Gathered before the first error is looked for, so that it is always the same one.
-        let images: Vec<Result<Image, _>> = slices.par_iter().map(|&k| read(out, k, lattice, &colours)).collect();
+        let images: Vec<Result<Image, _>> = parallel::map_all(slices, |&k| read(out, k, lattice, &colours));
         let images = images.into_iter().collect::<Result<Vec<_>, _>>()?;
         watch.go_on()?;
         for image in &images {

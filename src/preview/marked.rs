@@ -1,7 +1,6 @@
 //! Objects from three sides, marked in colour where something is to be seen.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{
     PreviewError, PreviewFile,
@@ -11,6 +10,7 @@ use super::{
     text::Font,
 };
 use crate::colour::{byte_to_linear, linear_to_byte};
+use crate::parallel;
 
 /// Edge of a panel, pixels.
 const SIZE: usize = 420;
@@ -33,7 +33,7 @@ pub(crate) fn marked_sheet(
     legend: &[(Rgb, &str)],
     mark: &(dyn Fn(usize, DVec3, DVec3) -> Option<Rgb> + Sync),
 ) -> Result<PreviewFile, PreviewError> {
-    let panels: Vec<Vec<Rgb>> = VIEWS.par_iter().map(|&(view, _)| panel(triangles, view, &[], mark)).collect();
+    let panels: Vec<Vec<Rgb>> = parallel::map_all(&VIEWS, |&(view, _)| panel(triangles, view, &[], mark));
     let top = MARGIN + Font::Title.height() + BLOCK_GAP;
     let foot = 10 + Font::Strong.height();
     let swatch = Font::Normal.height();

@@ -1,5 +1,6 @@
 //! Reading and smoothing fields of cells.
 
+use crate::parallel;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -52,25 +53,23 @@ pub(super) fn smoothed(n: [usize; 3], value: impl Fn(usize) -> u8 + Sync) -> Vec
         }
     };
     for half in WINDOWS {
-        field.par_chunks_mut(nx * ny).for_each_init(
-            || vec![0; nx.max(ny)],
-            |out, layer| {
-                for row in layer.chunks_exact_mut(nx) {
-                    average(&mut |at| row[at], nx, half, &mut out[..nx]);
-                    row.copy_from_slice(&out[..nx]);
+        parallel::rows(&mut field, nx * ny, |_, layer| {
+            let mut out = vec![0; nx.max(ny)];
+            for row in layer.chunks_exact_mut(nx) {
+                average(&mut |at| row[at], nx, half, &mut out[..nx]);
+                row.copy_from_slice(&out[..nx]);
+            }
+            for x in 0..nx {
+                average(&mut |at| layer[x + nx * at], ny, half, &mut out[..ny]);
+                for (y, &value) in out[..ny].iter().enumerate() {
+                    layer[x + nx * y] = value;
                 }
-                for x in 0..nx {
-                    average(&mut |at| layer[x + nx * at], ny, half, &mut out[..ny]);
-                    for (y, &value) in out[..ny].iter().enumerate() {
-                        layer[x + nx * y] = value;
-                    }
-                }
-            },
-        );
+            }
+        });
         // Along z a row of sums moves from layer to layer.
         let layers: Vec<&[u16]> = field.chunks_exact(nx * ny).collect();
         let mut next = vec![0; field.len()];
-        next.par_chunks_mut(nx * ny).enumerate().for_each(|(z, out)| {
+        parallel::rows(&mut next, nx * ny, |z, out| {
             let near = &layers[z.saturating_sub(half)..(z + half + 1).min(layers.len())];
             for (cell, out) in out.iter_mut().enumerate() {
                 let sum: u32 = near.iter().map(|layer| u32::from(layer[cell])).sum();

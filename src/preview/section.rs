@@ -2,9 +2,8 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::{Voxels, middles};
+use crate::parallel;
 use crate::voxel::Lattice;
 
 /// Material ids on a plane across one axis, in square pixels; row 0 is the row of the largest coordinate.
@@ -57,23 +56,22 @@ impl Section {
             self.rows.partition_point(|&k| k >= slices.end)..self.rows.partition_point(|&k| k >= slices.start)
         };
         let Self { normal, index, ref columns, rows: ref voxels, .. } = *self;
-        let pixels = self.ids[rows.start * columns.len()..rows.end * columns.len()].par_chunks_mut(columns.len());
-        pixels.zip(&voxels[rows]).with_min_len(4).for_each_init(
-            || vec![0; width],
-            |buffer, (ids, &row)| {
-                if normal == 0 {
-                    for (id, &j) in ids.iter_mut().zip(columns) {
-                        *id = source.voxel([index, j, row]);
-                    }
-                    return;
+        let pixels = &mut self.ids[rows.start * columns.len()..rows.end * columns.len()];
+        parallel::rows(pixels, columns.len(), |n, ids| {
+            let row = voxels[rows.start + n];
+            if normal == 0 {
+                for (id, &j) in ids.iter_mut().zip(columns) {
+                    *id = source.voxel([index, j, row]);
                 }
-                let (j, k) = if normal == 1 { (index, row) } else { (row, index) };
-                source.row(j, k, buffer);
-                for (id, &i) in ids.iter_mut().zip(columns) {
-                    *id = buffer[i as usize];
-                }
-            },
-        );
+                return;
+            }
+            let (j, k) = if normal == 1 { (index, row) } else { (row, index) };
+            let mut buffer = vec![0; width];
+            source.row(j, k, &mut buffer);
+            for (id, &i) in ids.iter_mut().zip(columns) {
+                *id = buffer[i as usize];
+            }
+        });
     }
 
     /// The id at `right`, `up` mm from the lower left corner; 0 outside.

@@ -1,7 +1,5 @@
 //! Slices as pictures: many on one sheet, or one large.
 
-use rayon::prelude::*;
-
 use super::{
     canvas::{Canvas, Rect},
     legend::{Legend, millimetres},
@@ -9,6 +7,7 @@ use super::{
     style::{FAINT, INK, Linear, PAGE, PANEL, PANEL_EDGE, Palette, encoded, linear, mix},
     text::Font,
 };
+use crate::parallel;
 use crate::voxel::Lattice;
 
 /// Width and height that pictures stay within, pixels: a conference slide.
@@ -123,7 +122,7 @@ pub(super) fn draw_section(canvas: &mut Canvas, rect: Rect, section: &Section, p
         (((n as f64 + 0.5) / (length * POINTS) as f64 * of as f64) as usize).min(of - 1)
     };
     let columns: Vec<usize> = (0..rect.width * POINTS).map(|n| place(n, rect.width, w)).collect();
-    colours.par_chunks_mut(rect.width).enumerate().for_each(|(y, row)| {
+    parallel::rows(&mut colours, rect.width, |y, row| {
         let rows: [&[u8]; POINTS] = std::array::from_fn(|n| {
             let y = place(y * POINTS + n, rect.height, h);
             &section.ids[y * w..(y + 1) * w]

@@ -1,5 +1,7 @@
 //! Whole previews of shapes that are known exactly.
 
+use std::sync::LazyLock;
+
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
@@ -83,26 +85,27 @@ fn ball(p: DVec3) -> u8 {
 
 const BALL: ([f64; 3], [u32; 3]) = ([0.05, 0.1, 0.04], [160, 80, 200]);
 
+fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
+}
+
+/// The pictures of the ball, made by one thread.
+static BALL_PICTURES: LazyLock<Vec<PreviewFile>> =
+    LazyLock::new(|| in_pool(1, || pictures(lattice(BALL.0, BALL.1), ball)));
+
 #[test]
 fn neither_threads_nor_the_order_of_slabs_matter() {
     let lattice = lattice(BALL.0, BALL.1);
     let slabs = Slab::count(&lattice);
-    let in_pool = |threads, reversed: bool| {
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
-            let order: Vec<u32> = if reversed { (0..slabs).rev().collect() } else { (0..slabs).collect() };
-            build(lattice, ball, order.into_iter()).finish(None).unwrap()
-        })
-    };
     assert!(slabs > 1);
-    assert!(in_pool(1, false) == in_pool(3, true));
+    assert!(in_pool(3, || build(lattice, ball, (0..slabs).rev()).finish(None).unwrap()) == *BALL_PICTURES);
 }
 
 #[test]
 fn the_pictures_of_a_ball_show_its_layers() {
-    let mut files = pictures(lattice(BALL.0, BALL.1), ball);
-    let film = files.pop().unwrap();
+    let (film, files) = BALL_PICTURES.split_last().unwrap();
     let strip = FilmStrip::of(&lattice(BALL.0, BALL.1));
-    let (width, height, pixels) = decode(&film);
+    let (width, height, pixels) = decode(film);
     assert_eq!((film.path.as_str(), strip.columns), (FILM_STRIP, 8));
     assert_eq!([width, height], [strip.columns * strip.pixels[0], strip.rows * strip.pixels[1]]);
     // The middle of the frame in the middle of the height is core, that of the lowest one is the shell.
@@ -115,7 +118,7 @@ fn the_pictures_of_a_ball_show_its_layers() {
     let names: Vec<_> = files.iter().map(|file| file.path.as_str()).collect();
     assert_eq!(names[..3], ["preview/slices.png", "preview/cuts.png", "preview/cutaway.png"]);
     assert!(names[3..].iter().all(|name| name.starts_with("preview/slice_")) && names.len() == 6);
-    for file in &files {
+    for file in files {
         let (width, height, pixels) = decode(file);
         assert!(width <= 1920 && height <= 1200, "{} {width} {height}", file.path);
         let part = |test: fn(&[u8; 3]) -> bool| pixels.iter().filter(|p| test(p)).count() as f64 / pixels.len() as f64;
@@ -242,9 +245,9 @@ fn counts_replace_estimates() {
         }
         builder.finish(None).unwrap()
     };
-    let estimated = with(None);
-    assert_ne!(with(Some(1000)), estimated);
-    assert_ne!(with(Some(1000)), with(Some(500)));
+    let counted = with(Some(1000));
+    assert_ne!(counted, with(None));
+    assert_ne!(counted, with(Some(500)));
 }
 
 #[test]
@@ -300,10 +303,7 @@ fn a_folder_gives_the_pictures_that_streaming_gives() {
     let lattice = lattice(BALL.0, BALL.1);
     slices(folder.path(), lattice, ball);
     // The support is found again although its pixels are background.
-    same(
-        &from_folder(folder.path(), &lattice, &materials(), 0..lattice.dims[2], &Unwatched).unwrap(),
-        &pictures(lattice, ball),
-    );
+    same(&from_folder(folder.path(), &lattice, &materials(), 0..lattice.dims[2], &Unwatched).unwrap(), &BALL_PICTURES);
 }
 
 #[test]

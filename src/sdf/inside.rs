@@ -17,8 +17,8 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
+use crate::parallel;
 use crate::{mesh::Solid, voxel::Lattice};
 
 /// The closed surface of a solid, sorted into the slabs of a lattice.
@@ -133,7 +133,7 @@ impl InsideRows {
 
     /// Computes the runs of the slices `first..first + slices.len()`, in parallel; buffers are reused.
     pub fn fill(&self, first: u32, slices: &mut [SliceRuns]) {
-        slices.par_iter_mut().enumerate().for_each(|(n, slice)| self.fill_slice(first + n as u32, slice));
+        parallel::rows(slices, 1, |n, slice| self.fill_slice(first + n as u32, &mut slice[0]));
     }
 
     /// Computes the runs of slice `k`.

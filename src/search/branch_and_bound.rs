@@ -11,11 +11,10 @@
 //!
 //! Depth-first, on one stack of preallocated spectra; a whole search allocates nothing per node.
 
-use rayon::prelude::*;
-
 use super::endings::{Content, EndingBox};
 use super::kernels::{self, Goal, PartialStack};
 use super::{BlockTable, Match, SearchError, SearchTarget};
+use crate::parallel;
 use crate::watch::Watch;
 
 /// A block under a partial stacking.
@@ -137,7 +136,7 @@ pub(super) fn match_targets(
     watch: &dyn Watch,
 ) -> Result<Vec<Match>, SearchError> {
     let one = |target| match_target(table, target, watch);
-    let answers: Vec<_> = targets.par_iter().with_max_len(1).map(one).collect();
+    let answers: Vec<_> = parallel::map_all(targets, one);
     answers.into_iter().collect()
 }
 

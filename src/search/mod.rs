@@ -57,4 +57,13 @@ pub struct ResinLimit {
 impl ResinLimit {
     /// Everything is allowed.
     pub const NONE: Self = Self { min_depth_mm: 0.0, min_mm: 0.0, max_mm: f64::INFINITY };
+
+    /// What keeps all of `limits`, as a mixture does those of its resins.
+    pub fn all(limits: impl IntoIterator<Item = Self>) -> Self {
+        limits.into_iter().fold(Self::NONE, |all, one| Self {
+            min_depth_mm: all.min_depth_mm.max(one.min_depth_mm),
+            min_mm: all.min_mm.max(one.min_mm),
+            max_mm: all.max_mm.min(one.max_mm),
+        })
+    }
 }

@@ -7,7 +7,6 @@
 use std::{collections::HashMap, ops::Range, sync::Arc};
 
 use glam::{DVec3, IVec3, Vec2};
-use rayon::prelude::*;
 
 use super::{
     descent::{DEPTH_MARGIN, EMPTY, Mask, is_set},
@@ -15,12 +14,16 @@ use super::{
     fill::{LeafScratch, ObjectField, Site},
 };
 use crate::{
+    parallel,
     sdf::{
         BlockBox, Cells, DepthRange, FeatureWindow, LpField, LpOffsets, LpScratch, Reach, SLACK, SliceRuns, Surface,
         SurfaceVoxels, cell_centre, closest_point, for_cells,
     },
     voxel::{BRICK, BRICK_VOXELS, Lattice},
 };
+
+/// Positions that one thread looks at in one go.
+const AT_ONCE: usize = 64;
 
 /// Which distance layers are laid by.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -123,8 +126,11 @@ impl ObjectField {
     ///
     /// At voxel centres it is what slices are made of, up to rounding (Lp: up to [`crate::sdf::RELATIVE_ERROR`]).
     pub fn depth_over(&self, positions: &[DVec3], depths: &mut [f64]) {
-        depths.par_iter_mut().zip(positions).for_each_init(LpScratch::default, |scratch, (depth, &p)| {
-            *depth = self.depth_at(p, scratch);
+        parallel::rows(depths, AT_ONCE, |n, depths| {
+            let mut scratch = LpScratch::default();
+            for (depth, p) in depths.iter_mut().zip(&positions[n * AT_ONCE..]) {
+                *depth = self.depth_at(*p, &mut scratch);
+            }
         });
     }
 

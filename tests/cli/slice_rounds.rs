@@ -1,5 +1,7 @@
 //! `appearance.rounds`: what was asked is what prints, the same bytes every time, and found once.
 
+use std::{collections::BTreeMap, sync::LazyLock};
+
 use crate::support::{Bench, sphere, stl};
 
 const JOB: &str = r#"
@@ -28,11 +30,26 @@ fn bench() -> Bench {
     bench
 }
 
+/// What the job makes, and what the program says of it: made once for all tests.
+static SLICED: LazyLock<(BTreeMap<String, Vec<u8>>, String)> = LazyLock::new(|| {
+    let bench = bench();
+    let said = bench.slice("out").stdout;
+    let mut files = bench.files("out");
+    files.insert("timings.json".into(), std::fs::read(bench.path("out/timings.json")).unwrap());
+    (files, said)
+});
+
+/// With the job's folder, as a run has left it in `out`.
+fn sliced() -> Bench {
+    let bench = bench();
+    SLICED.0.iter().for_each(|(path, bytes)| bench.write(format!("out/{path}"), bytes));
+    bench
+}
+
 #[test]
 fn rounds_bring_the_print_to_what_was_asked() {
-    let bench = bench();
-    let ran = bench.slice("out");
-    assert!(ran.stdout.contains("round 2: printed less asked"), "{}", ran.stdout);
+    let (bench, said) = (sliced(), &SLICED.1);
+    assert!(said.contains("round 2: printed less asked"), "{said}");
     let manifest = bench.manifest("out");
     let rounds = manifest["rounds"].as_array().unwrap();
     let bias: Vec<f64> = rounds.iter().map(|round| round["fit"][0]["bias"].as_f64().unwrap()).collect();
@@ -48,8 +65,7 @@ fn rounds_bring_the_print_to_what_was_asked() {
 
 #[test]
 fn they_find_the_same_in_parts_and_on_any_number_of_threads() {
-    let bench = bench();
-    bench.slice("out");
+    let bench = sliced();
     let whole = bench.files("out");
     let mut alone = bench.command(["slice", "job.toml", "-o", "alone", "--slices", "7..12"]);
     assert!(alone.env("RAYON_NUM_THREADS", "1").output().unwrap().status.success());
@@ -61,8 +77,7 @@ fn they_find_the_same_in_parts_and_on_any_number_of_threads() {
 
 #[test]
 fn a_worker_takes_what_another_found() {
-    let bench = bench();
-    bench.slice("out");
+    let bench = sliced();
     let whole = bench.files("out");
     let worker = ["slice", "job.toml", "-o", "part", "--slices", "3..5", "--rounds-from", "out"];
     bench.run(worker).exits(0);
@@ -72,8 +87,7 @@ fn a_worker_takes_what_another_found() {
 
 #[test]
 fn what_they_found_is_taken_from_the_folder() {
-    let bench = bench();
-    bench.slice("out");
+    let bench = sliced();
     bench.run(["verify", "out", "--job", "job.toml"]).exits(0);
     // Other factors make other layers, so they were read.
     let found = bench.files("out")["rounds.json"].clone();
@@ -110,8 +124,7 @@ fn without_rounds_nothing_is_looked_at() {
 
 #[test]
 fn the_timings_tell_of_every_round() {
-    let bench = bench();
-    bench.slice("out");
+    let bench = sliced();
     let timings: serde_json::Value =
         serde_json::from_slice(&std::fs::read(bench.path("out/timings.json")).unwrap()).unwrap();
     let seconds = |name: &str| timings[name].as_f64().unwrap();

@@ -17,8 +17,6 @@
 //! what equation 7 itself misses, which no measurement gives: it is estimated from the residuals of every round, and so
 //! is the floor if not known.
 
-use rayon::prelude::*;
-
 use super::{
     BssrdfError, Dataset, belief,
     kernel::{Residual, Variance},
@@ -32,6 +30,7 @@ use super::{
     shape::{correction, global_profile, nodes},
     survey::Survey,
 };
+use crate::parallel;
 use crate::watch::Watch;
 
 /// What is fitted.
@@ -185,7 +184,7 @@ pub fn factor(
     // √(P/g) of every texel at every distance.
     let roots_of = |log: &Planes, roots: &mut Planes| {
         let Planes { width, height, .. } = *log;
-        roots.data.par_chunks_mut(width).enumerate().for_each(|(index, roots)| {
+        parallel::rows(&mut roots.data, width, |index, roots| {
             let (distance, y) = (index / height, index % height);
             nodes[distance].blend(|ring| log.row(ring, y), roots);
             let present = &present[y * width..(y + 1) * width];
@@ -272,7 +271,7 @@ pub fn factor(
 fn ring_roots(rings: &Rings, global: &[f32], roots: &Planes) -> Planes {
     let Planes { width, height, .. } = *roots;
     let mut out = Planes::new(rings.len(), width, height, 0.0);
-    out.data.par_chunks_mut(width).enumerate().for_each(|(index, out)| {
+    parallel::rows(&mut out.data, width, |index, out| {
         let (ring, y) = (index / height, index % height);
         let mut sums = vec![0.0_f64; width];
         let mut whole = 0.0;

@@ -6,12 +6,12 @@
 //! in as many dimensions, and k-means is as many times faster than on 128 coefficients.
 
 use faer::{Mat, Side};
-use rayon::prelude::*;
 
 use super::BssrdfError;
 use crate::{
     appearance::{ClusterError, ClusterOptions, Clusters, cluster},
     optics::FrequencyGrid,
+    parallel,
 };
 
 /// Eigenvalues below this share of the largest are rounding: a thousandth of what clusters differ by.
@@ -94,7 +94,8 @@ impl Metric {
     pub fn coordinates(&self, energies: &[f64]) -> Vec<f64> {
         let dims = self.dims();
         let mut out = vec![0.0; energies.len() / self.rings * dims];
-        out.par_chunks_mut(dims).zip(energies.par_chunks(self.rings)).for_each(|(out, energies)| {
+        parallel::rows(&mut out, dims, |point, out| {
+            let energies = &energies[point * self.rings..][..self.rings];
             for (out, row) in out.iter_mut().zip(self.rows.chunks(self.rings)) {
                 *out = row.iter().zip(energies).map(|(a, b)| a * b).sum();
             }
@@ -224,10 +225,9 @@ mod tests {
     fn many(texels: usize) -> (Vec<f64>, Vec<f64>) {
         let edges = edges();
         let unit = |i: usize, step: f64| (i as f64 * step).fract();
-        let rows = (0..texels)
-            .into_par_iter()
-            .flat_map_iter(|i| energies(&edges, 0.05 + 0.6 * unit(i, 0.618_034), 0.05 + unit(i, 0.754_878)));
-        (rows.collect(), edges.clone())
+        let rows =
+            parallel::map(texels, |i| energies(&edges, 0.05 + 0.6 * unit(i, 0.618_034), 0.05 + unit(i, 0.754_878)));
+        (rows.into_iter().flatten().collect(), edges.clone())
     }
 
     #[test]

@@ -6,14 +6,13 @@
 //! lies under the noise floor goes on as what lies above it. The system is well conditioned (a ring's average over its
 //! neighbours is at least −0.4), and Jacobi's preconditioner takes care of the weights.
 
-use rayon::prelude::*;
-
 use super::{
     kernel::{self, Variance},
     passes::{Model, inside, moved},
     planes::Planes,
     rings::Rings,
 };
+use crate::parallel;
 
 /// Precision of the differences along r that are expected to vanish, against ones of measurements: 1/σ² of ln P.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,7 +44,7 @@ impl Operator<'_> {
     pub fn apply(&self, p: &Planes, out: &mut Planes) {
         let Planes { width, height, .. } = *p;
         let rows = self.rows(|y| self.coupled(y, p));
-        out.data.par_chunks_mut(width).enumerate().for_each(|(index, out)| {
+        parallel::rows(&mut out.data, width, |index, out| {
             let (ring, y) = (index / height, index % height);
             out.copy_from_slice(&rows[y][ring * width..(ring + 1) * width]);
             for ((out, outside), p) in out.iter_mut().zip(self.outside.row(ring, y)).zip(p.row(ring, y)) {
@@ -62,7 +61,7 @@ impl Operator<'_> {
     }
 
     fn rows(&self, row: impl Fn(usize) -> Vec<f32> + Sync + Send) -> Vec<Vec<f32>> {
-        (0..self.model.roots.height).into_par_iter().map(row).collect()
+        parallel::map(self.model.roots.height, row)
     }
 
     /// The measurements' part of a row, ring after ring.
@@ -160,7 +159,7 @@ impl Operator<'_> {
     /// The prior's part of A p.
     pub fn prior_of(&self, p: &Planes) -> Planes {
         let mut out = p.map(|_| 0.0);
-        out.data.par_chunks_mut(p.width).enumerate().for_each(|(index, out)| {
+        parallel::rows(&mut out.data, p.width, |index, out| {
             self.smooth(index / p.height, index % p.height, p, out);
         });
         out
@@ -171,7 +170,7 @@ impl Operator<'_> {
         let (width, height) = (self.model.roots.width, self.model.roots.height);
         let rows = self.rows(|y| self.diagonal(y));
         let mut sums = self.outside.clone();
-        sums.data.par_chunks_mut(width).enumerate().for_each(|(index, sums)| {
+        parallel::rows(&mut sums.data, width, |index, sums| {
             let (ring, y) = (index / height, index % height);
             sums.iter_mut().zip(&rows[y][ring * width..]).for_each(|(sum, part)| *sum += part);
         });
@@ -187,8 +186,7 @@ impl Operator<'_> {
         let inverse = self.inverse_diagonal();
         let precondition = |r: &Planes| {
             let mut z = r.clone();
-            let rows = z.data.par_chunks_mut(z.width).zip(inverse.data.par_chunks(inverse.width));
-            rows.for_each(|(z, inverse)| z.iter_mut().zip(inverse).for_each(|(z, inverse)| *z *= inverse));
+            z.combine(&inverse, |z, inverse| z * inverse);
             z
         };
         let mut x = b.map(|_| 0.0);

@@ -3,8 +3,6 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::{
     BssrdfError, Dataset,
     kernel::{self, Residual, RowSums, Variance},
@@ -15,6 +13,7 @@ use super::{
     shape::Node,
     survey::Survey,
 };
+use crate::parallel;
 use crate::watch::{Thousandths, Watch};
 
 /// Rows of a band: enough that the rows around it, which its windows reach into, cost little memory and adding.
@@ -47,19 +46,16 @@ impl Source<'_> {
             (0..height).step_by(BAND_ROWS).map(|first| first..height.min(first + BAND_ROWS)).collect();
         for batch in bands.chunks(rayon::current_num_threads()) {
             stage.go_on()?;
-            let results: Vec<Result<T, BssrdfError>> = batch
-                .par_iter()
-                .map(|band| {
-                    let mut reader = self.dataset.responses.reader()?;
-                    let (mut windows, mut result) = (Vec::new(), empty(band.clone()));
-                    for y in band.clone() {
-                        reader.read(y, self.channel, &mut windows)?;
-                        self.drop_masked(y, &mut windows);
-                        row(&mut result, y, &windows);
-                    }
-                    Ok(result)
-                })
-                .collect();
+            let results: Vec<Result<T, BssrdfError>> = parallel::map_all(batch, |band| {
+                let mut reader = self.dataset.responses.reader()?;
+                let (mut windows, mut result) = (Vec::new(), empty(band.clone()));
+                for y in band.clone() {
+                    reader.read(y, self.channel, &mut windows)?;
+                    self.drop_masked(y, &mut windows);
+                    row(&mut result, y, &windows);
+                }
+                Ok(result)
+            });
             for (band, result) in batch.iter().zip(results) {
                 fold(band.clone(), result?);
                 stage.advance(band.len() as u64);

@@ -1,6 +1,6 @@
 //! A number per ring and texel.
 
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Values `[ring][row][column]`.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,33 +43,41 @@ impl Planes {
 
     /// Σ of products, in an order that does not depend on threads.
     pub fn dot(&self, other: &Self) -> f64 {
-        let row = |(a, b): (&[f32], &[f32])| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
-        let rows: Vec<f64> = self.data.par_chunks(self.width).zip(other.data.par_chunks(self.width)).map(row).collect();
+        let row = |[a, b]: [&[f32]; 2]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
+        let of = |n: usize| [self, other].map(|planes| &planes.data[n * self.width..][..self.width]);
+        let rows: Vec<f64> = parallel::map(self.data.len() / self.width, |n| row(of(n)));
         rows.iter().sum()
     }
 
     /// self ← self + factor · other.
     pub fn add(&mut self, factor: f32, other: &Self) {
-        let rows = self.data.par_chunks_mut(self.width).zip(other.data.par_chunks(self.width));
-        rows.for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a += factor * b));
+        self.combine(other, |a, b| a + factor * b);
     }
 
     /// self ← other + factor · self.
     pub fn scale_and_add(&mut self, factor: f32, other: &Self) {
-        let rows = self.data.par_chunks_mut(self.width).zip(other.data.par_chunks(self.width));
-        rows.for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| *a = b + factor * *a));
+        self.combine(other, |a, b| b + factor * a);
+    }
+
+    /// self ← `of` self and other, value by value.
+    pub fn combine(&mut self, other: &Self, of: impl Fn(f32, f32) -> f32 + Sync) {
+        let width = self.width;
+        parallel::rows(&mut self.data, width, |n, row| {
+            row.iter_mut().zip(&other.data[n * width..]).for_each(|(a, b)| *a = of(*a, *b));
+        });
     }
 
     /// Every value through `f`.
     pub fn map(&self, f: impl Fn(f32) -> f32 + Sync) -> Self {
-        Self { data: self.data.par_iter().map(|value| f(*value)).collect(), ..*self }
+        let mut out = self.clone();
+        parallel::rows(&mut out.data, self.width, |_, row| row.iter_mut().for_each(|value| *value = f(*value)));
+        out
     }
 
     /// Replaces every texel's values by their sum over the rings.
     pub fn tie(&mut self) {
         let (texels, rings) = (self.width * self.height, self.rings());
-        let sums: Vec<f32> =
-            (0..texels).into_par_iter().map(|texel| (0..rings).map(|ring| self.at(ring, texel)).sum()).collect();
-        self.data.par_chunks_mut(texels).for_each(|plane| plane.copy_from_slice(&sums));
+        let sums = parallel::map(texels, |texel| (0..rings).map(|ring| self.at(ring, texel)).sum::<f32>());
+        parallel::rows(&mut self.data, texels, |_, plane| plane.copy_from_slice(&sums));
     }
 }

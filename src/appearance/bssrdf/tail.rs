@@ -14,9 +14,8 @@
 //!
 //! The rings of all texels have the same edges, so that profiles can be averaged and grouped.
 
-use rayon::prelude::*;
-
 use crate::numeric::quadrature::{GAUSS_3, of_unit};
+use crate::parallel;
 
 /// Each ring beyond the window is this much wider than the one before.
 const GROWTH: f64 = 1.25;
@@ -157,7 +156,7 @@ impl TailRings {
 
     /// Tails of many profiles at once, in their order.
     pub fn tails(&self, profiles: &[Vec<f64>], left: &[Option<f64>]) -> Vec<(Vec<f64>, TailKind)> {
-        profiles.par_iter().zip(left).map(|(profile, left)| self.tail(profile, *left)).collect()
+        parallel::map(profiles.len(), |n| self.tail(&profiles[n], left[n]))
     }
 }
 

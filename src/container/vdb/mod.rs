@@ -19,14 +19,13 @@ use std::{
     io::{self, BufWriter, Write},
 };
 
-use rayon::prelude::*;
-
 use self::{
     file::{Grid, Value, write_file},
     tree::{Leaf, Tree},
 };
 use super::{Container, ContainerError, Content, Counts, SliceImage, Voxels, deflate::zlib};
 use crate::{
+    parallel,
     voxel::{BRICK, BRICK_VOXELS, MaterialId},
     watch::Watch,
 };
@@ -112,12 +111,12 @@ fn pieces(ids: &[u8; BRICK_VOXELS]) -> io::Result<Vec<(usize, Piece)>> {
 impl Container for Vdb {
     fn take(&mut self, voxels: &dyn Voxels, _: &[SliceImage], watch: &dyn Watch) -> Result<(), ContainerError> {
         let [across, rows, layers] = voxels.bricks();
-        let row = |y: u32| -> io::Result<Vec<([u32; 3], usize, Piece)>> {
+        let row = |n: usize| -> io::Result<Vec<([u32; 3], usize, Piece)>> {
             let mut ids = [0; BRICK_VOXELS];
             let mut found = Vec::new();
             for z in layers.clone() {
                 for x in across.clone() {
-                    let at = [x, y, z];
+                    let at = [x, rows.start + n as u32, z];
                     match voxels.brick(at, &mut ids) {
                         Some(MaterialId::BACKGROUND) => {}
                         Some(MaterialId(id)) => {
@@ -130,7 +129,7 @@ impl Container for Vdb {
             }
             Ok(found)
         };
-        let found: Vec<io::Result<_>> = rows.into_par_iter().map(row).collect();
+        let found: Vec<io::Result<_>> = parallel::map(rows.len(), row);
         for row in found {
             for (at, grid, piece) in row? {
                 let tree = if grid == 0 { Some(&mut self.ids) } else { self.densities.get_mut(grid - 1) };

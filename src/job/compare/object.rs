@@ -7,8 +7,6 @@
 
 use std::path::Path;
 
-use rayon::prelude::*;
-
 use super::{CompareError, Comparison, Lamp, Stage};
 use crate::{
     job::{
@@ -18,6 +16,7 @@ use crate::{
     },
     look::LAMPS,
     optics::{Model, predict},
+    parallel,
     watch::{Unwatched, Watch},
 };
 
@@ -92,13 +91,13 @@ pub fn compare_object(request: &ObjectRequest<'_>, watch: &dyn Watch) -> Result<
 /// Hankel transforms of what the transport model says of every cluster's stacking, by object, cluster and channel.
 fn promised(prepared: &Prepared) -> Result<Vec<Vec<Vec<Vec<f64>>>>, CompareError> {
     let set = &prepared.materials;
-    let of_stack = |stack| -> Result<Vec<Vec<f64>>, CompareError> {
-        let found = predict(set, &set.mixed_stack(&stack)?, &Model::REFLECTION, &Unwatched)?;
+    let of_stack = |stack: &_| -> Result<Vec<Vec<f64>>, CompareError> {
+        let found = predict(set, &set.mixed_stack(stack)?, &Model::REFLECTION, &Unwatched)?;
         Ok(found.light.into_iter().map(|light| light.reflection_hankel).collect())
     };
     let of_object = |object: &crate::job::PreparedObject| {
         let stacks: Vec<_> = object.stackings.stacks().collect();
-        stacks.into_par_iter().map(of_stack).collect()
+        parallel::map_all(&stacks, of_stack).into_iter().collect()
     };
     prepared.objects.iter().map(of_object).collect()
 }

@@ -2,14 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-
 use super::CompareError;
 use crate::job::run::slice_path;
 use crate::{
     job::{Manifest, finished::read_manifest},
     look::VoxelGrid,
     optics::{ChannelId, MaterialFile, Stack, VolumeCoefficients},
+    parallel,
     voxel::MaterialId,
 };
 
@@ -78,7 +77,7 @@ impl Printed {
             Ok(ids)
         };
         // Seen from above: layer 0 is the highest.
-        let layers = slices.par_iter().rev().map(read).collect::<Result<Vec<_>, _>>()?;
+        let layers = parallel::map_all(&slices, read).into_iter().rev().collect::<Result<Vec<_>, _>>()?;
         let pitch = [size_mm[0] / dims[0] as f64, size_mm[1] / dims[1] as f64, lattice.pitch_mm[2]];
         let grid = VoxelGrid::new(dims, pitch, layers.concat())?;
         Ok(Self { folder: folder.to_owned(), manifest, grid })

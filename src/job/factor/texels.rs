@@ -2,13 +2,12 @@
 
 use std::collections::VecDeque;
 
-use rayon::prelude::*;
-
 use super::TailRecord;
 use crate::appearance::{
     ClusterId,
     bssrdf::{Dataset, Factors, Rings, TailKind, TailRings, areas},
 };
+use crate::parallel;
 
 /// Ring energies `[texel][channel][ring]`; their sum is the albedo.
 pub(super) struct Texels {
@@ -54,33 +53,29 @@ impl Texels {
     ) -> TailRecord {
         let (areas, stride) = (areas(&rings.edges_mm), self.channels * self.rings);
         let (start, end) = (channel * self.rings, (channel + 1) * self.rings);
-        let told: Vec<Told> = self
-            .energies
-            .par_chunks_mut(stride)
-            .enumerate()
-            .map(|(texel, row)| {
-                let profile: Vec<f64> = factors.profile(texel).collect();
-                let (window, beyond) = row[start..end].split_at_mut(rings.len());
-                for ((energy, p), area) in window.iter_mut().zip(&profile).zip(&areas) {
-                    *energy = p * area;
-                }
-                // What the texel sends out around it: its neighbours have their part in it, so it is not the energy of
-                // its profile.
-                let whole = (0..rings.len()).all(|ring| factors.availability.at(ring, texel) > WHOLE);
-                let within = if whole { factors.energy[texel] } else { window.iter().sum() };
-                let albedo = albedo(texel);
-                let (mut tail, kind) = tail_rings.tail(&profile, albedo.map(|albedo| albedo - within));
-                let mut continued = tail_rings.tail(&profile, None).0;
-                // A slope taken from noise may promise more light than there is.
-                limit(&mut continued, 1.0 - within);
-                if kind == TailKind::Continued {
-                    tail.copy_from_slice(&continued);
-                }
-                beyond.copy_from_slice(&tail);
-                let continued = continued.iter().sum();
-                Told { kind, within, beyond: tail.iter().sum(), continued, albedo }
-            })
-            .collect();
+        let tell = |texel: usize, row: &mut [f64]| {
+            let profile: Vec<f64> = factors.profile(texel).collect();
+            let (window, beyond) = row[start..end].split_at_mut(rings.len());
+            for ((energy, p), area) in window.iter_mut().zip(&profile).zip(&areas) {
+                *energy = p * area;
+            }
+            // What the texel sends out around it: its neighbours have their part in it, so it is not the energy of
+            // its profile.
+            let whole = (0..rings.len()).all(|ring| factors.availability.at(ring, texel) > WHOLE);
+            let within = if whole { factors.energy[texel] } else { window.iter().sum() };
+            let albedo = albedo(texel);
+            let (mut tail, kind) = tail_rings.tail(&profile, albedo.map(|albedo| albedo - within));
+            let mut continued = tail_rings.tail(&profile, None).0;
+            // A slope taken from noise may promise more light than there is.
+            limit(&mut continued, 1.0 - within);
+            if kind == TailKind::Continued {
+                tail.copy_from_slice(&continued);
+            }
+            beyond.copy_from_slice(&tail);
+            let continued = continued.iter().sum();
+            Told { kind, within, beyond: tail.iter().sum(), continued, albedo }
+        };
+        let told: Vec<Told> = parallel::map_rows(&mut self.energies, stride, tell);
         let count = |kind: TailKind| told.iter().filter(|told| told.kind == kind).count();
         let mean = |of: &dyn Fn(&Told) -> f64| told.iter().map(of).sum::<f64>() / told.len() as f64;
         let error = |of: &dyn Fn(&Told) -> f64| {

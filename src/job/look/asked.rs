@@ -17,13 +17,13 @@ use rand_xoshiro::{
     Xoshiro256PlusPlus,
     rand_core::{Rng, SeedableRng},
 };
-use rayon::prelude::*;
 
 use super::{ByArea, SurfacePoint};
 use crate::{
     job::Prepared,
     look::{LAMPS, Lamps, Stage},
     optics::InverseHankel,
+    parallel,
 };
 
 /// Every so many of the points counts far off.
@@ -115,7 +115,7 @@ fn root(spectrum: &[f64], grid: &crate::optics::FrequencyGrid) -> [f32; BINS] {
 fn roots(prepared: &Prepared, spectra: &[Vec<Vec<Vec<f64>>>]) -> Vec<Vec<Vec<[f32; BINS]>>> {
     let grid = &prepared.materials.grid;
     let table = |channels: &Vec<Vec<f64>>| channels.iter().map(|spectrum| root(spectrum, grid)).collect();
-    spectra.iter().map(|labels| labels.par_iter().map(table).collect()).collect()
+    spectra.iter().map(|labels| parallel::map_all(labels, table)).collect()
 }
 
 impl AskedLight {
@@ -192,7 +192,7 @@ fn lit_points(prepared: &Prepared, stage: &Stage<'_>, detail: &Detail, seed: u64
         let irradiance = irradiance(stage, [point, normal], albedo, detail.rays, &mut uniform);
         Some(Lit { point, label, object: object as u16, irradiance })
     };
-    (0..count).into_par_iter().filter_map(lit).collect()
+    parallel::map(count, lit).into_iter().flatten().collect()
 }
 
 /// Irradiance under every lamp.

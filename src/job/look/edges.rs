@@ -1,8 +1,7 @@
 //! What shows by a shadow's edge at a spot, asked and printed.
 
-use rayon::prelude::*;
-
 use super::{EDGE_MM, EdgeRecord, Fit, SpotRecord, SurfaceSpot};
+use crate::parallel;
 use crate::{job::Prepared, look::Radiosity, optics::EdgeResponse};
 
 /// What a target's profile shows at [`EDGE_MM`] for an albedo of 1, by channel.
@@ -28,7 +27,7 @@ pub(super) fn asked(prepared: &Prepared, spots: &[SurfaceSpot]) -> Vec<Option<Ed
         };
         Some(target.channels.iter().map(edge).collect())
     };
-    let shapes: Vec<_> = distinct.par_iter().map(edges).collect();
+    let shapes: Vec<_> = parallel::map_all(&distinct, edges);
     labels.iter().map(|label| shapes[distinct.binary_search(label).ok()?].clone()).collect()
 }
 

@@ -8,13 +8,13 @@
 use std::{path::Path, sync::Arc};
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::LookError;
 use crate::{
     job::{Manifest, Prepared, RunError, file::DepthFrom, manifest::MaterialRecord},
     look::{Scene, Volume},
     optics::{MaterialSet, VolumeCoefficients},
+    parallel,
     preview::{SliceColours, read_slice},
     voxel::{BRICK, Lattice, MaterialId},
     watch::Watch,
@@ -142,9 +142,9 @@ pub(super) fn read_slices(
     let starts: Vec<u32> = (0..lattice.dims[2]).step_by(BRICK).collect();
     for start in starts.into_iter().rev() {
         let slices = start..lattice.dims[2].min(start + BRICK as u32);
-        let read = |k: u32| read_slice(folder, k, &lattice, &colours);
+        let read = |n: usize| read_slice(folder, start + n as u32, &lattice, &colours);
         // Gathered before the first error is looked for, so that it is always the same one.
-        let images: Vec<Result<Vec<u8>, _>> = slices.clone().into_par_iter().map(read).collect();
+        let images: Vec<Result<Vec<u8>, _>> = parallel::map(slices.len(), read);
         let mut images = images.into_iter().collect::<Result<Vec<_>, _>>()?;
         if let (Some(support), false) = (support, from_top.is_empty()) {
             for (k, image) in slices.clone().zip(&mut images).rev() {

@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use super::{answers::Answers, on_surface::CHANNELS};
+use crate::parallel;
 use crate::search::SearchTarget;
 
 /// Thicknesses are told apart from the first down, mm, each smaller than the one before by this factor.
@@ -116,7 +117,7 @@ impl<'a> Lattice<'a> {
             let mut occurring = cells.clone();
             occurring.par_sort_unstable();
             occurring.dedup();
-            let keys: Vec<Key> = occurring.par_iter().map(|cell| lattice.key(cell)).collect();
+            let keys: Vec<Key> = parallel::map_all(&occurring, |cell| lattice.key(cell));
             let mut distinct = keys.clone();
             distinct.par_sort_unstable();
             distinct.dedup();

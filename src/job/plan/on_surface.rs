@@ -13,6 +13,7 @@
 //! over some of them what is wanted is laid on the mean, and no step shows as an edge.
 
 use rayon::prelude::*;
+
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -27,6 +28,7 @@ use crate::{
     mesh::{Solid, TriangleMesh},
     numeric::rounding::rounded,
     optics::{Layer, Mixture, Stack},
+    parallel,
     sdf::{Surface as Closest, half_thickness},
     watch::Watch,
 };
@@ -155,7 +157,7 @@ impl ObjectPlan {
         let half = |place: &crate::appearance::PointOfSurface| {
             libm::log(half_thickness(&closest, place.point, place.normal, thickest).max(thinnest))
         };
-        let half_ln = points.points().par_iter().map(half).collect();
+        let half_ln = parallel::map_all(points.points(), half);
         context.watch.go_on()?;
         let channels = context.materials.channels.len();
         let (object, has_uvs) = (context.object, context.has_uvs);
@@ -228,29 +230,26 @@ impl ObjectPlan {
         let classes =
             if asked.texels() == 0 || alike { Classes::OneEach { alike } } else { Classes::by_width(&asked.targets) };
         let promised = |cluster: ClusterId, n: usize| libm::log(self.answers.promised(cluster.index())[n].max(BLACK));
-        let places: Vec<Place> = self
-            .sites
-            .par_iter()
-            .map(|site| {
-                let triangle = site.triangle as usize;
-                let known = self.points.interpolate(site.position(&corners[triangle]), normals[triangle], &known);
-                let cluster = self.cluster(site);
-                let own = asked.ln_own(starts[usize::from(site.page)] + site.texel as usize, cluster, BLACK);
-                let wanted = &wanted[cluster.index()];
-                let mut ln: [f64; CHANNELS] = std::array::from_fn(|n| known[1 + n]);
-                if alike {
-                    let own = (0..wanted.len()).map(|n| wanted[n] + own.get(n).unwrap_or(&0.0) - promised(cluster, n));
-                    ln[0] += own.sum::<f64>() / wanted.len() as f64;
-                } else {
-                    let own = own.iter().chain(std::iter::repeat(&0.0));
-                    ln.iter_mut().zip(wanted.iter().zip(own)).for_each(|(ln, (wanted, own))| *ln += wanted + own);
-                }
-                let page = usize::from(site.page);
-                let width = self.atlas.pages()[page].width;
-                let threshold = if self.shared_out[page] { threshold(site.texel, width) } else { 0.5 };
-                Place { cluster: cluster.0, half_ln: by_thickness.then_some(known[0]), ln, threshold }
-            })
-            .collect();
+        let place = |site: &TexelSite| {
+            let triangle = site.triangle as usize;
+            let known = self.points.interpolate(site.position(&corners[triangle]), normals[triangle], &known);
+            let cluster = self.cluster(site);
+            let own = asked.ln_own(starts[usize::from(site.page)] + site.texel as usize, cluster, BLACK);
+            let wanted = &wanted[cluster.index()];
+            let mut ln: [f64; CHANNELS] = std::array::from_fn(|n| known[1 + n]);
+            if alike {
+                let own = (0..wanted.len()).map(|n| wanted[n] + own.get(n).unwrap_or(&0.0) - promised(cluster, n));
+                ln[0] += own.sum::<f64>() / wanted.len() as f64;
+            } else {
+                let own = own.iter().chain(std::iter::repeat(&0.0));
+                ln.iter_mut().zip(wanted.iter().zip(own)).for_each(|(ln, (wanted, own))| *ln += wanted + own);
+            }
+            let page = usize::from(site.page);
+            let width = self.atlas.pages()[page].width;
+            let threshold = if self.shared_out[page] { threshold(site.texel, width) } else { 0.5 };
+            Place { cluster: cluster.0, half_ln: by_thickness.then_some(known[0]), ln, threshold }
+        };
+        let places: Vec<Place> = self.sites.par_iter().map(place).collect();
         watch.go_on()?;
         let (lattice, keys, distinct) = Lattice::finest(&self.answers, &classes, &places, MOST_LABELS);
         let question = |key: &Key| Question {

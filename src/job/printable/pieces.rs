@@ -9,12 +9,12 @@
 //! Voxels that touch along an edge only are not held together: a drop of resin is.
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
     disjoint_sets::DisjointSets,
     job::{Prepared, RunError},
+    parallel,
     sdf::{SliceRuns, merge_runs},
     slice::ObjectField,
     voxel::{BlockShape, Lattice},
@@ -151,7 +151,7 @@ impl Prepared {
                 };
                 self.slicer().objects().iter().map(of).collect()
             };
-            let filled: Vec<_> = slabs.par_iter().map(fill).collect();
+            let filled: Vec<_> = parallel::map_all(slabs, fill);
             for (&first, objects) in slabs.iter().zip(&filled) {
                 for k in 0..height.min(lattice.dims[2] - first) {
                     growing.add(first + k, |j, row| {

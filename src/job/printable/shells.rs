@@ -5,13 +5,13 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::pieces::MOST_BOXES;
 use crate::{
     disjoint_sets::DisjointSets,
     job::{Prepared, RunError},
+    parallel,
     sdf::{InsideRows, SliceRuns},
     voxel::Lattice,
     watch::{Stopped, Watch},
@@ -72,11 +72,13 @@ impl LostShells {
         let mut found = Self::default();
         for doubtful in doubtful.chunks(AT_ONCE) {
             watch.go_on()?;
-            let lost: Vec<&Shell> = doubtful
-                .par_iter()
-                .filter(|(shell, members)| !shells[*shell].has_voxels(members, lattice))
-                .map(|(shell, _)| &shells[*shell])
-                .collect();
+            let lost: Vec<&Shell> = parallel::map_all(doubtful, |(shell, members)| {
+                let shell = &shells[*shell];
+                (!shell.has_voxels(members, lattice)).then_some(shell)
+            })
+            .into_iter()
+            .flatten()
+            .collect();
             let buried = buried(&lost, inside, lattice);
             for (shell, _) in lost.iter().zip(buried).filter(|(_, buried)| !buried) {
                 found.count += 1;

@@ -1,12 +1,12 @@
 //! Walls and wires: how thick an object is at points of its surface, and what lies there.
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::{
     appearance::{PointOfSurface, SurfacePoints},
     job::{Prepared, RunError, look::normal_and_area},
     optics::{Layer, Mixture},
+    parallel,
     sdf::{Surface, ball_inside},
     watch::Watch,
 };
@@ -144,7 +144,7 @@ impl Prepared {
         let mut found = Vec::with_capacity(points.points().len());
         for some in points.points().chunks(1024) {
             watch.go_on()?;
-            found.par_extend(some.par_iter().map(look));
+            found.extend(parallel::map_all(some, look));
         }
         let share =
             |is: fn(&Found) -> bool| found.iter().filter(|found| is(found)).count() as f64 / found.len().max(1) as f64;

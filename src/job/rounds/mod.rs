@@ -29,8 +29,6 @@ mod shape;
 
 use std::{path::Path, time::Instant};
 
-use rayon::prelude::*;
-
 use progress::Wanting;
 use residual::{Looked, Seen, Sums, residuals};
 use response::Response;
@@ -45,6 +43,7 @@ use super::{
 use crate::{
     appearance::PointOfSurface,
     look::{Scene, Spot},
+    parallel,
     watch::{StopOnly, Watch},
 };
 
@@ -71,17 +70,34 @@ type Factors = Vec<[f64; CHANNELS]>;
 /// A round of all objects.
 struct Round {
     looked: Looked,
-    /// The factors that were asked for.
+    /// The factors that were asked for, by object.
     laid: Vec<Factors>,
-    objects: Vec<Followed>,
+    /// The factors that the stackings came to.
+    reached: Vec<Factors>,
+}
+
+impl Round {
+    fn followed(&self, object: usize, plan: &ObjectPlan) -> Followed<'_> {
+        Followed { reached: &self.reached[object], sums: self.looked.sums(object, plan) }
+    }
 }
 
 /// What came of the factors of an object in one round.
-struct Followed {
+struct Followed<'a> {
     /// The factors that the stackings came to.
-    reached: Factors,
+    reached: &'a Factors,
     /// What is asked and printed at each point.
     sums: Vec<Option<Sums>>,
+}
+
+/// What a round says.
+struct Judged {
+    round: Round,
+    record: RoundRecord,
+    /// Why no correction should follow, if none should.
+    ends: Option<Ended>,
+    /// The factors to ask for next, by object.
+    next: Vec<Factors>,
 }
 
 impl Prepared {
@@ -144,69 +160,96 @@ impl Prepared {
         Ok(prepared)
     }
 
+    /// Prints and corrects, round after round.
     fn correct(&mut self, plans: &[ObjectPlan], sha256: String, watch: &dyn Watch) -> Result<Rounds, RunError> {
         let none = |plan: &ObjectPlan| vec![[0.0; CHANNELS]; plan.points.points().len()];
-        let mut factors_of: Vec<Factors> = plans.iter().map(none).collect();
+        let mut laid: Vec<Factors> = plans.iter().map(none).collect();
         let mut short_of: Vec<Vec<[f64; CHANNELS]>> = vec![Vec::new(); plans.len()];
         let mut records: Vec<RoundRecord> = Vec::new();
         let mut before: Option<Round> = None;
-        let rounds = self.job.rounds();
         let mut spots = None;
+        let rounds = self.job.rounds();
         for round in 0..rounds {
             let started = Instant::now();
-            watch.stage(&format!("round {} of {rounds}: voxels", round + 1), 0);
-            let scene = self.scene(&StopOnly(watch))?;
-            // Where they lie and what is asked for does not change.
-            let spots = spots.get_or_insert_with(|| self.spots_of(plans, &scene));
-            watch.stage(&format!("round {} of {rounds}: light", round + 1), spots.len() as u64);
-            let looked = self.look_at_points(plans, &scene, spots, round, watch)?;
-            drop(scene);
-            let mut record = looked.record();
-            let (mut lost, mut wanting) = (0, Wanting::default());
-            let laid = factors_of.clone();
-            let mut objects: Vec<Followed> = Vec::with_capacity(plans.len());
-            for (n, plan) in plans.iter().enumerate() {
-                let sums = looked.sums(n, plan);
-                let (off, worst) = residuals(plan, &sums);
-                record.worst = record.worst.max(worst);
-                let short = self.short_at_points(plan, &short_of[n]);
-                let factors = plan.factors();
-                for (off, short) in off.iter().zip(&short) {
-                    lost += usize::from(short[..factors].iter().any(|short| short.abs() > SHORT));
-                    wanting.count(&off[..factors], &short[..factors], SHORT);
-                }
-                let reached = laid[n].iter().zip(&short).map(|(laid, short)| minus(laid, short)).collect();
-                let now = Followed { reached, sums };
-                let before = before.as_ref().map(|before| &before.objects[n]);
-                let responses = (0..factors).map(|channel| Response::of(channel, before, &now)).collect::<Vec<_>>();
-                factors_of[n] = corrected(&now, &off, &responses);
-                objects.push(now);
-            }
-            record.out_of_reach = lost as f64 / record.points.max(1) as f64;
-            let ends = wanting.ends(before.as_ref().map(|before| &before.looked), &looked);
+            let looked = self.look_at_print(plans, &mut spots, round, watch)?;
+            let Judged { round: now, mut record, ends, next } =
+                self.judge(plans, looked, laid, &short_of, before.as_ref());
             // After the last round no other would have followed.
             record.ended = ends.filter(|&ends| round + 1 < rounds || ends == Ended::Worse);
             records.push(record);
             if let Some(ends) = ends {
-                factors_of = laid;
+                laid = now.laid;
                 if let (Ended::Worse, Some(better)) = (ends, before) {
-                    factors_of = better.laid;
-                    for (plan, factors) in plans.iter().zip(&factors_of) {
+                    laid = better.laid;
+                    for (plan, factors) in plans.iter().zip(&laid) {
                         self.lay_again(plan, factors, watch)?;
                     }
                 }
                 self.took.rounds.push(started.elapsed());
                 break;
             }
-            before = Some(Round { looked, laid, objects });
-            for (n, plan) in plans.iter().enumerate() {
-                factors_of[n] = factors(&correction(plan, &factors_of[n]));
-                short_of[n] = self.lay_again(plan, &factors_of[n], watch)?;
+            before = Some(now);
+            laid = plans.iter().zip(&next).map(|(plan, next)| factors(&correction(plan, next))).collect();
+            for ((plan, factors), short_of) in plans.iter().zip(&laid).zip(&mut short_of) {
+                *short_of = self.lay_again(plan, factors, watch)?;
             }
             self.took.rounds.push(started.elapsed());
         }
-        let objects = plans.iter().zip(&factors_of).map(|(plan, factors)| correction(plan, factors)).collect();
+        let objects = plans.iter().zip(&laid).map(|(plan, factors)| correction(plan, factors)).collect();
         Ok(Rounds::new(sha256, records, objects))
+    }
+
+    /// Prints in memory and looks at the points, at `spots` from the second round on.
+    fn look_at_print(
+        &self,
+        plans: &[ObjectPlan],
+        spots: &mut Option<Vec<PointSpot>>,
+        round: u32,
+        watch: &dyn Watch,
+    ) -> Result<Looked, RunError> {
+        let name = format!("round {} of {}", round + 1, self.job.rounds());
+        watch.stage(&format!("{name}: voxels"), 0);
+        let scene = self.scene(&StopOnly(watch))?;
+        // Where they lie and what is asked for does not change.
+        let spots = spots.get_or_insert_with(|| self.spots_of(plans, &scene));
+        watch.stage(&format!("{name}: light"), spots.len() as u64);
+        self.look_at_points(plans, &scene, spots, round, watch)
+    }
+
+    /// Holds what is printed against what is asked for: what to ask of the labels next, and whether to. `laid` was asked
+    /// this time, and the labels fell short of it by `short_of`.
+    fn judge(
+        &self,
+        plans: &[ObjectPlan],
+        looked: Looked,
+        laid: Vec<Factors>,
+        short_of: &[Vec<[f64; CHANNELS]>],
+        before: Option<&Round>,
+    ) -> Judged {
+        let mut record = looked.record();
+        let short = |(plan, short_of): (&ObjectPlan, &Vec<_>)| self.short_at_points(plan, short_of);
+        let short: Vec<Factors> = plans.iter().zip(short_of).map(short).collect();
+        let reached = |(laid, short): (&Factors, &Factors)| laid.iter().zip(short).map(|(a, b)| minus(a, b)).collect();
+        let reached = laid.iter().zip(&short).map(reached).collect();
+        let round = Round { looked, laid, reached };
+        let (mut lost, mut wanting) = (0, Wanting::default());
+        let mut next = Vec::with_capacity(plans.len());
+        for (n, (plan, short)) in plans.iter().zip(&short).enumerate() {
+            let now = round.followed(n, plan);
+            let (off, worst) = residuals(plan, &now.sums);
+            record.worst = record.worst.max(worst);
+            let factors = plan.factors();
+            for (off, short) in off.iter().zip(short) {
+                lost += usize::from(short[..factors].iter().any(|short| short.abs() > SHORT));
+                wanting.count(&off[..factors], &short[..factors], SHORT);
+            }
+            let before = before.map(|before| before.followed(n, plan));
+            let response = |channel: usize| Response::of(channel, before.as_ref(), &now);
+            next.push(corrected(&now, &off, &(0..factors).map(response).collect::<Vec<_>>()));
+        }
+        record.out_of_reach = lost as f64 / record.points.max(1) as f64;
+        let ends = wanting.ends(before.map(|before| &before.looked), &round.looked);
+        Judged { round, record, ends, next }
     }
 
     /// By how much what lies at the points of an object falls short of what was asked of its labels, which `short_of`
@@ -229,7 +272,7 @@ impl Prepared {
 
     /// A spot around every point that can be seen, and what is asked for there.
     fn spots_of(&self, plans: &[ObjectPlan], scene: &Scene) -> Vec<PointSpot> {
-        let of_point = |(n, at): (usize, usize)| {
+        let of_point = |&(n, at): &(usize, usize)| {
             let plan = &plans[n];
             let point = &plan.points.points()[at];
             let spot = self.spot(scene, plan.object, point.triangle, point.point)?;
@@ -243,7 +286,7 @@ impl Prepared {
         };
         let points = |(n, plan): (usize, &ObjectPlan)| (0..plan.points.points().len()).map(move |at| (n, at));
         let points: Vec<_> = plans.iter().enumerate().flat_map(points).collect();
-        points.into_par_iter().filter_map(of_point).collect()
+        parallel::map_all(&points, of_point).into_iter().flatten().collect()
     }
 
     /// Looks at the points of all objects that can be corrected.
@@ -276,7 +319,7 @@ fn minus(a: &[f64; CHANNELS], b: &[f64; CHANNELS]) -> [f64; CHANNELS] {
 }
 
 /// The factors of the next round: those reached, and most of what is `off`, as far as the print follows.
-fn corrected(now: &Followed, off: &Factors, responses: &[Response]) -> Factors {
+fn corrected(now: &Followed<'_>, off: &Factors, responses: &[Response]) -> Factors {
     let at = |((reached, sums), off): ((&[f64; CHANNELS], &Option<Sums>), &[f64; CHANNELS])| {
         let mut factor = [0.0; CHANNELS];
         for (channel, response) in responses.iter().enumerate() {

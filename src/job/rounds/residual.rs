@@ -1,7 +1,5 @@
 //! What a round sees, and by how much the print misses over some mm² of surface.
 
-use rayon::prelude::*;
-
 use super::{
     super::look::Fit,
     RoundRecord,
@@ -11,6 +9,7 @@ use crate::{
     appearance::PointOfSurface,
     job::plan::{CHANNELS, ObjectPlan},
     optics::Estimate,
+    parallel,
 };
 
 /// Misses are averaged over bells, one after the other, each of which adds what differs from those before by more than
@@ -123,7 +122,9 @@ pub(super) fn residuals(plan: &ObjectPlan, sums: &[Option<Sums>]) -> (Vec<[f64; 
         let factors = plan.factors();
         (std::array::from_fn(|channel| if channel < factors { off[channel] } else { 0.0 }), whole)
     };
-    let (off, wide): (Vec<_>, Vec<[f64; CHANNELS]>) = plan.points.points().par_iter().enumerate().map(at).unzip();
+    let points = plan.points.points();
+    let found = parallel::map(points.len(), |n| at((n, &points[n])));
+    let (off, wide): (Vec<_>, Vec<[f64; CHANNELS]>) = found.into_iter().unzip();
     let worst = wide.iter().flatten().fold(0.0, |worst: f64, off| worst.max(off.abs()));
     (off, worst)
 }

@@ -60,7 +60,7 @@ impl Response {
     const WHOLE: Self = Self([1.0, 0.0, 0.0, 0.0]);
 
     /// Of one factor of an object, from what came of its values in one round and in the next.
-    pub fn of(channel: usize, before: Option<&Followed>, now: &Followed) -> Self {
+    pub fn of(channel: usize, before: Option<&Followed<'_>>, now: &Followed<'_>) -> Self {
         let Some(before) = before else { return Self::WHOLE };
         let step = |at: usize| {
             let [before_look, now_look] = [before, now].map(|round| Some(&round.sums[at].as_ref()?[channel]));

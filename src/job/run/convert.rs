@@ -5,8 +5,6 @@
 
 use std::{io::Cursor, ops::Range, path::Path};
 
-use rayon::prelude::*;
-
 use super::{
     RunError,
     containers::{Containers, write_texts},
@@ -18,6 +16,7 @@ use crate::{
     job::{Manifest, file::OutputFormat, look::LookError},
     look::Volume,
     output::{FileEntry, OutputError, OutputFolder},
+    parallel,
     preview::{SliceColours, decode_slice},
     voxel::{BRICK, MaterialId},
     watch::Watch,
@@ -212,7 +211,8 @@ impl Source<'_> {
         let lattice = self.content.lattice;
         let colours = SliceColours::new(self.content.resins.iter().map(|resin| (resin.rgba, resin.id.0)));
         for (first, entries) in (0..).step_by(BRICK).zip(images.chunks(BRICK)) {
-            let read = |(n, entry): (usize, &&FileEntry)| {
+            let read = |n: usize| {
+                let entry = entries[n];
                 let path = self.folder.join(&entry.path);
                 let png = self.output.read(entry, MAX_SLICE_BYTES);
                 let png = png.ok_or_else(|| OutputError::Changed { path: path.clone() })?;
@@ -220,7 +220,7 @@ impl Source<'_> {
                 Ok::<_, RunError>((SliceImage { slice: first + n as u32, png }, ids))
             };
             // Gathered before the first error is looked for, so that it is always the same one.
-            let read: Vec<Result<_, RunError>> = entries.par_iter().enumerate().map(read).collect();
+            let read: Vec<Result<_, RunError>> = parallel::map(entries.len(), read);
             let read = read.into_iter().collect::<Result<Vec<_>, _>>()?;
             let (images, ids): (Vec<SliceImage>, Vec<Vec<u8>>) = read.into_iter().unzip();
             watch.go_on()?;
@@ -232,8 +232,8 @@ impl Source<'_> {
 
     fn write_bitmaps(&self, batch: &SliceBatch, materials: &[MaterialId]) -> Result<(), RunError> {
         let slices: Range<u32> = batch.first..batch.first + batch.images.len() as u32;
-        slices.into_par_iter().try_for_each(|k| {
-            let mut file = Vec::new();
+        let write = |n: usize| {
+            let (k, mut file) = (slices.start + n as u32, Vec::new());
             for (number, id) in (1..).zip(materials) {
                 file.clear();
                 let path = bmp::bitmap_path(number, k, batch.lattice.dims[2]);
@@ -245,6 +245,7 @@ impl Source<'_> {
                 self.output.write(&path, &file)?;
             }
             Ok(())
-        })
+        };
+        parallel::map(slices.len(), write).into_iter().collect()
     }
 }

@@ -19,7 +19,6 @@ use std::{
     time::{Duration, Instant},
 };
 
-use rayon::prelude::*;
 use serde_json::json;
 
 pub(crate) use containers::export_path;
@@ -41,10 +40,8 @@ use crate::{
         manifest::{LOOK, Manifest, OWNER, Outcome, STACKINGS, json},
         printable::Printable,
     },
-    output::{
-        Existing, FileEntry, GENERATOR, MANIFEST, OutputError, OutputFolder, SliceCounts, TIMINGS, Task, is_plain,
-        pretty,
-    },
+    output::{Existing, GENERATOR, MANIFEST, OutputError, OutputFolder, SliceCounts, TIMINGS, Task, is_plain, pretty},
+    parallel,
     preview::{PreviewBuilder, PreviewMaterial},
     voxel::MaterialId,
     watch::Watch,
@@ -279,8 +276,8 @@ impl Prepared {
         if (&manifest.job, &manifest.inputs) != (&json(&self.job.resolved()), &inputs) {
             return Err(other_keys(folder));
         }
-        let damaged = |file: &&FileEntry| !(is_plain(&file.path) && file.is_whole(folder));
-        if let Some(file) = manifest.files.par_iter().find_first(damaged) {
+        let whole = parallel::map_all(&manifest.files, |file| is_plain(&file.path) && file.is_whole(folder));
+        if let Some((file, _)) = manifest.files.iter().zip(whole).find(|(_, whole)| !whole) {
             return Err(OutputError::Changed { path: folder.join(&file.path) }.into());
         }
         Ok(Some(manifest))

@@ -2,12 +2,11 @@
 
 use std::{collections::BTreeMap, ops::Range, path::PathBuf};
 
-use rayon::prelude::*;
-
 use crate::{
     container::{SliceImage, bmp},
     job::{Prepared, RunError, file::OutputFormat},
     output::{OutputError, OutputFolder, SliceCounts},
+    parallel,
     slice::{RowBuffers, count_voxels, encode_mask, encode_rgba},
     voxel::{MaterialId, Slab},
     watch::Watch,
@@ -52,15 +51,13 @@ impl Sinks<'_> {
     ) -> Result<Vec<SliceImage>, RunError> {
         let held = slab.slices();
         let wanted = held.start.max(slices.start)..held.end.min(slices.end);
-        let written: Vec<([u64; 256], Option<SliceImage>)> = wanted
-            .into_par_iter()
-            .filter(|k| images || !self.kept.contains_key(k))
-            .map_init(Buffers::default, |buffers, slice| {
-                let mut png = Vec::new();
-                let counts = self.take_slice(slab, slice, buffers, images.then_some(&mut png))?;
-                Ok((counts, images.then_some(SliceImage { slice, png })))
-            })
-            .collect::<Result<_, RunError>>()?;
+        let wanted: Vec<u32> = wanted.filter(|k| images || !self.kept.contains_key(k)).collect();
+        let written = parallel::map_in(wanted.len(), Buffers::default, |buffers, n| {
+            let (slice, mut png) = (wanted[n], Vec::new());
+            let counts = self.take_slice(slab, slice, buffers, images.then_some(&mut png))?;
+            Ok((counts, images.then_some(SliceImage { slice, png })))
+        });
+        let written: Vec<([u64; 256], Option<SliceImage>)> = written.into_iter().collect::<Result<_, RunError>>()?;
         for (slice, _) in &written {
             counts.iter_mut().zip(slice).for_each(|(count, voxels)| *count += voxels);
         }

@@ -3,10 +3,9 @@
 
 use std::io::Read;
 
-use rayon::prelude::*;
-
 use super::{Check, Finding, VerifyError, files::Sound, image::read_all};
 use crate::container::bmp;
+use crate::parallel;
 
 /// Longest text that names bitmaps, bytes.
 const MAX_TEXT: u64 = 1 << 16;
@@ -46,15 +45,14 @@ pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, findings: &mut Vec<Fin
     };
     let slices = check.manifest.lattice.dims[2];
     check.watch.stage("bitmaps", u64::from(slices));
-    let counted: Vec<Result<Vec<u64>, Finding>> = (0..slices)
-        .into_par_iter()
-        .map(|k| {
-            check.watch.go_on()?;
-            let counted = count(check, sound, k, resins.len());
-            check.watch.advance(1);
-            Ok(counted)
-        })
-        .collect::<Result<_, VerifyError>>()?;
+    let counted: Vec<Result<Vec<u64>, Finding>> = parallel::map(slices as usize, |k| {
+        check.watch.go_on()?;
+        let counted = count(check, sound, k as u32, resins.len());
+        check.watch.advance(1);
+        Ok(counted)
+    })
+    .into_iter()
+    .collect::<Result<_, VerifyError>>()?;
     let mut totals = check.manifest.counts();
     resins.iter().for_each(|resin| totals[usize::from(resin.id.0)] = 0);
     let mut whole = true;

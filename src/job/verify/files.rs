@@ -7,12 +7,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::{Check, Finding, Verification, VerifyError};
 use crate::{
     output::{FileEntry, MANIFEST, TIMINGS, is_plain},
+    parallel,
     words::hex,
 };
 
@@ -39,19 +39,17 @@ pub(super) fn check<'a>(check: &Check<'a>, result: &mut Verification) -> Result<
             unique.push(file);
         }
     }
-    let outcomes: Vec<(bool, Option<Finding>)> = unique
-        .par_iter()
-        .with_max_len(1)
-        .map(|file| {
-            check.watch.go_on()?;
-            let outcome = match check.open(&file.path) {
-                Err(problem) => (false, Some(problem)),
-                Ok(opened) => (true, compare(file, opened)),
-            };
-            check.watch.advance(1);
-            Ok((outcome.0, outcome.1.map(|problem| Finding::new(&file.path, problem))))
-        })
-        .collect::<Result<_, VerifyError>>()?;
+    let outcomes: Vec<(bool, Option<Finding>)> = parallel::map_all(&unique, |file| {
+        check.watch.go_on()?;
+        let outcome = match check.open(&file.path) {
+            Err(problem) => (false, Some(problem)),
+            Ok(opened) => (true, compare(file, opened)),
+        };
+        check.watch.advance(1);
+        Ok((outcome.0, outcome.1.map(|problem| Finding::new(&file.path, problem))))
+    })
+    .into_iter()
+    .collect::<Result<_, VerifyError>>()?;
     for (file, (usable, finding)) in unique.into_iter().zip(outcomes) {
         result.findings.extend(finding);
         if usable {

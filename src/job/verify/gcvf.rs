@@ -6,7 +6,6 @@ use std::{
     path::Path,
 };
 
-use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use zip::ZipArchive;
 
@@ -14,6 +13,7 @@ use super::{Check, Finding, VerifyError, files::Sound};
 use crate::{
     container::{Counts, gcvf},
     job::run::slice_path,
+    parallel,
     preview::{SliceColours, decode_slice},
     words::hex,
 };
@@ -136,7 +136,7 @@ impl Parts<'_, '_> {
                 }
                 decode_slice(Path::new(&name), Cursor::new(png), &lattice, &colours).map_err(|error| error.to_string())
             };
-            let decoded: Vec<Result<Vec<u8>, String>> = batch.par_iter().zip(&parts).map(read).collect();
+            let decoded: Vec<Result<Vec<u8>, String>> = parallel::map(batch.len(), |n| read((&batch[n], &parts[n])));
             self.check.watch.go_on()?;
             for (k, ids) in batch.iter().zip(decoded) {
                 let ids = match ids {

@@ -5,8 +5,6 @@ use std::{
     ops::Range,
 };
 
-use rayon::prelude::*;
-
 use super::{
     Check, Finding, Verification, VerifyError,
     files::Sound,
@@ -15,6 +13,7 @@ use super::{
     records::MAX_MATERIALS,
 };
 use crate::job::manifest::MaterialRecord;
+use crate::parallel;
 
 /// Runs of missing or surplus numbers that are told; the rest is counted.
 const MAX_GAPS: usize = 20;
@@ -49,16 +48,14 @@ pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, result: &mut Verificat
     }
     check.watch.stage("layers", layers.len() as u64);
     let layers: Vec<_> = layers.into_values().collect();
-    let counts: Vec<LayerCount> = layers
-        .par_iter()
-        .with_max_len(1)
-        .map(|files| {
-            check.watch.go_on()?;
-            let count = count_layer(check, sound, files);
-            check.watch.advance(1);
-            Ok(count)
-        })
-        .collect::<Result<_, VerifyError>>()?;
+    let counts: Vec<LayerCount> = parallel::map_all(&layers, |files| {
+        check.watch.go_on()?;
+        let count = count_layer(check, sound, files);
+        check.watch.advance(1);
+        Ok(count)
+    })
+    .into_iter()
+    .collect::<Result<_, VerifyError>>()?;
     sum(check, &counts, result);
     result.slices = counts.iter().filter(|count| count.slice.is_some()).count() as u64;
     result.findings.extend(counts.into_iter().flat_map(|count| count.findings));

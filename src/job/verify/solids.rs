@@ -11,10 +11,10 @@ use std::{
 };
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{Check, Finding, Verification, VerifyError, files::Sound};
 use crate::job::manifest::MeshRecord;
+use crate::parallel;
 
 /// Bytes before the number of triangles in a binary STL file.
 const HEADER: usize = 80;
@@ -36,24 +36,22 @@ pub(super) fn check(check: &Check<'_>, sound: &Sound<'_>, result: &mut Verificat
         }
     }
     check.watch.stage("meshes", records.len() as u64);
-    let outcomes: Vec<Option<Finding>> = records
-        .par_iter()
-        .with_max_len(1)
-        .map(|record| {
-            check.watch.go_on()?;
-            let path = name(record);
-            let listed = check.manifest.files.iter().any(|file| file.path == path);
-            let problem = if sound.contains(path.as_str()) {
-                check.open(&path).and_then(|file| compare(record, file)).err()
-            } else if !listed && check.wants("stl") {
-                Some("not listed, expected the mesh that `meshes` names".to_owned())
-            } else {
-                None
-            };
-            check.watch.advance(1);
-            Ok(problem.map(|problem| Finding::new(&path, problem)))
-        })
-        .collect::<Result<_, VerifyError>>()?;
+    let outcomes: Vec<Option<Finding>> = parallel::map_all(records, |record| {
+        check.watch.go_on()?;
+        let path = name(record);
+        let listed = check.manifest.files.iter().any(|file| file.path == path);
+        let problem = if sound.contains(path.as_str()) {
+            check.open(&path).and_then(|file| compare(record, file)).err()
+        } else if !listed && check.wants("stl") {
+            Some("not listed, expected the mesh that `meshes` names".to_owned())
+        } else {
+            None
+        };
+        check.watch.advance(1);
+        Ok(problem.map(|problem| Finding::new(&path, problem)))
+    })
+    .into_iter()
+    .collect::<Result<_, VerifyError>>()?;
     result.findings.extend(outcomes.into_iter().flatten());
     Ok(())
 }

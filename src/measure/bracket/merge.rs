@@ -45,7 +45,7 @@ pub(in crate::measure) fn merge(
         });
         Ok(())
     })?;
-    sums.par_iter_mut().zip(weights.par_iter_mut()).for_each(|(sum, weight)| {
+    sums.iter_mut().zip(&mut weights).for_each(|(sum, weight)| {
         *sum = if *weight > 0.0 { *sum / *weight } else { f32::NAN };
         *weight = 1.0 / *weight;
     });
@@ -73,14 +73,13 @@ fn add(sums: &mut [f32], weights: &mut [f32], values: &[f32], seconds: f64, sens
 impl Radiance {
     /// Subtracts the radiance without the light.
     pub fn subtract(&mut self, dark: &Self) {
-        let pairs = self.value.par_iter_mut().zip(&dark.value);
-        pairs.for_each(|(value, dark)| *value -= dark);
-        self.variance.par_iter_mut().zip(&dark.variance).for_each(|(variance, dark)| *variance += dark);
+        self.value.iter_mut().zip(&dark.value).for_each(|(value, dark)| *value -= dark);
+        self.variance.iter_mut().zip(&dark.variance).for_each(|(variance, dark)| *variance += dark);
     }
 
     /// Divides by the lens' shading.
     pub fn divide(&mut self, shading: &Plane) {
-        let pixels = self.value.par_iter_mut().zip(self.variance.par_iter_mut()).zip(&shading.values);
+        let pixels = self.value.iter_mut().zip(&mut self.variance).zip(&shading.values);
         pixels.for_each(|((value, variance), shading)| {
             *value /= shading;
             *variance /= shading * shading;

@@ -11,13 +11,12 @@ mod noise;
 mod own_light;
 mod survey;
 
-use rayon::prelude::*;
-
 use self::consistency::{Link, Offset};
 use self::own_light::OwnLight;
 use super::capture::Exposure;
 use super::frame::{self, ColourPlane, Plane};
 use super::{Finding, MeasureError};
+use crate::parallel;
 use crate::watch::Watch;
 
 pub(super) use merge::{Radiance, merge};
@@ -38,7 +37,7 @@ fn for_each(
 ) -> Result<(), MeasureError> {
     for (chunk, group) in exposures.chunks(IN_FLIGHT).enumerate() {
         watch.go_on()?;
-        let decoded: Vec<_> = group.par_iter().map(|exposure| frame::planes(&exposure.file, &[plane])).collect();
+        let decoded: Vec<_> = parallel::map_all(group, |exposure| frame::planes(&exposure.file, &[plane]));
         for (i, planes) in decoded.into_iter().enumerate() {
             if let Some(plane) = planes?.pop() {
                 require_numbers(&group[i].file, &plane)?;
@@ -52,7 +51,7 @@ fn for_each(
 /// Refuses a picture of which a good part is not numbers, as floating-point files can have it; a few such pixels are
 /// only not used.
 fn require_numbers(file: &std::path::Path, plane: &Plane) -> Result<(), MeasureError> {
-    let bad = plane.values.par_iter().filter(|value| !value.is_finite()).count();
+    let bad = plane.values.iter().filter(|value| !value.is_finite()).count();
     if bad as f64 > MAX_NO_NUMBERS * plane.values.len() as f64 {
         let found = format!("{bad} of {} pixels that are infinite or not a number", plane.values.len());
         return Err(MeasureError::frame(file, found, "at most 5% of such"));

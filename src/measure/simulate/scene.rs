@@ -1,10 +1,9 @@
 //! What reaches the camera: the profile, blurred by the spot and the pixels, seen at an angle, with light that has no
 //! business there.
 
-use rayon::prelude::*;
-
 use crate::measure::Aperture;
 use crate::optics::RadialProfile;
+use crate::parallel;
 
 /// Pixels within so many widths of a square spot are averaged point by point; farther out, and of a disc, its blur is
 /// round.
@@ -228,7 +227,7 @@ impl Scene {
                 ((light + if in_ghost { ghost } else { 0.0 }) * defects.shading([x, y], self.size)) as f32
             })
         };
-        let rows: Vec<Vec<f32>> = (0..self.size[1]).into_par_iter().map(|y| row(y).collect()).collect();
+        let rows: Vec<Vec<f32>> = parallel::map(self.size[1], |y| row(y).collect());
         rows.concat()
     }
 
@@ -300,7 +299,7 @@ impl FarTable {
             libm::log((sum / (DIRECTIONS * spot.len()) as f64).max(1e-300))
         };
         let count = (end_mm / STEP_MM) as usize + 2;
-        Self { step: STEP_MM, log: (0..count).into_par_iter().map(value).collect() }
+        Self { step: STEP_MM, log: parallel::map(count, value) }
     }
 
     fn at(&self, r: f64) -> f64 {

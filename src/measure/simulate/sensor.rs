@@ -1,8 +1,8 @@
 //! Light into numbers, as a single-lens reflex camera of the 2010s does it.
 
+use crate::parallel;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
-use rayon::prelude::*;
 
 /// Above so many electrons a Poisson distribution is taken for normal.
 const NORMAL_FROM: f64 = 60.0;
@@ -42,11 +42,10 @@ impl SimulatedCamera {
     /// Numbers for electrons per second in each pixel; rows have random numbers of their own, so threads do not matter.
     pub fn expose(&self, electrons_per_s: &[f32], width: usize, seconds: f64, seed: u64) -> Vec<u16> {
         let mut values = vec![0_u16; electrons_per_s.len()];
-        let rows = values.par_chunks_mut(width).zip(electrons_per_s.par_chunks(width)).enumerate();
-        rows.for_each(|(y, (values, light))| {
+        parallel::rows(&mut values, width, |y, values| {
             let row_seed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(y as u64);
             let mut rng = Xoshiro256PlusPlus::seed_from_u64(row_seed);
-            for (value, light) in values.iter_mut().zip(light) {
+            for (value, light) in values.iter_mut().zip(&electrons_per_s[y * width..]) {
                 let mean = (f64::from(*light) + self.dark_e_per_s) * seconds;
                 let electrons = poisson(mean, &mut rng).min(self.full_well_e) + self.read_noise_e * normal(&mut rng);
                 let number = (electrons / self.gain_e_per_dn + self.black_level).round();

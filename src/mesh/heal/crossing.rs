@@ -8,10 +8,13 @@
 //! these; where there are any, faces may have inside on both sides.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::TriangleMesh;
 use super::union::{Boxes, Frame, Tolerance, outer_box};
+use crate::parallel;
+
+/// Triangles that one thread looks at in one go.
+const CHUNK: usize = 64;
 
 /// Volumes below this times the cubed size of the pair are taken for 0.
 const TOLERANCE: f64 = 1e-14;
@@ -76,7 +79,11 @@ pub(super) fn find(mesh: &TriangleMesh, tolerance: Tolerance) -> Meetings {
         has_contacts: a.has_contacts || b.has_contacts,
         has_folds: a.has_folds || b.has_folds,
     };
-    (0..corners.len()).into_par_iter().map(meetings).reduce(Meetings::default, sum)
+    let sum_of = |chunk: usize| {
+        let corners = chunk * CHUNK..corners.len().min((chunk + 1) * CHUNK);
+        corners.map(meetings).fold(Meetings::default(), sum)
+    };
+    parallel::map(corners.len().div_ceil(CHUNK), sum_of).into_iter().fold(Meetings::default(), sum)
 }
 
 /// Whether neighbours in one plane overlap; `shared` tells which corners of the other are corners of the first.

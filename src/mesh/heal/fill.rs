@@ -5,8 +5,8 @@
 //! The method is cubic; loops beyond [`MAX_EXACT`] corners, and whatever comes after [`BUDGET`] is spent, get a fan
 //! around their centroid, which has the right boundary too but may fold over itself if the loop is not star-shaped.
 
+use crate::parallel;
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::area;
 use super::boundary::Hole;
@@ -36,15 +36,12 @@ pub(super) fn fill(positions: &[DVec3], holes: &[Hole]) -> Vec<Cap> {
             affordable
         })
         .collect();
-    let filled: Vec<Vec<Cap>> = holes
-        .par_iter()
-        .zip(&exact)
-        .map(|(hole, &exact)| {
-            let rim: Vec<DVec3> = hole.vertices.iter().map(|&v| positions[v as usize]).collect();
-            let triangles = if exact { least_area(&rim) } else { fan(&rim) };
-            triangles.into_iter().map(|corners| Cap { shell: hole.shell, corners }).collect()
-        })
-        .collect();
+    let filled: Vec<Vec<Cap>> = parallel::map(holes.len(), |n| {
+        let hole = &holes[n];
+        let rim: Vec<DVec3> = hole.vertices.iter().map(|&v| positions[v as usize]).collect();
+        let triangles = if exact[n] { least_area(&rim) } else { fan(&rim) };
+        triangles.into_iter().map(|corners| Cap { shell: hole.shell, corners }).collect()
+    });
     filled.into_iter().flatten().collect()
 }
 

@@ -8,13 +8,13 @@
 //! shell faces that is open by more than [`MAX_CAP_FRACTION`] is unknown: it is refused where it would have to turn.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::edges::{Edges, triangle_of};
 use super::fill::Cap;
 use super::rims::Bodies;
 use super::union::{Soup, tolerance};
 use super::{HealthReport, MAX_CAP_FRACTION, MIN_COMPACTNESS, MeshError, TriangleMesh, area};
+use crate::parallel;
 use crate::{disjoint_sets::DisjointSets, mesh::bounds};
 
 /// Faces that the cavity test may ask for: about a second.
@@ -266,8 +266,8 @@ impl Shell {
 
 /// Winding number of a closed surface around a point off it.
 pub(super) fn winding(surface: &[[DVec3; 3]], p: DVec3) -> i64 {
-    let chunks: Vec<f64> =
-        surface.par_chunks(CHUNK).map(|chunk| chunk.iter().map(|&t| solid_angle(t, p)).sum()).collect();
+    let chunks: Vec<&[[DVec3; 3]]> = surface.chunks(CHUNK).collect();
+    let chunks: Vec<f64> = parallel::map_all(&chunks, |chunk| chunk.iter().map(|&t| solid_angle(t, p)).sum());
     (chunks.iter().sum::<f64>() / (4.0 * std::f64::consts::PI)).round() as i64
 }
 

@@ -1,15 +1,17 @@
 //! Whether an open patch sits on a body: its rim in or on it, and some of it outside.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::nesting::winding;
 use crate::mesh::bounds;
+use crate::parallel;
 
 /// Corners of a patch that are asked, of its rim and of all of it.
 const SAMPLES: usize = 24;
 /// Solid angles that all patches together may compute: about a second on two cores.
 const BUDGET: usize = 50_000_000;
+/// Triangles that one thread looks at in one go.
+const CHUNK: usize = 1 << 12;
 /// A rim lies on a body at this distance, in diagonals of the box around it.
 const TOUCH: f64 = 5e-3;
 
@@ -55,7 +57,9 @@ impl Ground {
     }
 
     fn place(&self, p: DVec3, touch: f64) -> Place {
-        if self.surface.par_iter().any(|&t| distance_squared(t, p) <= touch * touch) {
+        let chunks: Vec<_> = self.surface.chunks(CHUNK).collect();
+        let touches = |chunk: &&[[DVec3; 3]]| chunk.iter().any(|&t| distance_squared(t, p) <= touch * touch);
+        if parallel::map_all(&chunks, touches).contains(&true) {
             return Place::On;
         }
         if winding(&self.surface, p) == 0 { Place::Outside } else { Place::Inside }

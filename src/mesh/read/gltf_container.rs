@@ -3,12 +3,15 @@
 use super::Source;
 use crate::mesh::error::{Fault, Parsed};
 
+/// What a GLB begins with.
+pub(super) const MAGIC: &[u8] = b"glTF";
+
 /// What is expected in place of files of the first version, which is another format.
 pub(super) const CONVERTED: &str = "glTF 2.0: `gltf-pipeline -i OLD -o NEW.glb` converts it";
 
 /// JSON and binary chunk of a .glb; a .gltf is all JSON.
 pub(super) fn split(bytes: &[u8]) -> Parsed<(&[u8], Option<&[u8]>)> {
-    if !bytes.starts_with(b"glTF") {
+    if !bytes.starts_with(MAGIC) {
         return Ok((bytes, None));
     }
     let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));

@@ -6,7 +6,7 @@ use gltf::json::validation::Checked;
 use gltf::{Document, Semantic};
 use serde_json::Value;
 
-use super::gltf_container::CONVERTED;
+use super::gltf_container::{self, CONVERTED};
 use super::gltf_tidy;
 use super::raw::RawMesh;
 use super::support::{self, Fate};
@@ -15,8 +15,7 @@ use crate::words::one_line;
 
 /// The document, of whose JSON only what concerns a shape has to be right.
 pub(super) fn document(json: &[u8], raw: &mut RawMesh) -> Parsed<Document> {
-    type Read = Result<gltf::json::Root, gltf::json::Error>;
-    let mut checked = |read: Read| -> Parsed<Document> {
+    let mut checked = |read: Result<gltf::json::Root, String>| -> Parsed<Document> {
         let mut root = read.map_err(|error| Fault::new("the JSON part", one_line(error), "a glTF 2.0 document"))?;
         check_version_of(&root.asset.version)?;
         let warnings = check_extensions(&mut root)?;
@@ -26,15 +25,30 @@ pub(super) fn document(json: &[u8], raw: &mut RawMesh) -> Parsed<Document> {
         raw.warnings.extend(warnings);
         Ok(document)
     };
-    let document = checked(gltf::json::deserialize::from_slice(json));
+    let document = checked(root(json));
     let Some(mut untidy) = document.is_err().then(|| serde_json::from_slice(json).ok()).flatten() else {
         return document;
     };
     check_version(&untidy)?;
     match gltf_tidy::tidy(&mut untidy) {
-        true => checked(gltf::json::deserialize::from_value(untidy)),
+        true => {
+            // Places in what was tidied are none of the file's.
+            let placeless = |error: String| error.rsplit_once(" at line ").map_or(error.clone(), |at| at.0.to_owned());
+            checked(root(untidy.to_string().as_bytes()).map_err(placeless))
+        }
         false => document,
     }
+}
+
+/// The document as it is written, read by what the crate has compiled: its types read themselves by generic code, of
+/// which there is as much as of all else that is read from JSON here.
+fn root(json: &[u8]) -> Result<gltf::json::Root, String> {
+    // What begins like a GLB is none within one.
+    if json.starts_with(gltf_container::MAGIC) {
+        return Err("expected value at line 1 column 1".into());
+    }
+    let read = gltf::Gltf::from_slice_without_validation(json).map_err(|error| error.to_string())?;
+    Ok(read.document.into_json())
 }
 
 /// Says that colours and coordinates of the morph targets in `shown` are lost: the crate passes them over.

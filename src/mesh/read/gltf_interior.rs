@@ -270,8 +270,7 @@ mod tests {
     /// One with all extensions at their defaults.
     fn interior(extensions: Value) -> Option<Interior> {
         let root = serde_json::json!({ "asset": { "version": "2.0" }, "materials": [{ "extensions": extensions }] });
-        let root = gltf::json::deserialize::from_value(root).unwrap();
-        let document = Document::from_json(root).unwrap();
+        let document = gltf::Gltf::from_slice(root.to_string().as_bytes()).unwrap().document;
         let material = document.materials().next().unwrap();
         Interior::of(&material)
     }

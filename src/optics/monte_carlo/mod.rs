@@ -19,9 +19,9 @@ use std::ops::Range;
 
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
-use rayon::prelude::*;
 
 use super::{OpticsError, RadialProfile, Stack, VolumeCoefficients};
+use crate::parallel;
 #[cfg(test)]
 use crate::watch::Unwatched;
 use crate::watch::{Stopped, Watch};
@@ -108,7 +108,7 @@ pub(crate) fn in_batches<T: Send>(
             stream.jump();
             traced = end;
         }
-        let batches: Vec<T> = group.into_par_iter().map(|(batch, stream)| trace(batch, stream)).collect();
+        let batches: Vec<T> = parallel::map_all(&group, |(batch, stream)| trace(batch.clone(), stream.clone()));
         batches.into_iter().for_each(&mut take);
         watch.advance(traced - before);
         watch.go_on()?;

@@ -19,7 +19,6 @@
 use std::ops::Deref;
 
 use faer::{Mat, c64, linalg::solvers::Solve};
-use rayon::prelude::*;
 
 use super::{
     TransportOptions,
@@ -32,6 +31,7 @@ use super::{
 use crate::{
     numeric::complex::{exp, norm},
     optics::{Light, VolumeCoefficients},
+    parallel,
 };
 
 /// What lies below the layers.
@@ -136,7 +136,7 @@ impl LayeredReflection {
             Base::Mirror => Bottom::Mirror,
         };
         let setting = Setting::with_indices(&media, mixed, Light::Diffuse, options);
-        let frequencies = k.par_iter().map(|&k| Known::new(&setting, &layers, &base, k)).collect();
+        let frequencies = parallel::map_all(k, |&k| Known::new(&setting, &layers, &base, k));
         Self { setting, layers, base, frequencies }
     }
 
@@ -144,7 +144,7 @@ impl LayeredReflection {
     pub fn reflection(&self, mm: &[f64], mixtures: &[VolumeCoefficients]) -> Vec<f64> {
         let mixtures: Vec<_> = mixtures.iter().map(|volume| self.setting.scattering_of(volume)).collect();
         let at = |known: &Known| self.stack(known, &known.modes(&mixtures, &self.setting)).reflection(mm);
-        self.frequencies.par_iter().map(at).collect()
+        parallel::map_all(&self.frequencies, at)
     }
 
     /// R̂ with its slopes.
@@ -161,7 +161,7 @@ impl LayeredReflection {
             let changes: Vec<Vec<_>> = sides.iter().map(|tangents| tangents.iter().map(change).collect()).collect();
             self.stack(known, &known.modes(&scattering, &self.setting)).slope(mm, &changes)
         };
-        let found: Vec<(f64, Slopes)> = self.frequencies.par_iter().map(at).collect();
+        let found: Vec<(f64, Slopes)> = parallel::map_all(&self.frequencies, at);
         let of = |value: &dyn Fn(&Slopes) -> f64| found.iter().map(|at| value(&at.1)).collect();
         let along = |(mixture, mixed): (usize, &Mixed)| {
             (0..mixed.tangents.len()).map(|tangent| of(&|slopes| slopes.along[mixture][tangent])).collect()

@@ -24,8 +24,8 @@ mod rays;
 mod scattering;
 mod slab;
 
+use crate::parallel;
 use faer::{Col, Row};
-use rayon::prelude::*;
 
 use self::{
     beam::Straight,
@@ -124,7 +124,7 @@ impl Transport<'_> {
                 if k > 0.0 { Frequency::new(&setting, k).spectra(&layers) } else { doubled.spectra(k) };
             (reflection, transmission + few_turns.as_ref().map_or(0.0, |light| light.correction(k)))
         };
-        let (reflection, transmission) = grid.as_slice().par_iter().map(at).unzip();
+        let (reflection, transmission) = parallel::map_all(grid.as_slice(), at).into_iter().unzip();
         TransportSpectra { reflection, transmission }
     }
 

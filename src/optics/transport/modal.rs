@@ -8,7 +8,6 @@ use faer::{
     Col, Mat, Row,
     linalg::solvers::{PartialPivLu, Solve},
 };
-use rayon::prelude::*;
 
 use super::{
     FewTurns, TransportOptions, TransportSpectra,
@@ -20,6 +19,7 @@ use super::{
     slab::factorise,
 };
 use crate::optics::{Light, VolumeCoefficients};
+use crate::parallel;
 
 /// Least absorption per mm: without any, one mode neither grows nor falls, and U and W are singular. Changes an albedo
 /// by 1e-5 at most in stacks of 10 mm of white.
@@ -90,7 +90,7 @@ impl ModalReflection {
     /// rad/mm.
     pub fn new(resins: &[VolumeCoefficients], base: Option<usize>, k: &[f64], options: TransportOptions) -> Self {
         let setting = Setting::new(resins, base, Light::Diffuse, options);
-        Self { frequencies: k.par_iter().map(|&k| Frequency::new(&setting, k)).collect(), setting, k: k.to_vec() }
+        Self { frequencies: parallel::map_all(k, |&k| Frequency::new(&setting, k)), setting, k: k.to_vec() }
     }
 
     /// R̂ of `layers`, (resin, mm ≥ 0) from the observer down, at each frequency.

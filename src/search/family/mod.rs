@@ -27,7 +27,6 @@ mod solve;
 mod tests;
 mod tree;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use self::{
@@ -41,6 +40,7 @@ use crate::{
     optics::{
         ChannelId, FrequencyGrid, Grains, MaterialSet, Mixture, Resin, Stack, TransportOptions, VolumeCoefficients,
     },
+    parallel,
     watch::Watch,
 };
 
@@ -154,10 +154,9 @@ impl Family {
         let starts = self.starts();
         let anew = |target: usize, shift: Option<&Spectra>| -> Option<Solved> {
             // The best two valleys by the cheap model.
-            let mut ends: Vec<_> = starts
-                .par_iter()
-                .filter_map(|start| roughly(&self.shape, &self.cheap, &asked[target], start, shift))
-                .collect();
+            let ends =
+                parallel::map_all(&starts, |start| roughly(&self.shape, &self.cheap, &asked[target], start, shift));
+            let mut ends: Vec<_> = ends.into_iter().flatten().collect();
             ends.sort_by(|a, b| a.1.total_cmp(&b.1));
             let solved = ends.iter().take(1).filter_map(|(x, _)| solver.solve(&asked[target], x, shift));
             solved.min_by(|a, b| a.total.total_cmp(&b.total))
@@ -177,7 +176,7 @@ impl Family {
                 let deeper = deeper.filter(|it| found.as_ref().is_none_or(|found| it.total < DEEPER * found.total));
                 deeper.or(found)
             };
-            let found: Vec<_> = level.par_iter().with_max_len(1).map(one).collect();
+            let found: Vec<_> = parallel::map_all(&level, one);
             for ((target, _), found) in level.iter().zip(found) {
                 solved[*target] = found;
             }
@@ -203,7 +202,7 @@ impl Family {
             let found = deeper.as_ref().unwrap_or(&solved[target]);
             self.answer(&asked[target], found)
         };
-        Ok((0..targets.len()).into_par_iter().with_max_len(1).map(answer).collect())
+        Ok(parallel::map(targets.len(), answer))
     }
 
     /// The stacking of given numbers, in the order of [`FamilyAnswer::parameters`], brought within the limits.
@@ -305,9 +304,9 @@ fn worth(shape: &Shape, cheap: &Model, options: &SearchOptions, targets: &[&Part
     let starts = shapes::starts(shape);
     let one = |part: &&PartTarget| {
         let Some(asked) = Asked::new(part, shape, options) else { return f64::INFINITY };
-        let ends = starts.par_iter().filter_map(|start| roughly(shape, cheap, &asked, start, None));
-        ends.map(|(_, total)| total.sqrt()).collect::<Vec<_>>().into_iter().fold(f64::INFINITY, f64::min)
+        let ends = parallel::map_all(&starts, |start| roughly(shape, cheap, &asked, start, None));
+        ends.into_iter().flatten().map(|(_, total)| total.sqrt()).fold(f64::INFINITY, f64::min)
     };
-    let all: Vec<f64> = targets.par_iter().with_max_len(1).map(one).collect();
+    let all: Vec<f64> = parallel::map_all(targets, one);
     all.iter().sum::<f64>() / all.len() as f64
 }

@@ -108,10 +108,9 @@ impl Shape {
         let only = |at: usize, sign: f64| row(&|i| if i == at { sign } else { 0.0 });
         let mut constraints = Vec::new();
         for (at, slot) in self.slots.iter().enumerate() {
-            let of_slot = slot.resins.iter().map(|&resin| limit(resin));
-            let depth_mm = of_slot.clone().map(|limit| limit.min_depth_mm).fold(0.0, f64::max);
-            let least_mm = of_slot.clone().map(|limit| limit.min_mm).fold(slot.least_mm, f64::max);
-            let most_mm = of_slot.map(|limit| limit.max_mm).fold(f64::INFINITY, f64::min);
+            let of_slot = ResinLimit::all(slot.resins.iter().map(|&resin| limit(resin)));
+            let (depth_mm, least_mm) = (of_slot.min_depth_mm, of_slot.min_mm.max(slot.least_mm));
+            let most_mm = of_slot.max_mm;
             // What has no room is left out.
             let fits = depth_mm + least_mm <= room_mm;
             if !fits && (at > 0 && !thin) {

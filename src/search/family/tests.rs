@@ -226,44 +226,39 @@ fn colours_come_as_near_as_any_stacking_does() {
                 x
             };
             let xs: Vec<Vec<f64>> = (0..4000).filter_map(|_| limits.nearest(&any(&mut unit))).collect();
-            let known: Vec<[f64; 3]> = xs.par_iter().map(|x| albedo(x)).collect();
+            let known: Vec<[f64; 3]> = parallel::map_all(&xs, |x| albedo(x));
             let seeds: Vec<u64> = (0..colours.len()).map(|_| (unit() * 1e9) as u64).collect();
-            let found: Vec<f64> = (0..colours.len())
-                .into_par_iter()
-                .map(|at| {
-                    let off = |albedo: [f64; 3]| delta_e_2000(lab(colours[at]), lab(albedo));
-                    let mut order: Vec<usize> = (0..xs.len()).collect();
-                    order.sort_by(|&a, &b| off(known[a]).total_cmp(&off(known[b])));
-                    let mut random = Xoshiro256PlusPlus::seed_from_u64(seeds[at]);
-                    let mut unit = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
-                    let improved = order.iter().take(4).map(|&start| {
-                        let (mut x, mut least) = (xs[start].clone(), off(known[start]));
-                        let mut size = 0.3;
-                        for _ in 0..250 {
-                            let moved: Vec<f64> =
-                                x.iter()
-                                    .map(|value| {
-                                        if unit() < 0.5 {
-                                            value + size * (unit() - 0.5) * (value + 0.02)
-                                        } else {
-                                            *value
-                                        }
-                                    })
-                                    .collect();
-                            let Some(moved) = limits.nearest(&moved) else { continue };
-                            let there = off(albedo(&moved));
-                            if there < least {
-                                (x, least) = (moved, there);
-                                size = (1.3 * size).min(1.0);
-                            } else {
-                                size = (0.97 * size).max(0.01);
-                            }
+            let found: Vec<f64> = parallel::map(colours.len(), |at| {
+                let off = |albedo: [f64; 3]| delta_e_2000(lab(colours[at]), lab(albedo));
+                let mut order: Vec<usize> = (0..xs.len()).collect();
+                order.sort_by(|&a, &b| off(known[a]).total_cmp(&off(known[b])));
+                let mut random = Xoshiro256PlusPlus::seed_from_u64(seeds[at]);
+                let mut unit = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+                let improved = order.iter().take(4).map(|&start| {
+                    let (mut x, mut least) = (xs[start].clone(), off(known[start]));
+                    let mut size = 0.3;
+                    for _ in 0..250 {
+                        let moved: Vec<f64> = x
+                            .iter()
+                            .map(
+                                |value| {
+                                    if unit() < 0.5 { value + size * (unit() - 0.5) * (value + 0.02) } else { *value }
+                                },
+                            )
+                            .collect();
+                        let Some(moved) = limits.nearest(&moved) else { continue };
+                        let there = off(albedo(&moved));
+                        if there < least {
+                            (x, least) = (moved, there);
+                            size = (1.3 * size).min(1.0);
+                        } else {
+                            size = (0.97 * size).max(0.01);
                         }
-                        least
-                    });
-                    improved.fold(f64::INFINITY, f64::min)
-                })
-                .collect();
+                    }
+                    least
+                });
+                improved.fold(f64::INFINITY, f64::min)
+            });
             best.iter_mut().zip(found).for_each(|(best, found)| *best = best.min(found));
         }
 

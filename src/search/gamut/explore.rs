@@ -12,11 +12,11 @@ use std::collections::BTreeMap;
 
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
-use rayon::prelude::*;
 
 use super::width::{RADII_MM, RadiusTable};
 use crate::{
     optics::{FrequencyGrid, KubelkaMunk, ModalReflection},
+    parallel,
     search::{SearchOptions, options::UnitLimit},
     watch::Watch,
 };
@@ -147,7 +147,7 @@ impl<'a> Explorer<'a> {
             if watch.stop_requested() {
                 break;
             }
-            let spectra: Vec<Vec<f64>> = next.par_iter().map(reflection).collect();
+            let spectra: Vec<Vec<f64>> = parallel::map_all(&next, reflection);
             for (runs, spectrum) in next.into_iter().zip(spectra) {
                 self.place(runs.clone(), &spectrum);
                 known.insert(runs, spectrum);

@@ -19,7 +19,6 @@ mod map;
 mod tests;
 mod width;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 pub use alike::far_miss;
@@ -32,6 +31,7 @@ use crate::optics::{
     FrequencyGrid, InverseHankel, KubelkaMunk, MaterialSet, ModalReflection, Resin, ResinId, Stack, TransportOptions,
     VolumeCoefficients,
 };
+use crate::parallel;
 use crate::watch::Watch;
 
 /// Directions that place a stacking to 0.4% in albedo and 1.3% in radius (docs/accuracy.md), at a third of the cost of
@@ -153,18 +153,15 @@ impl Gamut {
     ) -> Result<Self, SearchError> {
         let limits = options.validate(resins.len())?;
         let channels = resins.first().map_or(0, Vec::len);
-        let explored: Vec<Option<ChannelGamut>> = (0..channels)
-            .into_par_iter()
-            .map(|channel| {
-                let parameters: Vec<_> = resins.iter().map(|resin| &resin[channel]).collect();
-                let model = volumes.map(|volumes| {
-                    let volumes: Vec<_> = volumes.iter().map(|resin| resin[channel]).collect();
-                    ModalReflection::new(&volumes, options.core.map(|core| core.0), grid.as_slice(), DIRECTIONS)
-                });
-                let found = Explorer::new(&parameters, &limits, grid, options).explore(TRIALS, model.as_ref(), watch);
-                ChannelGamut::around(&found, grid, options)
-            })
-            .collect();
+        let explored: Vec<Option<ChannelGamut>> = parallel::map(channels, |channel| {
+            let parameters: Vec<_> = resins.iter().map(|resin| &resin[channel]).collect();
+            let model = volumes.map(|volumes| {
+                let volumes: Vec<_> = volumes.iter().map(|resin| resin[channel]).collect();
+                ModalReflection::new(&volumes, options.core.map(|core| core.0), grid.as_slice(), DIRECTIONS)
+            });
+            let found = Explorer::new(&parameters, &limits, grid, options).explore(TRIALS, model.as_ref(), watch);
+            ChannelGamut::around(&found, grid, options)
+        });
         watch.go_on()?;
         let channels: Option<Vec<_>> = explored.into_iter().collect();
         channels.map(|channels| Self { channels }).ok_or(SearchError::Infeasible {
@@ -196,7 +193,7 @@ impl ChannelGamut {
             let stacking = Stack::joined(layers).over(options.core);
             Some(GamutPoint { stacking, albedo, half_energy_radius_mm })
         };
-        let mut points: Vec<GamutPoint> = found.par_iter().filter_map(point).collect();
+        let mut points: Vec<GamutPoint> = parallel::map_all(found, point).into_iter().flatten().collect();
         points.sort_by(|a, b| a.albedo.total_cmp(&b.albedo));
         let places: Vec<_> = points.iter().map(|point| [point.albedo, point.half_energy_radius_mm]).collect();
         Some(Self { boundary: Boundary::around(&places)?, points })

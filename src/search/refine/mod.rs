@@ -20,7 +20,6 @@ pub(super) mod polytope;
 mod steps;
 mod tables;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use self::{
@@ -33,6 +32,7 @@ use super::{BlockTable, Match, SearchError, SearchOptions, SearchTarget, branch_
 use crate::{
     numeric::{least_squares::dot, rounding::rounded},
     optics::{FrequencyGrid, ResinId, Stack, TransportOptions, VolumeCoefficients},
+    parallel,
     watch::Watch,
 };
 
@@ -219,7 +219,7 @@ impl Refiner {
             let refined = self.refine(&candidates, target, watch)?;
             Ok((candidates.swap_remove(0), refined))
         };
-        let answers: Vec<_> = targets.par_iter().with_max_len(1).map(one).collect();
+        let answers: Vec<_> = parallel::map_all(targets, one);
         answers.into_iter().collect()
     }
 

@@ -7,7 +7,6 @@
 use std::collections::VecDeque;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::{
     Bounds, MeshingError,
@@ -20,6 +19,7 @@ use super::{
     vertices::{BrickVertices, step},
 };
 use crate::{
+    parallel,
     sdf::SliceRuns,
     voxel::{BRICK, BRICK_VOXELS},
     watch::Watch,
@@ -149,7 +149,7 @@ impl March<'_> {
             }
             bricks
         };
-        let filled: Vec<_> = (0..blocks[0] * blocks[1]).into_par_iter().map_init(BlockScratch::default, fill).collect();
+        let filled: Vec<_> = parallel::map_in(blocks[0] * blocks[1], BlockScratch::default, fill);
         let mut layers: Vec<_> = (0..BLOCK).map(|_| self.air()).collect();
         for (block, bricks) in filled.into_iter().enumerate() {
             let corner = [block % blocks[0] * BLOCK, block / blocks[0] * BLOCK];
@@ -167,9 +167,9 @@ impl March<'_> {
         TwoLayers { grid: self.grid, layer, lower: &layers[at].nodes, upper: &layers[at + 1].nodes }
     }
 
-    fn columns(&self) -> impl IndexedParallelIterator<Item = [usize; 2]> {
-        let width = self.grid.bricks[0];
-        (0..self.grid.layer_bricks()).into_par_iter().map(move |n| [n % width, n / width])
+    /// The place of a brick in its layer.
+    fn column(&self, brick: usize) -> [usize; 2] {
+        [brick % self.grid.bricks[0], brick / self.grid.bricks[0]]
     }
 
     /// Computes the vertices of `layers[at]`, which is layer `layer` of the grid.
@@ -182,13 +182,11 @@ impl March<'_> {
     ) -> Result<(), MeshingError> {
         let two = self.two(layers, at, layer);
         let crossings = || Crossings::new(self.objects, self.bounds, self.grid.lattice.pitch.x);
-        let mut vertices: Vec<_> = self
-            .columns()
-            .map_init(crossings, |crossings, column| {
-                let labels = two.labels(column)?;
-                Some(BrickVertices::new(&two, column, &labels, crossings))
-            })
-            .collect();
+        let mut vertices: Vec<_> = parallel::map_in(self.grid.layer_bricks(), crossings, |crossings, brick| {
+            let column = self.column(brick);
+            let labels = two.labels(column)?;
+            Some(BrickVertices::new(&two, column, &labels, crossings))
+        });
         for brick in vertices.iter_mut().flatten() {
             brick.first = next_vertex(marched, brick.positions.len())?;
             marched.interfaces.positions.append(&mut brick.positions);
@@ -203,7 +201,8 @@ impl March<'_> {
     fn add_triangles(&self, layers: &VecDeque<Layer>, layer: usize, marched: &mut Marched) -> Result<(), MeshingError> {
         let two = self.two(layers, 0, layer);
         let known = &*marched;
-        let filled: Vec<_> = self.columns().map(|column| self.fill_brick(&two, layers, column, known)).collect();
+        let filled: Vec<_> =
+            parallel::map(self.grid.layer_bricks(), |brick| self.fill_brick(&two, layers, self.column(brick), known));
         for brick in filled.into_iter().flatten() {
             let first = next_vertex(marched, brick.inner.len())?;
             let Marched { interfaces: Interfaces { positions, facets }, tangents, peaks } = marched;

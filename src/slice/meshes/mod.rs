@@ -42,7 +42,6 @@ mod threemf;
 mod vertices;
 
 use glam::DVec3;
-use rayon::prelude::*;
 use thiserror::Error;
 
 pub use stl::write_stl;
@@ -59,6 +58,7 @@ use self::{
 use super::ObjectField;
 use crate::{
     blame::{Blame, Blamed},
+    parallel,
     voxel::MaterialId,
     watch::{Stopped, Watch},
 };
@@ -266,6 +266,7 @@ fn volume(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> f64 {
         // Each triangle is a prism down to the plane x = 0.
         (a.x + b.x + c.x) * (b - a).cross(c - a).x / 6.0
     };
-    let sums: Vec<f64> = triangles.par_chunks(CHUNK).map(|chunk| chunk.iter().map(tetrahedron).sum()).collect();
+    let chunks: Vec<_> = triangles.chunks(CHUNK).collect();
+    let sums: Vec<f64> = parallel::map_all(&chunks, |chunk| chunk.iter().map(tetrahedron).sum());
     sums.iter().sum()
 }

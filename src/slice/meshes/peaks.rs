@@ -118,7 +118,7 @@ pub fn join_peaks(interfaces: &mut Interfaces, tangents: &[Tangent], peaks: &[u3
     let Interfaces { positions, facets } = interfaces;
     // A fan's triangles have the vertex they were filled around last.
     let mut sides: Vec<(u64, u32)> = facets
-        .par_iter()
+        .iter()
         .enumerate()
         .filter(|(_, facet)| peaks.binary_search(&facet.corners[2]).is_ok())
         .map(|(index, facet)| {

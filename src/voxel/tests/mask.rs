@@ -1,12 +1,18 @@
 //! The mask is a permutation, has no long wavelengths and no clumps, whatever the shape of a voxel.
 
-use std::f64::consts::TAU;
+use std::{f64::consts::TAU, sync::LazyLock};
 
 use super::*;
 
 const J750_27: DVec3 = DVec3::new(25.4 / 600.0, 25.4 / 300.0, 0.027);
 const J750_14: DVec3 = DVec3::new(25.4 / 600.0, 25.4 / 300.0, 0.014);
 const CUBES: DVec3 = DVec3::splat(0.03);
+
+/// Their masks, by name. One takes a second to make.
+static MASKS: LazyLock<[(&str, DVec3, ThresholdMask); 3]> = LazyLock::new(|| {
+    [("J750 27 µm", J750_27), ("J750 14 µm", J750_14), ("30 µm cubes", CUBES)]
+        .map(|(name, pitch)| (name, pitch, ThresholdMask::new(pitch)))
+});
 
 /// Wavelengths that are long, in distances between voxels of a share.
 const LONG: f64 = 6.0;
@@ -59,9 +65,9 @@ fn gaps(voxels: &[([u32; 3], bool)], dims: [u32; 3], pitch: DVec3) -> Vec<f64> {
 
 #[test]
 fn every_threshold_is_there_once() {
-    for pitch in [J750_27, J750_14, CUBES, DVec3::new(0.01, 2.0, 10.0)] {
-        let mask = ThresholdMask::new(pitch);
-        let mut ranks: Vec<_> = period(&mask).into_iter().map(|at| mask.rank(at)).collect();
+    let pitch = DVec3::new(0.01, 2.0, 10.0);
+    for (_, pitch, mask) in MASKS.iter().chain([&("splinters", pitch, ThresholdMask::new(pitch))]) {
+        let mut ranks: Vec<_> = period(mask).into_iter().map(|at| mask.rank(at)).collect();
         ranks.sort_unstable();
         assert!(ranks.iter().enumerate().all(|(n, rank)| n == usize::from(*rank)), "{pitch}");
         assert_eq!(mask.brick([0, 1, 0])[BRICK + 1], mask.rank([1, 9, 0]));
@@ -72,12 +78,12 @@ fn every_threshold_is_there_once() {
 
 #[test]
 fn long_wavelengths_have_no_energy_and_voxels_do_not_clump() {
-    for (name, pitch) in [("J750 27 µm", J750_27), ("J750 14 µm", J750_14), ("30 µm cubes", CUBES)] {
-        let mask = ThresholdMask::new(pitch);
+    for (name, pitch, mask) in &*MASKS {
+        let pitch = *pitch;
         let unit = (pitch.x * pitch.y * pitch.z).cbrt();
         for share in [0.02, 0.1, 0.5] {
             let level = ThresholdMask::level(share);
-            let voxels: Vec<_> = period(&mask).into_iter().map(|at| (at, mask.rank(at) < level)).collect();
+            let voxels: Vec<_> = period(mask).into_iter().map(|at| (at, mask.rank(at) < level)).collect();
             // The distance that voxels of this share would have on a simple cubic lattice.
             let even = unit / share.cbrt();
             let energy = energy(&voxels, mask.period(), pitch, LONG * even);
@@ -101,8 +107,7 @@ fn long_wavelengths_have_no_energy_and_voxels_do_not_clump() {
 /// A layer that is one plane of voxels thick has its share, whatever plane of a lattice it is.
 #[test]
 fn planes_have_their_shares() {
-    for pitch in [J750_27, J750_14, CUBES] {
-        let mask = ThresholdMask::new(pitch);
+    for (_, pitch, mask) in &*MASKS {
         let dims = mask.period();
         for miller in PLANES {
             let through = (0..3).filter(|&axis| miller[axis] != 0);
@@ -110,7 +115,7 @@ fn planes_have_their_shares() {
             for share in [0.02, 0.1, 0.3, 0.5, 0.8] {
                 let level = ThresholdMask::level(share);
                 let mut counts = vec![[0.0; 2]; planes as usize];
-                for at in period(&mask) {
+                for at in period(mask) {
                     let plane: i64 = (0..3).map(|axis| i64::from(miller[axis]) * i64::from(at[axis])).sum();
                     let [all, set] = &mut counts[plane.rem_euclid(planes) as usize];
                     *all += 1.0;
@@ -126,7 +131,7 @@ fn planes_have_their_shares() {
 /// The second reading says nothing of the first.
 #[test]
 fn the_second_reading_is_another() {
-    let mask = ThresholdMask::new(J750_27);
+    let (_, _, mask) = &MASKS[0];
     let [nx, ny, nz] = mask.bricks;
     let (mut sum, half) = (0.0, ThresholdMask::LEVELS as f64 / 2.0);
     for at in (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z]))) {

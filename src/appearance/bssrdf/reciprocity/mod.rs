@@ -27,10 +27,10 @@ pub use breach::Breach;
 use gains::gains;
 use mean_window::{bent, hot_line, shift_or_drift};
 use outliers::Outliers;
-use rayon::prelude::*;
 use texels::{Shares, texels};
 
 use super::{BssrdfError, Dataset, responses::Channel, rings::Rings};
+use crate::parallel;
 use crate::watch::{Thousandths, Watch};
 
 /// Offsets compared reach so many pixels…
@@ -244,7 +244,7 @@ pub fn reciprocity(
     let mut total = Sums::new(half_plane.len(), reach as usize, [width, 0], height);
     for batch in starts.chunks(rayon::current_num_threads()) {
         progress.go_on()?;
-        let parts: Vec<Result<Sums, BssrdfError>> = batch.par_iter().map(|first| band_sums(*first)).collect();
+        let parts: Vec<Result<Sums, BssrdfError>> = parallel::map_all(batch, |first| band_sums(*first));
         for (part, first) in parts.into_iter().zip(batch) {
             total.append(part?, first * width);
         }

@@ -20,14 +20,13 @@ mod newton;
 #[cfg(test)]
 pub(super) mod tests;
 
-use rayon::prelude::*;
-
 use super::context::TargetContext;
 use crate::{
     job::RunError,
     optics::{
         Base as Bottom, Grains, LayeredReflection, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients,
     },
+    parallel,
     search::ResinLimit,
     watch::{Stopped, Watch},
 };
@@ -161,11 +160,15 @@ impl Answers {
         if self.clusters.iter().any(|base| base.layers.len() != slots) {
             return Vec::new();
         }
-        let depth = |mixture: &Mixture| {
-            mixture.parts().iter().map(|(resin, _)| self.limit(*resin).min_depth_mm).fold(0.0, f64::max)
+        let of = |slot: usize| {
+            let anywhere = self.clusters.iter().map(|base| self.limit_of(&base.layers[slot].0));
+            ResinLimit::all(anywhere).min_depth_mm
         };
-        let of = |slot: usize| self.clusters.iter().map(|base| depth(&base.layers[slot].0)).fold(0.0, f64::max);
         (0..slots).map(of).collect()
+    }
+
+    fn limit_of(&self, mixture: &Mixture) -> ResinLimit {
+        ResinLimit::all(mixture.parts().iter().map(|(resin, _)| self.limit(*resin)))
     }
 
     fn limit(&self, resin: ResinId) -> ResinLimit {
@@ -196,10 +199,8 @@ impl Answers {
     pub fn answer(&self, questions: &[Question], watch: &dyn Watch) -> Result<Vec<Answer>, Stopped> {
         let alike = |a: &Question, b: &Question| a.cluster == b.cluster && a.half_mm == b.half_mm;
         let runs: Vec<&[Question]> = questions.chunk_by(alike).collect();
-        let answered: Vec<Vec<Answer>> = runs
-            .into_par_iter()
-            .map(|run| if watch.stop_requested() { Vec::new() } else { self.answer_run(run) })
-            .collect();
+        let answer = |run: &&[Question]| if watch.stop_requested() { Vec::new() } else { self.answer_run(run) };
+        let answered: Vec<Vec<Answer>> = parallel::map_all(&runs, answer);
         watch.go_on()?;
         Ok(answered.into_iter().flatten().collect())
     }
@@ -316,15 +317,14 @@ impl Answers {
         let (thickness, shares) = numbers.split_at_mut(base.layers.len());
         let mut above = 0.0;
         for n in 0..thickness.len() {
-            let parts = || base.layers[n].0.parts().iter().map(|(resin, _)| self.limit(*resin));
+            let limit = self.limit_of(&base.layers[n].0);
             // A layer that was found to be none may stay so.
             let free = !self.inks.is_empty() || base.layers[n].1 == 0.0;
             let thinnest = if free { 0.0 } else { self.min_layer_mm.min(base.layers[n].1) };
-            let least = parts().map(|limit| limit.min_mm).fold(thinnest, f64::max);
-            let most = parts().map(|limit| limit.max_mm).fold(f64::INFINITY, f64::min);
-            thickness[n] = thickness[n].max(least).min(most.max(least));
+            let least = limit.min_mm.max(thinnest);
+            thickness[n] = thickness[n].max(least).min(limit.max_mm.max(least));
             let of_slot = self.slot_depths.get(n).copied().unwrap_or_default();
-            let depth = parts().map(|limit| limit.min_depth_mm).fold(of_slot, f64::max);
+            let depth = limit.min_depth_mm.max(of_slot);
             if above < depth && above > 0.0 && thickness[n] > 0.0 {
                 thickness[..n].iter_mut().for_each(|mm| *mm *= depth / above);
                 above = depth;

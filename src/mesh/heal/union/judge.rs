@@ -3,7 +3,6 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{
     contact::{Frame, Line, Tolerance},
@@ -20,6 +19,7 @@ use crate::{
             edges::{Edges, triangle_of},
         },
     },
+    parallel,
 };
 
 /// What becomes of a triangle.
@@ -82,28 +82,22 @@ impl<'a> Judge<'a> {
         mesh: &TriangleMesh,
         rank: impl Fn(usize) -> u32 + Sync,
     ) -> Vec<Verdict> {
-        let frames: Vec<Option<Frame>> = corners.par_iter().map(Frame::new).collect();
+        let frames: Vec<Option<Frame>> = parallel::map_all(corners, Frame::new);
         // Lines to cut along; `None` where nothing touches the triangle.
-        let lines: Vec<Option<Vec<Line>>> = frames
-            .par_iter()
-            .enumerate()
-            .map(|(t, frame)| frame.as_ref().and_then(|frame| self.lines(t, &corners[t], frame)))
-            .collect();
+        let lines: Vec<Option<Vec<Line>>> =
+            parallel::map(frames.len(), |t| frames[t].as_ref().and_then(|frame| self.lines(t, &corners[t], frame)));
         let speaker = speakers(corners, mesh, |t| frames[t].is_none() || lines[t].is_some());
-        let judged: Vec<Verdict> = (0..corners.len())
-            .into_par_iter()
-            .map_init(Vec::new, |windings, t| {
-                let Some(frame) = frames[t].as_ref().filter(|_| speaker[t] == t) else { return Verdict::Goes };
-                let face = Face { corners: &corners[t], frame, rank: rank(t), touches: lines[t].is_some() };
-                let lines = lines[t].clone().unwrap_or_default();
-                let rounding = self.tolerance.rounding;
-                match cut::kept(frame.corners, lines, rounding, |piece| self.keeps(&face, piece, windings)) {
-                    None => Verdict::Stays,
-                    Some(parts) if parts.is_empty() => Verdict::Goes,
-                    Some(parts) => Verdict::Parts(parts),
-                }
-            })
-            .collect();
+        let judged: Vec<Verdict> = parallel::map_in(corners.len(), Vec::new, |windings, t| {
+            let Some(frame) = frames[t].as_ref().filter(|_| speaker[t] == t) else { return Verdict::Goes };
+            let face = Face { corners: &corners[t], frame, rank: rank(t), touches: lines[t].is_some() };
+            let lines = lines[t].clone().unwrap_or_default();
+            let rounding = self.tolerance.rounding;
+            match cut::kept(frame.corners, lines, rounding, |piece| self.keeps(&face, piece, windings)) {
+                None => Verdict::Stays,
+                Some(parts) if parts.is_empty() => Verdict::Goes,
+                Some(parts) => Verdict::Parts(parts),
+            }
+        });
         speaker.into_iter().map(|t| judged[t].clone()).collect()
     }
 

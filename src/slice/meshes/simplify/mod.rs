@@ -41,6 +41,7 @@ use super::{
     MeshingError,
     interfaces::{Facet, Interfaces},
 };
+use crate::parallel;
 use crate::watch::Watch;
 
 /// Edge of the first round's cubes in pitches; a cube then has some 10,000 triangles.
@@ -108,20 +109,19 @@ impl Whole<'_> {
         }
         let whole = &*self;
         let (owner, held) = (&owner, &whole.held());
-        let changes: Vec<Changes> = tiles
-            .par_iter()
-            .with_max_len(1)
-            .map_init(
-                || vec![u32::MAX; whole.positions.len()],
-                |local, tile| {
-                    watch.go_on()?;
-                    let free = |vertex: u32| owner[vertex as usize] != Some(SEVERAL);
-                    let mut tile = Tile::new(whole, tile, held, free, [error, pitch], local);
-                    tile.collapse_all();
-                    Ok(tile.changes())
-                },
-            )
-            .collect::<Result<_, MeshingError>>()?;
+        let changes: Vec<Changes> = parallel::map_in(
+            tiles.len(),
+            || vec![u32::MAX; whole.positions.len()],
+            |local, n| {
+                watch.go_on()?;
+                let free = |vertex: u32| owner[vertex as usize] != Some(SEVERAL);
+                let mut tile = Tile::new(whole, &tiles[n], held, free, [error, pitch], local);
+                tile.collapse_all();
+                Ok(tile.changes())
+            },
+        )
+        .into_iter()
+        .collect::<Result<_, MeshingError>>()?;
         self.stuck = owner.iter().map(|&owner| owner == Some(SEVERAL)).collect();
         self.facets.clear();
         for Changes { facets, moved, homes, curve_errors } in changes {

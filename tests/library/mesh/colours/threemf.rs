@@ -1,0 +1,115 @@
+//! Colours of 3MF: property groups, textures, what slicers paint.
+
+use lumislice::mesh::Loaded;
+
+use super::{
+    super::{
+        painted::{assert_shares, shares},
+        writers::{rels, threemf_parts},
+    },
+    BLUE, FACES, POINTS, RED, halves, lost, read, said,
+};
+
+/// A cube as 3MF: resources before the object, attributes of the object and of every triangle.
+fn threemf(resources: &str, object: &str, triangle: &str) -> Loaded {
+    let vertices: String = POINTS.iter().map(|[x, y, z]| format!("<vertex x='{x}' y='{y}' z='{z}'/>")).collect();
+    let triangles: String = FACES
+        .iter()
+        .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
+        .map(|t| t.map(|p| p - 1))
+        .map(|[a, b, c]| format!("<triangle v1='{a}' v2='{b}' v3='{c}' {triangle}/>"))
+        .collect();
+    let model = format!(
+        "<model xmlns:m='http://schemas.microsoft.com/3dmanufacturing/material/2015/02'><resources>{resources}\
+         <object id='1' {object}><mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>\
+         </object></resources><build><item objectid='1'/></build></model>"
+    );
+    let package = threemf_parts(&[
+        ("_rels/.rels", rels("3D/3dmodel.model").into_bytes()),
+        ("3D/3dmodel.model", model.into_bytes()),
+        ("3D/Textures/t.png", halves()),
+    ]);
+    read(&[("a.3mf", package)])
+}
+
+const GROUP: &str = "<m:colorgroup id='5'><m:color color='#C82828'/><m:color color='#2828C8'/></m:colorgroup>";
+
+#[test]
+fn colour_groups_are_interpolated() {
+    for (object, triangle) in [
+        ("", "pid='5' p1='0' p2='0' p3='0'"),
+        ("", "pid='5' p1='0'"),
+        ("pid='5' pindex='0'", ""),
+        ("pid='5'", "p1='0'"),
+        ("pid='5' pindex='1'", "p1='0'"),
+    ] {
+        let loaded = threemf(GROUP, object, triangle);
+        assert_eq!((lost(&loaded), loaded.warnings.len()), ("", 0));
+        assert_shares(&loaded, &[(RED, 1.0)]);
+    }
+    let loaded = threemf(GROUP, "", "pid='5' p1='0' p2='1' p3='1'");
+    assert!(loaded.mesh.corner_colors.len() == 12 && lost(&loaded).is_empty());
+    let found = shares(&loaded);
+    assert!(found.len() > 6 && found.keys().all(|[r, g, b]| g.abs_diff(40) < 2 && *r >= 40 && *b >= 40), "{found:?}");
+    // More colours than materials may be.
+    let many: String = (0..70_000).map(|i| format!("<m:color color='#{i:06X}'/>")).collect();
+    let loaded = threemf(&format!("<m:colorgroup id='5'>{many}</m:colorgroup>"), "", "pid='5' p1='69999'");
+    assert_shares(&loaded, &[([0x01, 0x11, 0x6f], 1.0)]);
+}
+
+#[test]
+fn tile_styles() {
+    for (style, u, expected) in [
+        ("", [1.05, 1.45], RED),
+        ("tilestyleu='wrap'", [1.05, 1.45], RED),
+        ("tilestyleu='mirror' tilestylev='wrap'", [1.05, 1.45], BLUE),
+        ("tilestyleu='clamp'", [1.05, 1.45], BLUE),
+        ("tilestyleu='none'", [0.0, 0.45], RED),
+    ] {
+        for path in ["/3D/Textures/t.png", "3D/Textures/t.png", "Textures/T.PNG"] {
+            let resources = format!(
+                "<m:texture2d id='9' path='{path}' contenttype='image/png' {style}/><m:texture2dgroup id='10' \
+                    texid='9'>\
+                 <m:tex2coord u='{}' v='0'/><m:tex2coord u='{}' v='0'/><m:tex2coord u='{}' v='1'/></m:texture2dgroup>",
+                u[0], u[1], u[1]
+            );
+            let loaded = threemf(&resources, "", "pid='10' p1='0' p2='1' p3='2'");
+            assert_eq!(lost(&loaded), "", "{style} {path}");
+            assert_shares(&loaded, &[(expected, 1.0)]);
+        }
+    }
+}
+
+#[test]
+fn threemf_colours_that_are_lost() {
+    let ends = "<m:texture2d id='9' path='/3D/Textures/t.png' contenttype='image/png' tilestylev='none'/>\
+                <m:texture2dgroup id='10' texid='9'><m:tex2coord u='0' v='2'/></m:texture2dgroup>";
+    let multi = format!("{GROUP}<m:multiproperties id='8' pids='5'><m:multi pindices='1'/></m:multiproperties>");
+    let composite =
+        "<m:compositematerials id='8' matid='5' matindices='0 1'><m:composite values='1 0'/></m:compositematerials>";
+    for (resources, object, triangle, part) in [
+        (multi.as_str(), "pid='8' pindex='0'", "", "multi-properties (property group 8"),
+        (composite, "", "pid='8' p1='0'", "composite materials (property group 8"),
+        ("", "pid='8' pindex='0'", "", "property group 8 of /3D/3dmodel.model, which is nowhere defined"),
+        (GROUP, "pid='5' pindex='0'", "slic3rpe:mmu_segmentation='4'", "mmu_segmentation"),
+        ("", "", "paint_color='8'", "paint_color"),
+        (ends, "", "pid='10' p1='0'", "tile style none"),
+    ] {
+        let loaded = threemf(resources, object, triangle);
+        assert!(lost(&loaded).contains(part), "{part}: {}", lost(&loaded));
+    }
+    // Defined and not used, or empty, they do not matter; without any colour there is none.
+    assert_eq!(lost(&threemf(&multi, "pid='5' pindex='0'", "paint_color=''")), "");
+    let bare = threemf("", "", "paint_supports='4'");
+    assert!(bare.mesh.materials.is_empty() && lost(&bare).is_empty());
+}
+
+#[test]
+fn colours_of_volumes_are_said_to_be_lost() {
+    let loaded = threemf(
+        "<v:volumedata xmlns:v='http://schemas.microsoft.com/3dmanufacturing/volumetric/2022/01' id='9'/>",
+        "",
+        "",
+    );
+    assert!(said(&loaded, "volumetric data"), "{:?}", loaded.warnings);
+}
