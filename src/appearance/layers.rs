@@ -111,8 +111,8 @@ impl LayerField {
         }
     }
 
-    /// The material of every slot that [`Self::bottoms`] bounds, from the surface inwards, then the core's; of a mixture
-    /// the resin there is most of.
+    /// The material of every slot that [`Self::bottoms`] bounds, from the surface inwards, then the core's; of a
+    /// mixture the resin there is most of.
     pub fn slot_ids(&self) -> Vec<MaterialId> {
         match self {
             Self::Uniform(stack) => {

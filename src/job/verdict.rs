@@ -26,8 +26,8 @@ const HOLLOW: f64 = 0.75;
 const FOOT_AND_TOP: [f64; 2] = [0.25, 0.75];
 
 impl Manifest {
-    /// What the job comes to, a sentence or two each: the look, the worst place, what is out of reach, whether the files
-    /// are ready for the printer, how many warnings there are, whose resins these are.
+    /// What the job comes to, a sentence or two each: the look, the worst place, what is out of reach, whether the
+    /// files are ready for the printer, how many warnings there are, whose resins these are.
     pub fn verdict(&self) -> Vec<String> {
         let mut words = Vec::new();
         match &self.look {

@@ -1,5 +1,5 @@
-//! Normals by voxel, each found when it is first asked for: walks meet the same surface again and again, and the nearest
-//! triangle takes as long to find as some ten events of a walk.
+//! Normals by voxel, each found when it is first asked for: walks meet the same surface again and again, and the
+//! nearest triangle takes far longer to find than a walk takes to its next event.
 
 use std::sync::{
     OnceLock,
@@ -16,9 +16,9 @@ pub(super) struct Normals {
     bricks: Vec<OnceLock<Box<[AtomicU32; BRICK_VOXELS]>>>,
 }
 
-/// Not asked for yet; asked for, and there is none. No normal is packed as either.
+/// Not asked for yet; asked for, and there is none. Both coordinates of a normal are at least 1.
 const UNKNOWN: u32 = 0;
-const NONE: u32 = u32::MAX;
+const NONE: u32 = 1;
 /// Steps from the middle of a coordinate to either end.
 const STEPS: f64 = 32767.0;
 

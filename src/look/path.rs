@@ -10,7 +10,8 @@
 //! anywhere, drawn with the cosine to the normal: as if the surface were matt for what it lets through, by Fresnel's
 //! shares for each direction, inside and out. Under even light that is the smooth surface's mean; prints are never
 //! smooth to a beam, and what has scattered a few times has forgotten where it came from. The glint, light that has not
-//! been in the print, is left out where the camera sees it, as in printed albedos.
+//! been in the print, is left out where the camera sees it, as in printed albedos; so is light of a beam that is
+//! mirrored onto the ground or another part.
 
 use glam::DVec3;
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -47,7 +48,7 @@ impl<'a> Path<'a> {
 
     /// One sample of the radiance that comes to `place` against `direction`, under each lamp.
     pub fn radiance(mut self, place: Place, direction: DVec3, rng: &mut Xoshiro256PlusPlus) -> [f64; LAMPS] {
-        match self.stage.scene.skin.as_ref().filter(|_| self.stage.surface) {
+        match self.skin() {
             Some(skin) => self.follow_under(skin, place, direction, rng),
             None => self.follow(place, direction, rng),
         }
@@ -93,10 +94,15 @@ impl<'a> Path<'a> {
                 walker.fly_under(skin, &mut ray, self, rng)
             });
             match event {
-                Some(id) => match self.walker.scatter(id, ray.direction.into(), self.weight, rng) {
-                    Some((direction, weight)) => (ray.direction, self.weight) = (direction.into(), weight),
-                    None => return,
-                },
+                Some(id) => {
+                    if !skin.bends(id) {
+                        self.ask_a_beam(ray.place, id, ray.direction, rng);
+                    }
+                    match self.walker.scatter(id, ray.direction.into(), self.weight, rng) {
+                        Some((direction, weight)) => (ray.direction, self.weight) = (direction.into(), weight),
+                        None => return,
+                    }
+                }
                 None => match self.meet_ground(ray.place, ray.direction, rng) {
                     Some((ground, up)) => ray = Ray::in_air(ground, up),
                     None => return,
@@ -143,11 +149,24 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// Whether a photon of a beam gets to `place`.
+    /// Whether a photon of a beam gets to `place`; under a surface none goes straight through the print.
     #[inline]
     fn reaches(&self, place: Place, beam: &Beam, rng: &mut Xoshiro256PlusPlus) -> bool {
         let lit = beam.lights(self.stage.scene.position(place));
-        lit && self.walker.fly_in(&mut { place }, beam.toward.into(), rng).is_none()
+        lit && match self.skin() {
+            Some(_) => !self.is_shaded(place, beam),
+            None => self.walker.fly_in(&mut { place }, beam.toward.into(), rng).is_none(),
+        }
+    }
+
+    /// Whether any print is in the way of a beam to `place`.
+    fn is_shaded(&self, place: Place, beam: &Beam) -> bool {
+        let scene = self.stage.scene;
+        scene.meets(scene.position(place), beam.toward).is_some()
+    }
+
+    fn skin(&self) -> Option<&'a Skin> {
+        self.stage.scene.skin.as_ref().filter(|_| self.stage.surface)
     }
 }
 
@@ -156,7 +175,7 @@ impl Outside for Path<'_> {
         let position = self.stage.scene.position(leaving.place);
         for (lamp, beam) in self.stage.lamps.beams.iter().enumerate() {
             let cosine = leaving.normal.dot(beam.toward);
-            if cosine > 0.0 && beam.lights(position) && self.stage.scene.meets(position, beam.toward).is_none() {
+            if cosine > 0.0 && beam.lights(position) && !self.is_shaded(leaving.place, beam) {
                 let entering = cosine * leaving.entering(cosine);
                 self.seen[lamp + 1] += self.weight * leaving.passes * entering / std::f64::consts::PI;
             }

@@ -60,8 +60,8 @@ impl Scene {
     }
 
     /// The same print under surfaces that reflect and bend light: those of the meshes it was made from, with outward
-    /// corners counter-clockwise, and the refractive index of every id, the background's 1 first. Printed albedos then
-    /// leave out the glint, as the models do; pictures know no surface.
+    /// corners counter-clockwise, and the refractive index of every id, the background's 1 first. Printed albedos and
+    /// pictures then leave out the glint, as the models do.
     #[must_use]
     pub fn under(self, surfaces: Vec<Arc<Surface>>, indices: &[f64]) -> Self {
         let bends = indices.iter().any(|index| *index != 1.0);

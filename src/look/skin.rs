@@ -10,8 +10,8 @@
 //! Flights step from voxel to voxel only in bricks that hold both print and air; elsewhere they leap as ever, to where
 //! bricks of the other kind may begin. Boundaries between resins of unlike indices are not seen.
 //!
-//! *Tried:* leaps in bricks of both kinds, through cubes of voxels that are alike. Light that scatters every two or three
-//! voxels has nothing of them.
+//! *Tried:* leaps in bricks of both kinds, through cubes of like voxels: light that scatters every two or three voxels
+//! gains nothing.
 
 use std::sync::Arc;
 
@@ -38,9 +38,9 @@ pub(super) struct Skin {
     surfaces: Vec<Arc<Surface>>,
     /// Refractive index by id.
     index: [f64; 256],
-    /// What of diffuse light from outside gets in, by id.
+    /// Transmittance for diffuse light from outside, by id.
     gets_in: [f64; 256],
-    /// Steps to the nearest brick that is not printed, or not air, all over as this one is; 0: this one is of both.
+    /// Steps to the nearest brick that is not all print, or not all air, as this one is; 0: this one holds both.
     alike: Vec<u8>,
     /// Normals that were asked for before.
     normals: Normals,
@@ -86,7 +86,7 @@ pub(super) struct Leaving {
     /// The share that gets out.
     pub passes: f64,
     index: f64,
-    /// What of diffuse light from outside gets in.
+    /// Transmittance for diffuse light from outside.
     gets_in: f64,
 }
 
@@ -142,6 +142,11 @@ impl Skin {
             alike: (0..kinds.len()).map(|brick| of_print[brick].min(to_outside(brick)).max(of_air[brick])).collect(),
             normals: Normals::new(kinds.len()),
         }
+    }
+
+    /// Whether light is bent at the surface of this resin.
+    pub fn bends(&self, id: u8) -> bool {
+        self.index[usize::from(id)] != 1.0
     }
 
     /// Outward unit normal of the surface near a voxel: at its middle's nearest point of any mesh.
@@ -250,7 +255,10 @@ impl Walker<'_> {
             };
             if leaves * sigma > depth {
                 ray.place += step * (depth / sigma);
-                let id = scene.id_at(ray.place);
+                if !scene.holds(ray.place) {
+                    return None;
+                }
+                let id = if alike == 0 { scene.volume().id_in(brick, voxel) } else { scene.id_at(ray.place) };
                 if alike == 0 || self.media.is_real(class, id, rng) {
                     ray.medium = Medium::Resin;
                     return Some(id);
@@ -289,6 +297,9 @@ impl Walker<'_> {
         let cosine = outward.map_or(0.0, |normal| ray.direction.dot(normal));
         let Some(normal) = outward.filter(|_| cosine > 0.0) else {
             // A step of the voxels, or no boundary to light.
+            if index == 1.0 {
+                ray.medium = Medium::Air;
+            }
             ray.place = next;
             ray.left = next;
             return;

@@ -3,10 +3,10 @@
 //! Pixel (i, j) is the square of side 1 about (i, j). Near the centre its share is counted on a fine grid; farther out,
 //! where a ring's edge is straight across a pixel, it is the exact share of a square cut by a line.
 
-use crate::parallel;
 use std::f64::consts::PI;
 
 use super::bracket::Radiance;
+use crate::parallel;
 
 /// Inside this radius in pixels areas are counted on a grid…
 const COUNTED_PX: f64 = 12.0;

@@ -9,12 +9,12 @@
 //! Accuracy, held by tests: on closed-form pairs sampled every 10 µm from 5 µm on, e^(−ar)/r, e^(−ar), e^(−ar²) at
 //! a = 1…10, the error is under 2e-5 of f̂(0) from point samples and under 1e-5 from ring means.
 
-use crate::parallel;
 use std::f64::consts::TAU;
 
 use super::quadrature::Nodes;
 use super::tail::Tail;
 use super::{FrequencyGrid, RadialProfile};
+use crate::parallel;
 
 /// An exponential tail is followed to e^(−25) of its start: 1e-11.
 const TAIL_LENGTHS: f64 = 25.0;

@@ -11,7 +11,6 @@ mod lock;
 mod place;
 mod scratch;
 
-use crate::parallel;
 use std::{
     collections::BTreeMap,
     fs,
@@ -21,6 +20,8 @@ use std::{
 };
 
 use earlier::Earlier;
+
+use crate::parallel;
 pub use earlier::MAX_MANIFEST_BYTES;
 pub use error::OutputError;
 use error::io_error;

@@ -1,8 +1,9 @@
 //! Reading and smoothing fields of cells.
 
-use crate::parallel;
 use glam::Vec3;
 use rayon::prelude::*;
+
+use crate::parallel;
 
 /// The eight cells around a position with their trilinear weights; cells outside are left out.
 #[inline]

@@ -111,8 +111,8 @@ mod tests {
             let normal = [flat * turn.cos(), flat * turn.sin(), z];
             let back = unfolded(folded(normal));
             let cosine: f64 = normal.iter().zip(back).map(|(a, b)| a * b).sum();
-            // Half a step along both sides of the square, 2/63 each, moves a point of the octahedron by (1, 1, −2)/63 at
-            // most, 0.577 from its middle where it is nearest: 3.9°.
+            // Half a step along both sides of the square, 2/63 each, moves a point of the octahedron by (1, 1, −2)/63
+            // at most, 0.577 from its middle where it is nearest: 3.9°.
             assert!(cosine > 0.9976, "{normal:?} came back as {back:?}");
         }
     }

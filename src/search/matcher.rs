@@ -186,8 +186,8 @@ impl Matcher {
     }
 
     /// The best stacking of each target, in parallel; the answers do not depend on the number of threads. A target is a
-    /// step of the stage that `watch` hears. Mixed layers of all answers are those of one [`Family`]; where limits leave
-    /// none, layers are of pure resins.
+    /// step of the stage that `watch` hears. Mixed layers of all answers are those of one [`Family`]; where limits
+    /// leave none, layers are of pure resins.
     ///
     /// # Errors
     /// The first in the order of the targets: one unlike the resins, limits that leave no stacking, a node budget too

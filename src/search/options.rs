@@ -24,8 +24,8 @@ pub struct SearchOptions {
     pub limits: Vec<ResinLimit>,
     /// The resin that fills the half-space below the stacking; `None`: nothing lies there and no light returns.
     pub core: Option<ResinId>,
-    /// What lies between air and every stacking; a [`Matcher`](super::Matcher) and a [`Gamut`](super::Gamut) take that of
-    /// their set in its place. Between layers of unlike refractive indices the search sees nothing.
+    /// What lies between air and every stacking; a [`Matcher`](super::Matcher) and a [`Gamut`](super::Gamut) take that
+    /// of their set in its place. Between layers of unlike refractive indices the search sees nothing.
     pub surface: Interface,
     /// Stop after this many nodes with the best stacking so far; `None`: search until the optimum is proven.
     pub max_nodes: Option<u64>,

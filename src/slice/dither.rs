@@ -1,4 +1,5 @@
-//! Boundaries between layers that are no staircase of whole voxels, and that lie as deep below the print as they should.
+//! Boundaries between layers that are no staircase of whole voxels, and that lie as deep below the print as they
+//! should.
 //!
 //! A voxel is asked for the layer at a depth that is moved by up to half a voxel up or down, by a mask of thresholds:
 //!

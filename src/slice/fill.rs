@@ -114,7 +114,8 @@ impl ObjectField {
         }
     }
 
-    /// The same object with other layers; `uvs` are the texture coordinates of its triangles, for layers that need them.
+    /// The same object with other layers; `uvs` are the texture coordinates of its triangles, for layers that need
+    /// them.
     pub fn with_layers(mut self, layers: LayerField, uvs: &[[Vec2; 3]]) -> Self {
         self.uvs = if layers.needs_uv() { uvs.into() } else { Arc::default() };
         self.layers = Arc::new(layers);

@@ -163,8 +163,8 @@ fn objects_are_compared_with_their_job() {
     let names: Vec<_> = found["stages"].as_array().unwrap().iter().map(|stage| &stage["name"]).collect();
     assert_eq!(names, ["clustered", "predicted", "printed"]);
     // Seen from straight above all that shows is the top. Under the sky it is somewhat darker than predicted of a slab
-    // without end: 4 × 2 mm lose light by their sides, which show the core. Under the edge it is bright and dark where it
-    // should be.
+    // without end: 4 × 2 mm lose light by their sides, which show the core. Under the edge it is bright and dark where
+    // it should be.
     let printed = &stage(&found, "printed")["against"][0];
     assert_eq!(printed[0], "predicted");
     let [sky, edge] = [&printed[1][0], &printed[1][1]];

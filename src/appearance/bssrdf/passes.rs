@@ -131,8 +131,9 @@ impl Source<'_> {
                         }
                         let texels = inside.map_or(0..0, |(texels, _)| texels);
                         for x in (0..texels.start).chain(texels.end.max(texels.start)..width) {
-                            // Seen beyond the patch: judged by the lit texel's own profile, and never by more than twice
-                            // its weight, for beyond an edge the other material's light may be any number of times this.
+                            // Seen beyond the patch: judged by the lit texel's own profile, and never by more than
+                            // twice its weight, for beyond an edge the other material's light may be any number of
+                            // times this.
                             let r = global * lit[x] * lit[x];
                             if data[x].is_finite() && r > 0.0 {
                                 let weight = OUTSIDE_WEIGHT * r * r / variance_of(variance, r);

@@ -248,8 +248,8 @@ pub struct OutputOptions {
     pub formats: Vec<OutputFormat>,
     /// Voxel size that material meshes are made at, mm, 0.001 to 10; `None`: the mesher's choice.
     pub mesh_pitch_mm: Option<f64>,
-    /// How far fewer, larger triangles of material meshes may be off, mm, 0 to 1; 0 leaves them as they are; `None`: the
-    /// mesher's choice.
+    /// How far fewer, larger triangles of material meshes may be off, mm, 0 to 1; 0 leaves them as they are; `None`:
+    /// the mesher's choice.
     pub mesh_error_mm: Option<f64>,
     /// Resin that is printed where a stacking has the background (support) resin; `None`: nothing is, and the
     /// printer fills the void with support.

@@ -10,8 +10,8 @@ const PITCH_MM: f64 = 0.2;
 const STACKINGS: usize = 12;
 
 impl Job {
-    /// The same job, coarsely: voxels of at least 0.2 mm, at most 12 stackings an object, and no correction of the print.
-    /// Layers stay as thin as they may be.
+    /// The same job, coarsely: voxels of at least 0.2 mm, at most 12 stackings an object, and no correction of the
+    /// print. Layers stay as thin as they may be.
     pub fn quick(mut self) -> Self {
         if let StackingModel::Transport { min_layer_mm, .. } = &mut self.stacking.model {
             min_layer_mm.get_or_insert(self.printer.pitch_mm.max_element());

@@ -2,8 +2,8 @@
 //!
 //! One scene for each channel: volumes of extinction, of albedo and of which phase function, as Mitsuba's grids, and
 //! `scene_<channel>.xml` with `-Dlamp=sky|edge|behind|spot`. Mitsuba blends two phase functions, so a set of resins
-//! with three different g in a channel is refused. Refractive indices are left out. Beside it lies what this program sees of the scene, for Mitsuba's
-//! pictures to be held against: `film_<channel>.npy`, nothing smoothed.
+//! with three different g in a channel is refused. Refractive indices are left out. Beside it lies what this program
+//! sees of the scene, for Mitsuba's pictures to be held against: `film_<channel>.npy`, nothing smoothed.
 
 use std::{
     fmt::Write,

@@ -57,8 +57,8 @@ impl AskedMap {
 }
 
 impl AskedMap {
-    /// Logarithms of the factors that a texel's own albedos are of those of its cluster, by channel, where albedos below
-    /// `black` count as that; none where the cluster's is all that is asked for.
+    /// Logarithms of the factors that a texel's own albedos are of those of its cluster, by channel, where albedos
+    /// below `black` count as that; none where the cluster's is all that is asked for.
     pub(super) fn ln_own(&self, texel: usize, cluster: ClusterId, black: f64) -> Vec<f64> {
         let (Some(own), Some(target)) = (self.of(texel), self.targets.get(cluster.index())) else { return Vec::new() };
         let of_cluster = target.channels.iter().map(|channel| channel.first().copied().unwrap_or(0.0));

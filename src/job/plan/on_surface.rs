@@ -13,7 +13,6 @@
 //! over some of them what is wanted is laid on the mean, and no step shows as an edge.
 
 use rayon::prelude::*;
-
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -298,8 +297,8 @@ impl ObjectPlan {
     }
 }
 
-/// An albedo that is asked for, as near as `promised` is where that is far from it: what is a few percent off is made up
-/// for, and what no stacking reaches is not striven for in one channel at the cost of another.
+/// An albedo that is asked for, as near as `promised` is where that is far from it: what is a few percent off is made
+/// up for, and what no stacking reaches is not striven for in one channel at the cost of another.
 fn within_reach(asked: f64, promised: f64) -> f64 {
     if asked <= 0.0 || promised <= 0.0 {
         return asked.max(promised);

@@ -56,7 +56,8 @@ pub struct StackingEntry {
 /// A target before and after it was brought into the gamut. The search's objective is that of the target after.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GamutMapEntry {
-    /// Whether it lay inside of what layers of one resin each reach, or what a search with mixtures found looks like it.
+    /// Whether it lay inside of what layers of one resin each reach, or what a search with mixtures found looks like
+    /// it.
     pub reached: bool,
     /// Half-energy radius asked for per channel, mm; `None` where there is no light.
     pub target_half_energy_radius_mm: Vec<Option<f64>>,
@@ -102,8 +103,8 @@ pub struct SearchEntry {
     /// Partial stackings looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nodes: Option<u64>,
-    /// What the transport model says of the stacking of whole units and what it was refined to; `None` where nothing was
-    /// refined. Objective, bound and proof are then those of the stacking of whole units.
+    /// What the transport model says of the stacking of whole units and what it was refined to; `None` where nothing
+    /// was refined. Objective, bound and proof are then those of the stacking of whole units.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transport: Option<TransportEntry>,
 }

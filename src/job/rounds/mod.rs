@@ -47,8 +47,8 @@ use crate::{
     watch::{StopOnly, Watch},
 };
 
-/// Walks of a round, for each channel, and how many a point has at least and at most. With 400 in place of 125 at each of
-/// a rabbit's 20,000 points, what bells and shape cannot tell of a miss is smaller by a tenth in thin parts.
+/// Walks of a round, for each channel, and how many a point has at least and at most. With 400 in place of 125 at each
+/// of a rabbit's 20,000 points, what bells and shape cannot tell of a miss is smaller by a tenth in thin parts.
 const WALKS: u64 = 4_000_000;
 const WALKS_EACH: [u64; 2] = [128, 512];
 /// Seeds of rounds: apart from those of looks.
@@ -110,8 +110,8 @@ impl Prepared {
         Self::corrected(job, &[], watch)
     }
 
-    /// [`Self::new`], which takes what an earlier run of the same job left in the first of `folders` that has it in place
-    /// of looking again.
+    /// [`Self::new`], which takes what an earlier run of the same job left in the first of `folders` that has it in
+    /// place of looking again.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -216,8 +216,8 @@ impl Prepared {
         self.look_at_points(plans, &scene, spots, round, watch)
     }
 
-    /// Holds what is printed against what is asked for: what to ask of the labels next, and whether to. `laid` was asked
-    /// this time, and the labels fell short of it by `short_of`.
+    /// Holds what is printed against what is asked for: what to ask of the labels next, and whether to. `laid` was
+    /// asked this time, and the labels fell short of it by `short_of`.
     fn judge(
         &self,
         plans: &[ObjectPlan],

@@ -3,8 +3,8 @@
 use super::residual::{Looked, Seen};
 use crate::job::record::Ended;
 
-/// A correction of this much of an albedo is worth a round, and where fewer of the points than this share want one, none
-/// is: neither 2% nor a hundredth of the surface that is off by more can be seen.
+/// A correction of this much of an albedo is worth a round, and where fewer of the points than this share want one,
+/// none is: neither 2% nor a hundredth of the surface that is off by more can be seen.
 const WORTHWHILE: f64 = 0.02;
 const FEW: f64 = 0.01;
 /// Standard errors that an improvement must be above.

@@ -8,8 +8,8 @@
 //! by 0.55, and the next one, of what is left, by 0.8, 0.5 and 0.45.
 //!
 //! *Fails by a little:* noise of a look is in the correction that follows it, and in the change from there, so that
-//! small corrections, of flat parts in late rounds, seem to be followed by more than they are. There it changes nothing,
-//! for no correction is divided by more than 1.
+//! small corrections, of flat parts in late rounds, seem to be followed by more than they are. There it changes
+//! nothing, for no correction is divided by more than 1.
 
 use super::{
     Followed,

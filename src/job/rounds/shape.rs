@@ -1,7 +1,7 @@
 //! What the shape of an object around a point does to its print there.
 //!
-//! Beside an edge light finds its way out sooner, through a thin part it comes from behind, in a hollow it is sent back:
-//! the print is lighter or darker than a flat slab of the same layers, by up to half, within a fraction of a
+//! Beside an edge light finds its way out sooner, through a thin part it comes from behind, in a hollow it is sent
+//! back: the print is lighter or darker than a flat slab of the same layers, by up to half, within a fraction of a
 //! millimetre. Few walks end there, too few to tell. But places of like shape miss alike, and there are thousands of
 //! points: what all of them miss is fitted by functions of the shape, and only what is left is told apart by where it
 //! lies.
@@ -9,10 +9,10 @@
 //! Shape is what light meets: the mean of exp(−d/ℓ) over the ways d out of the print, weighted with the cosine to the
 //! surface's normal, for a few lengths ℓ. It is near 0 under a plane, 0.15 for the longest of them, and 1 at the tip of
 //! a needle. With it go the share of the sky that is hidden and half the thickness. Printed over asked is a cubic in
-//! these and the albedo (less is lost of a light resin), of a lower degree where points are few. Of what the points of a
-//! rabbit in one colour miss before any correction, 7.1% (standard deviation) is left in hollows and 7.7% in thin parts
-//! without products of different numbers, 5.1 and 6.7% with the cubic; boosted trees of the same numbers leave 4.7 and
-//! 6.2% (red, held back points).
+//! these and the albedo (less is lost of a light resin), of a lower degree where points are few. Of what the points of
+//! a rabbit in one colour miss before any correction, 7.1% (standard deviation) is left in hollows and 7.7% in thin
+//! parts without products of different numbers, 5.1 and 6.7% with the cubic; boosted trees of the same numbers leave
+//! 4.7 and 6.2% (red, held back points).
 
 use super::super::{look::shade, plan::HALF_THICKNESSES_MM};
 use crate::{

@@ -67,10 +67,11 @@ fn slabs_under_a_surface_print_as_the_transport_model_has_it() {
 /// light gets in: by paths from all sides.
 #[test]
 fn pictures_under_a_surface_show_what_gets_in() {
-    let (_, media) = synthetic();
+    let (set, media) = synthetic();
+    let [white, black] = ["white", "black"].map(|name| set.resin(name).unwrap().0.0 as u8 + 1);
     let (pitch, size) = (DVec3::splat(0.1), DVec3::new(24.0, 24.0, 3.0));
     let dims = (size / pitch).to_array().map(|n| n.round() as u32);
-    let white_over_black = volume(dims, pitch, |p| if p.z > 1.0 { 1 } else { 3 });
+    let white_over_black = volume(dims, pitch, |p| if p.z > 1.0 { white } else { black });
     let scene = under(Scene::new(white_over_black, &[media]).unwrap(), &mesh(&box_triangles(DVec3::ZERO, size)));
     let albedo = printed(&scene, top(size), 100_000);
     let beam = |cosine: f64| {

@@ -1,8 +1,9 @@
 //! Light into numbers, as a single-lens reflex camera of the 2010s does it.
 
-use crate::parallel;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
+
+use crate::parallel;
 
 /// Above so many electrons a Poisson distribution is taken for normal.
 const NORMAL_FROM: f64 = 60.0;

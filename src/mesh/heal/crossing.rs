@@ -107,8 +107,8 @@ fn meet_beyond([first, second]: [&[DVec3; 3]; 2], at: [usize; 2], heights: [f64;
     let (i, j) = ((at[1] + 1) % 3, (at[1] + 2) % 3);
     match [sides[i], sides[j]] {
         [0, 0] => {
-            // Most lie beside each other, which is found sooner than that none leads into the other: a line along one of
-            // the sides parts them. The first's go from a to b, the second's from c to d; turns from one side to
+            // Most lie beside each other, which is found sooner than that none leads into the other: a line along one
+            // of the sides parts them. The first's go from a to b, the second's from c to d; turns from one side to
             // another are positive the way from a to b.
             let normal = one[0].cross(one[1]);
             let [[ac, ad], [bc, bd]] = one.map(|a| two.map(|c| normal.dot(a.cross(c))));

@@ -5,11 +5,11 @@
 //! The method is cubic; loops beyond [`MAX_EXACT`] corners, and whatever comes after [`BUDGET`] is spent, get a fan
 //! around their centroid, which has the right boundary too but may fold over itself if the loop is not star-shaped.
 
-use crate::parallel;
 use glam::DVec3;
 
 use super::area;
 use super::boundary::Hole;
+use crate::parallel;
 
 /// Longest loop filled with least area: 300³/6 triangles are 4.5 million, about 30 ms.
 const MAX_EXACT: usize = 300;

@@ -24,7 +24,6 @@ mod rays;
 mod scattering;
 mod slab;
 
-use crate::parallel;
 use faer::{Col, Row};
 
 use self::{
@@ -41,6 +40,7 @@ pub use self::{
     modal::ModalReflection,
 };
 use super::{FrequencyGrid, Light, Stack, VolumeCoefficients};
+use crate::parallel;
 
 /// Directions of the model: polar angles of a hemisphere and azimuthal orders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

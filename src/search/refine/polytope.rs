@@ -66,8 +66,8 @@ impl Polytope {
         Self { constraints }
     }
 
-    /// The same as [`Self::step`] by an active-set method on the multipliers (Lawson and Hanson 1974, chapter 23): exact
-    /// where numbers hardly matter or are hard to tell apart, and Hildreth's procedure crawls.
+    /// The same as [`Self::step`] by an active-set method on the multipliers (Lawson and Hanson 1974, chapter 23):
+    /// exact where numbers hardly matter or are hard to tell apart, and Hildreth's procedure crawls.
     pub(in crate::search) fn exact_step(&self, x: &[f64], inverse: &[Vec<f64>], gradient: &[f64]) -> Option<Vec<f64>> {
         let apply = |v: &[f64]| -> Vec<f64> { inverse.iter().map(|row| dot(row, v)).collect() };
         let free: Vec<f64> = apply(gradient).into_iter().map(|x| -x).collect();

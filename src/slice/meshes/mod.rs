@@ -20,11 +20,11 @@
 //! | `stl`, `threemf` | writers |
 //!
 //! Layers thinner than the pitch are rounded to the pitch or to nothing (`taper`). At half the thinnest layer, volumes
-//! are within 0.4% of the voxels' on a slab, a sphere, the 60 mm bunny and a textured cow whose layers taper off.
-//! Edges are kept where a boundary is a level set of the exact distance: the outer surface, and layers that are the same
+//! are within 0.4% of the voxels' on a slab, a sphere, the 60 mm bunny and a textured cow whose layers taper off. Edges
+//! are kept where a boundary is a level set of the exact distance: the outer surface, and layers that are the same
 //! everywhere and as thick as the pitch. Elsewhere they are cut by up to 0.35, corners by 0.6 of the pitch, and what is
-//! thinner than the pitch is seen by chance anywhere. Depth is the exact or the Lp-averaged distance,
-//! as the object has it; the grid's has steps, and the exact one stands in for it.
+//! thinner than the pitch is seen by chance anywhere. Depth is the exact or the Lp-averaged distance, as the object has
+//! it; the grid's has steps, and the exact one stands in for it.
 
 mod cell;
 mod crossing;

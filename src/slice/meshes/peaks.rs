@@ -1,9 +1,9 @@
-//! Edges and corners of the surface within cells: Kobbelt, Botsch, Schwanecke and Seidel 2001, *Feature sensitive surface
-//! extraction from volume data*.
+//! Edges and corners of the surface within cells: Kobbelt, Botsch, Schwanecke and Seidel 2001, *Feature sensitive
+//! surface extraction from volume data*.
 //!
 //! A loop whose vertices have different tangent planes is filled around the point nearest to all planes, which is moved
-//! onto the level set. So every cell on an edge of the surface has a vertex on it, but between two such cells the loops'
-//! common segment still cuts the edge: it is flipped, and joins the two vertices.
+//! onto the level set. So every cell on an edge of the surface has a vertex on it, but between two such cells the
+//! loops' common segment still cuts the edge: it is flipped, and joins the two vertices.
 //!
 //! ```text
 //!     ╱│╲             ╱ ╲
@@ -11,8 +11,8 @@
 //!     ╲│╱             ╲ ╱
 //! ```
 //!
-//! Planes are known where a boundary is a level set of the exact distance ([`super::crossing`]). Where it is not (texture,
-//! Lp, layers below the pitch, cells of three materials), edges stay cut.
+//! Planes are known where a boundary is a level set of the exact distance ([`super::crossing`]). Where it is not
+//! (texture, Lp, layers below the pitch, cells of three materials), edges stay cut.
 
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
@@ -27,8 +27,8 @@ use super::{
 /// pitch, four fifths of the default error at 0.2 mm.
 const LEAST_HEIGHT: f64 = 0.02;
 
-/// Weight that draws the point to the vertices' mean along directions that no plane decides. At planes 5° apart it keeps
-/// 5% of the height; the second round leaves a twentieth of that.
+/// Weight that draws the point to the vertices' mean along directions that no plane decides. At planes 5° apart it
+/// keeps 5% of the height; the second round leaves a twentieth of that.
 const DRAW: f64 = 1e-4;
 
 /// Steps that move the point onto the level set.
@@ -152,8 +152,8 @@ pub fn join_peaks(interfaces: &mut Interfaces, tangents: &[Tangent], peaks: &[u3
     }
 }
 
-/// Whether the triangles (a, b, c) and (b, a, d) lie nearer to the tangent planes at a and b as (a, d, c) and (b, c, d),
-/// which have area and do not fold.
+/// Whether the triangles (a, b, c) and (b, a, d) lie nearer to the tangent planes at a and b as (a, d, c) and (b, c,
+/// d), which have area and do not fold.
 fn flattens([a, b, c, d]: [u32; 4], at: &impl Fn(u32) -> DVec3, tangents: &[Tangent]) -> bool {
     let off = |vertex: u32, other: u32| {
         let normal = tangents[vertex as usize].normal.as_dvec3();

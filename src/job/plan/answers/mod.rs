@@ -9,12 +9,12 @@
 //!
 //! Where a job allows mixtures, the top layer takes in more or less of the other resins too. Thin parts then have no
 //! core, if they can be dark enough without: the last layer goes on to the middle, and farther, for a part is thicker
-//! here and there than it counts. A core shows up there in specks, and takes light from all around: in resins that
-//! absorb next to nothing from millimetres, which no change of the layers above makes up for.
+//! here and there than it counts. A core would show there in specks and take light from around, in resins that absorb
+//! next to nothing from millimetres away; no change of the layers above makes up for that.
 //!
 //! All of these numbers move by the least change that makes up for what is missing, in each channel, by Newton's rule
-//! with differences for slopes: shares in units of [`SHARE`], thicknesses relative to what they are, and in much smaller
-//! units where there are shares, for thicknesses are what makes a glow wide ([`STIFF`]).
+//! with differences for slopes: shares in units of [`SHARE`], thicknesses relative to what they are. Where there are
+//! shares, thicknesses move little ([`STIFF`]); freely where what is wanted is missed so.
 
 mod newton;
 #[cfg(test)]
@@ -80,6 +80,14 @@ enum Below {
     Middle(f64),
 }
 
+/// How an answer is sought.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    below: Below,
+    /// How easily thicknesses move beside shares: [`STIFF`], or 1.
+    ease: f64,
+}
+
 /// Transport in stacks of one order of layers, by channel.
 struct Model {
     order: Vec<Option<Mixture>>,
@@ -109,11 +117,11 @@ const NEARLY_ALL: f64 = 0.02;
 /// Most that a step may change ln thickness, or shares in their unit.
 const LONGEST: f64 = 0.7;
 const MOST_SHARES: f64 = 3.0;
-/// A share of the top layer that matters as much as its thickness once over.
+/// Unit of shares of the top layer in a step.
 const SHARE: f64 = 0.05;
-/// A change of ln thickness that counts as one of [`SHARE`], where there are shares. A top layer made thicker hides what
-/// spreads light below it: with thicknesses as free as shares an edge on a ball in white with 13% black, 0.25 mm over
-/// support, was 0.7 mm wide in place of 1.3; a top layer of 23% black at the same thickness is as dark, at 1.35 mm.
+/// Thicknesses make a glow wide, so that shares move first. With both free an edge on a ball in white with 13% black,
+/// 0.25 mm over support, that must print darker, was 0.7 mm wide in place of 1.3, under a top layer twice as thick; of
+/// 23% black at the same thickness it is as dark, at 1.35 mm.
 const STIFF: f64 = 0.1;
 /// Most of the top layer that may be other than what it mostly is.
 const MIXED: f64 = 0.8;
@@ -195,7 +203,8 @@ impl Answers {
         self.clusters[cluster].layers.iter().map(|layer| layer.1).sum()
     }
 
-    /// Answers to all `questions`, which are sorted: those of one cluster and thickness are answered one from the other.
+    /// Answers to all `questions`, which are sorted: those of one cluster and thickness are answered one from the
+    /// other.
     pub fn answer(&self, questions: &[Question], watch: &dyn Watch) -> Result<Vec<Answer>, Stopped> {
         let alike = |a: &Question, b: &Question| a.cluster == b.cluster && a.half_mm == b.half_mm;
         let runs: Vec<&[Question]> = questions.chunk_by(alike).collect();
@@ -250,22 +259,30 @@ impl Answers {
     fn answer_run(&self, run: &[Question]) -> Vec<Answer> {
         let base = &self.clusters[run[0].cluster];
         let asked: Vec<&[f64]> = run.iter().map(|question| question.ln_albedo.as_slice()).collect();
-        let Some(half) = run[0].half_mm else { return self.answer_over(base, &asked, Below::Core) };
-        if !self.fills(base) {
-            return self.answer_over(base, &asked, Below::CoreToMiddle(half));
-        }
-        let mut answers = self.answer_over(base, &asked, Below::Middle(half));
-        let missed: Vec<usize> = (0..run.len()).filter(|&n| answers[n].misses()).collect();
-        let missing: Vec<&[f64]> = missed.iter().map(|&n| asked[n]).collect();
-        if !missing.is_empty() {
-            let over_core = self.answer_over(base, &missing, Below::CoreToMiddle(half));
-            for (n, other) in missed.into_iter().zip(over_core) {
+        let mut ways = self.ways(base, run[0].half_mm).into_iter();
+        let mut answers = ways.next().map_or_else(Vec::new, |way| self.answer_over(base, &asked, way));
+        for way in ways {
+            let missed: Vec<usize> = (0..answers.len()).filter(|&n| answers[n].misses()).collect();
+            let missing: Vec<&[f64]> = missed.iter().map(|&n| asked[n]).collect();
+            for (n, other) in missed.into_iter().zip(self.answer_over(base, &missing, way)) {
                 if other.miss() < answers[n].miss() {
                     answers[n] = other;
                 }
             }
         }
         answers
+    }
+
+    /// The ways to seek answers, the best for the print first; the next where that misses.
+    fn ways(&self, base: &Base, half_mm: Option<f64>) -> Vec<Way> {
+        let below = match half_mm {
+            None => vec![Below::Core],
+            Some(half) if self.fills(base) => vec![Below::Middle(half), Below::CoreToMiddle(half)],
+            Some(half) => vec![Below::CoreToMiddle(half)],
+        };
+        let stiff =
+            base.top.as_ref().filter(|(_, others)| !others.is_empty()).map(|_| Way { below: below[0], ease: STIFF });
+        stiff.into_iter().chain(below.into_iter().map(|below| Way { below, ease: 1.0 })).collect()
     }
 
     /// Whether a stacking does without a core in thin parts.
@@ -275,13 +292,16 @@ impl Answers {
         base.top.is_some() && parts.is_some_and(|parts| parts.iter().all(|(resin, _)| endless(resin)))
     }
 
-    /// Answers to questions of one cluster over the same: from what was found for the cluster outwards, each from the
+    /// Answers to questions of one cluster, sought one way: from what was found for the cluster outwards, each from the
     /// nearest of those before.
-    fn answer_over(&self, base: &Base, run: &[&[f64]], below: Below) -> Vec<Answer> {
+    fn answer_over(&self, base: &Base, run: &[&[f64]], way: Way) -> Vec<Answer> {
+        if run.is_empty() {
+            return Vec::new();
+        }
         let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
         let ln = |albedo: &[f64]| -> Vec<f64> { albedo.iter().map(|albedo| libm::log(albedo.max(BLACK))).collect() };
-        let start = self.squeezed(base, below);
-        let here = ln(&self.albedo(base, &start, below));
+        let start = self.squeezed(base, way.below);
+        let here = ln(&self.albedo(base, &start, way.below));
         let mut order: Vec<(f64, usize)> =
             run.iter().enumerate().map(|(n, ln_albedo)| (apart(ln_albedo, &here), n)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -293,7 +313,7 @@ impl Answers {
             let (_, nearest) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
             let (_, from, slopes) = &solved[nearest];
             let mut slopes = slopes.clone();
-            let (numbers, answer) = self.solve(base, below, from, goal, &mut slopes);
+            let (numbers, answer) = self.solve(base, way, from, goal, &mut slopes);
             // What it came to, not what it was asked for: one that is stuck is near to no other.
             solved.push((ln(&answer.albedo), numbers, slopes));
             answers[n] = Some(answer);
@@ -426,8 +446,7 @@ impl Base {
     /// Moves a number by `step`: a thickness by a factor, a share by so many of its unit.
     fn shift(&self, numbers: &mut [f64], n: usize, step: f64) {
         if n < self.layers.len() {
-            let unit = if self.top.is_some() { STIFF } else { 1.0 };
-            numbers[n] *= libm::exp((unit * step).clamp(-LONGEST, LONGEST));
+            numbers[n] *= libm::exp(step.clamp(-LONGEST, LONGEST));
         } else {
             numbers[n] += SHARE * step.clamp(-MOST_SHARES, MOST_SHARES);
         }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Answer, Answers, BLACK, Base, Below, MIXED};
+use super::{Answer, Answers, BLACK, Base, Below, MIXED, Way};
 use crate::{
     numeric::{positive_definite, rounding::rounded},
     optics::{Mixture, Stack},
@@ -13,11 +13,13 @@ const STALE: f64 = 0.25;
 /// Newton's steps, and the error of ln albedo that ends them.
 const STEPS: usize = 12;
 pub(super) const CLOSE: f64 = 0.004;
-/// Change of ln thickness, or of shares in their unit, that slopes are taken over.
+/// Change of a number, in its unit, that slopes are taken over.
 const DIFFERENCE: f64 = 0.04;
 /// Against slopes so flat that a step would be without end; more where a step went astray, for part of what is missing
 /// is out of reach (Levenberg and Marquardt).
 const DAMPINGS: [f64; 3] = [1e-4, 3e-3, 3e-2];
+/// A step that leaves more than this of the square of what was missing is none.
+const BETTER: f64 = 0.98;
 
 impl Answers {
     /// The numbers that make the albedo what is wanted, from `start` on; `slopes` are those of an answer nearby, and
@@ -25,7 +27,7 @@ impl Answers {
     pub(super) fn solve(
         &self,
         base: &Base,
-        below: Below,
+        way: Way,
         start: &[f64],
         ln_albedo: &[f64],
         slopes: &mut Option<Vec<Vec<f64>>>,
@@ -36,7 +38,7 @@ impl Answers {
         };
         let size = |missing: &[f64]| missing.iter().map(|ln| ln * ln).sum::<f64>();
         let mut numbers = start.to_vec();
-        let mut albedo = self.albedo(base, &numbers, below);
+        let mut albedo = self.albedo(base, &numbers, way.below);
         let mut off = missing(&albedo);
         for _ in 0..STEPS {
             if off.iter().all(|ln| ln.abs() < CLOSE) {
@@ -44,9 +46,9 @@ impl Answers {
             }
             let (known, fresh) = match slopes.take() {
                 Some(known) => (known, false),
-                None => (self.slopes(base, below, &numbers, &albedo), true),
+                None => (self.slopes(base, way, &numbers, &albedo), true),
             };
-            match self.stepped(base, below, (&numbers, &off, &known), &missing, &size) {
+            match self.stepped(base, way, (&numbers, &off, &known), &missing, &size) {
                 Some(better) => {
                     *slopes = (size(&better.2) < STALE * size(&off)).then_some(known);
                     (numbers, albedo, off) = better;
@@ -58,8 +60,8 @@ impl Answers {
         numbers.iter_mut().chain(&mut albedo).for_each(|value| *value = rounded(*value));
         off = missing(&albedo);
         let mut laid = numbers[..base.layers.len()].to_vec();
-        if let (Below::Middle(half), Some(last)) = (below, base.last()) {
-            laid[last] += half;
+        if let (Below::Middle(half), Some(last)) = (way.below, base.last()) {
+            laid[last] = rounded(laid[last] + half);
         }
         let layers = base.mixtures(&numbers).zip(laid);
         let stacking = Stack::new(layers).over(Mixture::from(self.core));
@@ -67,11 +69,11 @@ impl Answers {
     }
 
     /// What ln albedo changes by with every number, in its unit.
-    fn slopes(&self, base: &Base, below: Below, numbers: &[f64], albedo: &[f64]) -> Vec<Vec<f64>> {
+    fn slopes(&self, base: &Base, way: Way, numbers: &[f64], albedo: &[f64]) -> Vec<Vec<f64>> {
         let of = |n: usize| {
             let mut moved = numbers.to_vec();
             base.shift(&mut moved, n, DIFFERENCE);
-            let moved = self.albedo(base, &moved, below);
+            let moved = self.albedo(base, &moved, way.below);
             let slope = |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
             moved.iter().zip(albedo).map(slope).collect()
         };
@@ -83,20 +85,20 @@ impl Answers {
     fn stepped(
         &self,
         base: &Base,
-        below: Below,
+        way: Way,
         (numbers, off, slopes): (&[f64], &[f64], &[Vec<f64>]),
         missing: &dyn Fn(&[f64]) -> Vec<f64>,
         size: &dyn Fn(&[f64]) -> f64,
     ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
         for damping in DAMPINGS {
-            let step = self.allowed_step(base, numbers, off, slopes, damping);
+            let step = self.allowed_step(base, numbers, off, slopes, (way.ease, damping));
             for shorter in [1.0, 0.5, 0.2] {
                 let mut next = numbers.to_vec();
                 (0..next.len()).for_each(|n| base.shift(&mut next, n, shorter * step[n]));
                 self.keep_limits(base, &mut next);
-                let there = self.albedo(base, &next, below);
+                let there = self.albedo(base, &next, way.below);
                 let left = missing(&there);
-                if size(&left) < 0.98 * size(off) {
+                if size(&left) < BETTER * size(off) {
                     return Some((next, there, left));
                 }
             }
@@ -107,12 +109,25 @@ impl Answers {
 
 impl Answers {
     /// The least change that makes up for `off`, by numbers that can move the way it asks for: others are left out, and
-    /// a top layer that is full gives one resin's place to another.
-    fn allowed_step(&self, base: &Base, numbers: &[f64], off: &[f64], slopes: &[Vec<f64>], damping: f64) -> Vec<f64> {
+    /// a top layer that is full gives one resin's place to another. Thicknesses move as easily as `ease` says.
+    fn allowed_step(
+        &self,
+        base: &Base,
+        numbers: &[f64],
+        off: &[f64],
+        slopes: &[Vec<f64>],
+        (ease, damping): (f64, f64),
+    ) -> Vec<f64> {
+        let units: Vec<f64> = (0..numbers.len()).map(|n| if n < base.layers.len() { ease } else { 1.0 }).collect();
+        let in_units = |of_number: (&Vec<f64>, &f64)| of_number.0.iter().map(|slope| slope * of_number.1).collect();
+        let slopes: Vec<Vec<f64>> = slopes.iter().zip(&units).map(in_units).collect();
+        let least_step = |slopes: &[Vec<f64>]| -> Vec<f64> {
+            least_step(slopes, off, damping).iter().zip(&units).map(|(step, unit)| step * unit).collect()
+        };
         let shares = base.layers.len()..numbers.len();
         let mut moves = vec![true; numbers.len()];
         let mut full = false;
-        let mut step = least_step(slopes, off, damping);
+        let mut step = least_step(&slopes);
         for _ in 0..=numbers.len() {
             let mut wanted = numbers.to_vec();
             (0..wanted.len()).for_each(|n| base.shift(&mut wanted, n, 1e-3 * step[n]));
@@ -129,7 +144,7 @@ impl Answers {
                 }
                 left_out.into_iter().for_each(|n| moves[n] = false);
             }
-            step = least_step(&allowed(slopes, &moves, full.then(|| shares.clone())), off, damping);
+            step = least_step(&allowed(&slopes, &moves, full.then(|| shares.clone())));
         }
         step
     }
@@ -147,7 +162,7 @@ fn allowed(slopes: &[Vec<f64>], moves: &[bool], exchanged: Option<Range<usize>>)
     allowed
 }
 
-/// The least change x of ln thicknesses with slopesᵀ x = off: slopes (slopesᵀ slopes + damping)⁻¹ off.
+/// The least change x of numbers with slopesᵀ x = off: slopes (slopesᵀ slopes + damping)⁻¹ off.
 fn least_step(slopes: &[Vec<f64>], off: &[f64], damping: f64) -> Vec<f64> {
     let product = |a: usize, b: usize| slopes.iter().map(|slope| slope[a] * slope[b]).sum::<f64>();
     let row =

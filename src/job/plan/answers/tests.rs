@@ -143,8 +143,8 @@ fn a_full_layer_gives_one_inks_place_to_another() {
     }
 }
 
-/// Whatever darkness is asked for: one voxel of the resin in the top layer of one label, and the limit would push the top
-/// layers of all aside.
+/// Whatever darkness is asked for: one voxel of the resin in the top layer of one label, and the limit would push the
+/// top layers of all aside.
 #[test]
 fn resins_with_limits_stay_out_of_the_top_layer() {
     let set = MaterialSet::builtin("inks-rgb-7").unwrap();
@@ -162,8 +162,8 @@ fn resins_with_limits_stay_out_of_the_top_layer() {
     }
 }
 
-/// A slot that has a resin with a `min-depth-mm` in one stacking begins there in all: means of two stackings must keep the
-/// limit, and what is pushed aside for it is not what was promised.
+/// A slot that has a resin with a `min-depth-mm` in one stacking begins there in all: means of two stackings must keep
+/// the limit, and what is pushed aside for it is not what was promised.
 #[test]
 fn slots_begin_below_the_limits_of_all_stackings() {
     let set = MaterialSet::builtin("inks-rgb-7").unwrap();
@@ -210,8 +210,8 @@ fn answers_of_a_ladder_rise_with_it() {
     }
 }
 
-/// A part thinner than what was found for it, in mixtures: no core shows up where it is thicker here and there; where it
-/// must be darker than mixtures are, there is a core after all, and where only resins by themselves may be laid.
+/// A part thinner than what was found for it, in mixtures: no core shows up where it is thicker here and there. Where
+/// it must be darker than mixtures are so thin, there is a core after all, and where only pure resins may be laid.
 #[test]
 fn thin_parts_of_mixtures_have_no_core() {
     let set = MaterialSet::builtin("synthetic").unwrap();
@@ -229,8 +229,13 @@ fn thin_parts_of_mixtures_have_no_core() {
         let whole = total(&set, &plate(&answer.stacking, 0.4), 0);
         assert!((whole - answer.albedo[0]).abs() < 4e-3, "{whole} {answer:?}");
     }
-    let mut pure = answers(&set, &layers[1..], false);
-    pure.inks.clear();
+    let dark = [question(0.02, 0.03)];
+    let found = mixing.answer(&dark, &Unwatched).unwrap();
+    let filled = Way { below: Below::Middle(0.02), ease: 1.0 };
+    let without = mixing.answer_over(&mixing.clusters[0], &[&dark[0].ln_albedo], filled);
+    assert!(found[0].miss() < without[0].miss(), "{found:?} {without:?}");
+    assert!(found[0].stacking.pairs().map(|(_, mm)| mm).sum::<f64>() < 0.02, "{found:?}");
+    let pure = answers(&set, &layers[1..], false);
     let found = pure.answer(&[question(0.4, 0.2)], &Unwatched).unwrap();
     assert!(found[0].stacking.pairs().map(|(_, mm)| mm).sum::<f64>() < 0.4, "{found:?}");
 }

@@ -1,10 +1,10 @@
 //! Fewer and larger triangles, within a stated error.
 //!
 //! **In:** [`Interfaces`] as they were marched, the *fine* ones. **Out:** interfaces with fewer triangles that are no
-//! further from the fine ones than the error, nor these from them, wherever that was looked at: at every fine vertex, at
-//! every vertex that was moved and along the edges between triangles that are not flat to each other, about every half
-//! edge of a fine triangle. An edge that would break that is not collapsed, so what is too fine to be simplified stays
-//! fine.
+//! further from the fine ones than the error, nor these from them, wherever that was looked at: at every fine vertex,
+//! at every vertex that was moved and along the edges between triangles that are not flat to each other, about every
+//! half edge of a fine triangle. An edge that would break that is not collapsed, so what is too fine to be simplified
+//! stays fine.
 //!
 //! Edges are collapsed, the flattest first ([`quadric`]), and every triangle between two materials is there once: so
 //! neighbours go on sharing their boundary. A vertex inside of a boundary may go anywhere; one on a curve where three
@@ -18,8 +18,8 @@
 //! | `fine` | distance to the fine triangles |
 //! | `groups` | numbers by group: triangles around vertices, vertices near facets |
 //!
-//! Cubes are worked on in parallel, and all vertices with a triangle in another cube stay where they are. Then cubes are
-//! larger and lie elsewhere, and what could not move is looked at again. So the result does not depend on threads.
+//! Cubes are worked on in parallel, and all vertices with a triangle in another cube stay where they are. Then cubes
+//! are larger and lie elsewhere, and what could not move is looked at again. So the result does not depend on threads.
 //!
 //! Not guaranteed: that two boundaries nearer to each other than twice the error do not touch.
 

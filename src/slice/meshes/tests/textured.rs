@@ -27,8 +27,8 @@ fn textured_layers_are_closed_and_keep_their_volumes() {
 }
 
 /// But for what a uniform stack alone gets, vertices on the exact boundary and on edges: at this coarse pitch volumes
-/// differ by up to 0.28%. Vertices on a ball of radius R inscribe it: its volume comes out less by up to about h²/4R² of
-/// it, 0.23% of the core at a pitch of 0.25 mm.
+/// differ by up to 0.28%. Vertices on a ball of radius R inscribe it: its volume comes out less by up to about h²/4R²
+/// of it, 0.23% of the core at a pitch of 0.25 mm.
 #[test]
 fn a_texture_of_one_stacking_is_a_uniform_stack() {
     let patched = patched_sphere(|_, _| 0);

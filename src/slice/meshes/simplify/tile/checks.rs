@@ -1,9 +1,10 @@
-//! What speaks against a collapse: triangles that turn over, and places that would be too far from the fine triangles or
-//! these from them.
+//! What speaks against a collapse: triangles that turn over, and places that would be too far from the fine triangles
+//! or these from them.
 //!
-//! Distances are bounded from above: a fine vertex is held against the new triangles alone, a place on these against some
-//! fine triangles nearby. A fine edge across two new triangles may be further from them than its ends; its middle is
-//! looked at. In triangles that are nearly flat to each other what lies between is no further than what was looked at.
+//! Distances are bounded from above: a fine vertex is held against the new triangles alone, a place on these against
+//! some fine triangles nearby. A fine edge across two new triangles may be further from them than its ends; its middle
+//! is looked at. In triangles that are nearly flat to each other what lies between is no further than what was looked
+//! at.
 
 use glam::DVec3;
 
