@@ -295,7 +295,7 @@ fn sheet(
     }
     panels.push(panel("printed", &|pixel| bytes(print(pixel))));
     if asked.is_some() {
-        panels.push(panel("difference: red is too bright", &differ));
+        panels.push(panel("red: too bright, blue: too dark", &differ));
     }
     let note = format!("{samples} samples a pixel, smoothed");
     let path = format!("look/{}.png", mood.file);

@@ -108,6 +108,24 @@ fn pictures_under_a_surface_show_what_gets_in() {
     }
 }
 
+/// The normal that points straight down is one like the others.
+#[test]
+fn undersides_print_as_tops_do() {
+    let (set, media) = synthetic();
+    let white = set.resin("white").unwrap().0.0 as u8 + 1;
+    let size = DVec3::new(6.4, 6.4, 4.0);
+    let voxels = volume([64, 64, 40], DVec3::splat(0.1), |_| white);
+    let scene = under(Scene::new(voxels, &[media]).unwrap(), &mesh(&box_triangles(DVec3::ZERO, size)));
+    let above = top(size);
+    let mut below = above.clone();
+    for site in &mut below.sites {
+        (site.point.z, site.normal) = (0.0, -site.normal);
+    }
+    let [above, below] = [above, below].map(|spot| printed(&scene, spot, 50_000));
+    let noise = above.standard_error.hypot(below.standard_error);
+    assert!((above.mean - below.mean).abs() < 3.5 * noise && noise < 0.005, "{above:?} {below:?}");
+}
+
 #[test]
 fn what_enters_leaves_where_nothing_absorbs() {
     let white = VolumeCoefficients::new(8.0, 0.0, 0.5).unwrap();

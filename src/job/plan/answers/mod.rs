@@ -262,11 +262,13 @@ impl Answers {
         let mut ways = self.ways(base, run[0].half_mm).into_iter();
         let mut answers = ways.next().map_or_else(Vec::new, |way| self.answer_over(base, &asked, way));
         for way in ways {
-            let missed: Vec<usize> = (0..answers.len()).filter(|&n| answers[n].misses()).collect();
-            let missing: Vec<&[f64]> = missed.iter().map(|&n| asked[n]).collect();
-            for (n, other) in missed.into_iter().zip(self.answer_over(base, &missing, way)) {
-                if other.miss() < answers[n].miss() {
-                    answers[n] = other;
+            if !answers.iter().any(Answer::misses) {
+                break;
+            }
+            // Of all questions: those that are answered already lead to those that are not.
+            for (answer, other) in answers.iter_mut().zip(self.answer_over(base, &asked, way)) {
+                if answer.misses() && other.miss() < answer.miss() {
+                    *answer = other;
                 }
             }
         }
@@ -295,9 +297,6 @@ impl Answers {
     /// Answers to questions of one cluster, sought one way: from what was found for the cluster outwards, each from the
     /// nearest of those before.
     fn answer_over(&self, base: &Base, run: &[&[f64]], way: Way) -> Vec<Answer> {
-        if run.is_empty() {
-            return Vec::new();
-        }
         let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
         let ln = |albedo: &[f64]| -> Vec<f64> { albedo.iter().map(|albedo| libm::log(albedo.max(BLACK))).collect() };
         let start = self.squeezed(base, way.below);
