@@ -17,7 +17,8 @@
 //! A flat slab's promise misses where a surface bends, where light comes through from another side, beside an edge, and
 //! where the lattice cannot hold a layer. What makes up for it is a factor of the albedo that the stackings are asked
 //! for, one for each channel, smooth over the surface. Where no stacking reaches it, the factor stays at what is
-//! reached.
+//! reached. What is laid last is looked at once more, and what lay before is laid again if that was better: stackings
+//! may jump where factors hardly change.
 //!
 //! Points, walks and means are drawn and summed in a fixed order, and factors are rounded to a thousandth before they
 //! are used: what is found is the same for any number of threads, and reads back from a file as what it was.
@@ -29,7 +30,7 @@ mod shape;
 
 use std::{path::Path, time::Instant};
 
-use progress::Wanting;
+use progress::{Wanting, is_worse};
 use residual::{Looked, Seen, Sums, residuals};
 use response::Response;
 use shape::Shape;
@@ -51,6 +52,8 @@ use crate::{
 /// of a rabbit's 20,000 points, what bells and shape cannot tell of a miss is smaller by a tenth in thin parts.
 const WALKS: u64 = 4_000_000;
 const WALKS_EACH: [u64; 2] = [128, 512];
+/// The look after the last round has so many times fewer.
+const FEWER: u64 = 4;
 /// Seeds of rounds: apart from those of looks.
 const SEED: u64 = 0x5EED_0F20_0D50;
 /// Factors end here, as logarithms: what needs more is out of reach.
@@ -179,27 +182,49 @@ impl Prepared {
             records.push(record);
             if let Some(ends) = ends {
                 laid = now.laid;
-                if let (Ended::Worse, Some(better)) = (ends, before) {
+                if let (Ended::Worse, Some(better)) = (ends, before.take()) {
                     laid = better.laid;
-                    for (plan, factors) in plans.iter().zip(&laid) {
-                        self.lay_again(plan, factors, watch)?;
-                    }
+                    self.lay_all_again(plans, &laid, watch)?;
                 }
+                before = None;
                 self.took.rounds.push(started.elapsed());
                 break;
             }
             before = Some(now);
             laid = plans.iter().zip(&next).map(|(plan, next)| factors(&correction(plan, next))).collect();
-            for ((plan, factors), short_of) in plans.iter().zip(&laid).zip(&mut short_of) {
-                *short_of = self.lay_again(plan, factors, watch)?;
-            }
+            short_of = self.lay_all_again(plans, &laid, watch)?;
             self.took.rounds.push(started.elapsed());
+        }
+        if let Some(before) = before {
+            let started = Instant::now();
+            let looked = self.look_at_print(plans, &mut spots, rounds, watch)?;
+            if is_worse(&before.looked, &looked) {
+                let Judged { mut record, .. } = self.judge(plans, looked, laid, &short_of, Some(&before));
+                record.ended = Some(Ended::Worse);
+                records.push(record);
+                laid = before.laid;
+                self.lay_all_again(plans, &laid, watch)?;
+            }
+            if let Some(last) = self.took.rounds.last_mut() {
+                *last += started.elapsed();
+            }
         }
         let objects = plans.iter().zip(&laid).map(|(plan, factors)| correction(plan, factors)).collect();
         Ok(Rounds::new(sha256, records, objects))
     }
 
-    /// Prints in memory and looks at the points, at `spots` from the second round on.
+    /// Lays all objects with these factors; by how much their labels fall short of them.
+    fn lay_all_again(
+        &mut self,
+        plans: &[ObjectPlan],
+        laid: &[Factors],
+        watch: &dyn Watch,
+    ) -> Result<Vec<Vec<[f64; CHANNELS]>>, RunError> {
+        plans.iter().zip(laid).map(|(plan, factors)| self.lay_again(plan, factors, watch)).collect()
+    }
+
+    /// Prints in memory and looks at the points, at `spots` from the second round on; after the last round with fewer
+    /// walks, which tell whether its correction brought the print nearer.
     fn look_at_print(
         &self,
         plans: &[ObjectPlan],
@@ -207,7 +232,10 @@ impl Prepared {
         round: u32,
         watch: &dyn Watch,
     ) -> Result<Looked, RunError> {
-        let name = format!("round {} of {}", round + 1, self.job.rounds());
+        let name = match self.job.rounds() {
+            rounds if round < rounds => format!("round {} of {rounds}", round + 1),
+            _ => "after the last round".to_owned(),
+        };
         watch.stage(&format!("{name}: voxels"), 0);
         let scene = self.scene(&StopOnly(watch))?;
         // Where they lie and what is asked for does not change.
@@ -299,7 +327,8 @@ impl Prepared {
         watch: &dyn Watch,
     ) -> Result<Looked, RunError> {
         let [fewest, most] = WALKS_EACH;
-        let walks = (WALKS / spots.len().max(1) as u64).clamp(fewest, most);
+        let all = (WALKS / spots.len().max(1) as u64).clamp(fewest, most);
+        let walks = if round < self.job.rounds() { all } else { all / FEWER };
         let seed = SEED.wrapping_mul(u64::from(round) + 1);
         let sites: Vec<Spot> = spots.iter().map(|spot| spot.spot.clone()).collect();
         let printed = scene.printed_albedo(&sites, walks, seed, watch)?;

@@ -43,6 +43,11 @@ impl Wanting {
     }
 }
 
+/// Whether the print is farther off than it was, beyond noise.
+pub(super) fn is_worse(before: &Looked, now: &Looked) -> bool {
+    without_gain(&gains(before, now)) == Some(Ended::Worse)
+}
+
 /// How much nearer the print is to what is asked for than it was, at every point: by how much less the squared miss is,
 /// noise taken off.
 fn gains(before: &Looked, now: &Looked) -> Vec<f64> {
