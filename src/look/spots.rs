@@ -155,8 +155,7 @@ impl Scene {
 
     /// Where a walk leaves the print, mm.
     fn left_at(&self, out: &WayOut) -> DVec3 {
-        let direction = DVec3::new(out.direction.x, out.direction.y, out.direction.z);
-        self.position(self.first_void(out.from, direction, f64::INFINITY).unwrap_or(out.from))
+        self.position(self.first_void(out.from, out.direction.into(), f64::INFINITY).unwrap_or(out.from))
     }
 
     /// Whether light can leave the surface at a site: there is air over the steps that voxels make.
@@ -178,7 +177,7 @@ impl Scene {
                 back *= 0.5;
             }
             let place = self.first_printed(point + away * back, -outward, back + FLATTEST * step)?;
-            Some((place, Direction { x: -outward.x, y: -outward.y, z: -outward.z }))
+            Some((place, (-outward).into()))
         })
     }
 }
@@ -211,7 +210,5 @@ impl Sums {
 /// A direction over a surface, drawn with the cosine to its normal, and that cosine.
 pub(super) fn over(normal: DVec3, rng: &mut Xoshiro256PlusPlus) -> (DVec3, f64) {
     let cosine = (1.0 - uniform(rng)).sqrt(); // in (0, 1]
-    let axis = Direction { x: normal.x, y: normal.y, z: normal.z };
-    let drawn = axis.turned(cosine, azimuth(rng));
-    (DVec3::new(drawn.x, drawn.y, drawn.z), cosine)
+    (Direction::from(normal).turned(cosine, azimuth(rng)).into(), cosine)
 }

@@ -104,7 +104,7 @@ impl<'a> Walker<'a> {
     #[inline]
     pub fn fly_in(&self, place: &mut Place, direction: Direction, rng: &mut Xoshiro256PlusPlus) -> Option<u8> {
         if !self.scene.holds(*place) {
-            *place = self.scene.enter(*place, DVec3::new(direction.x, direction.y, direction.z))?;
+            *place = self.scene.enter(*place, direction.into())?;
         }
         self.fly(place, direction, rng)
     }

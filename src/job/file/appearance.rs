@@ -36,8 +36,8 @@ pub(super) fn read_appearance(table: &Table<'_>, stacking: &StackingOptions) -> 
 }
 
 impl super::Job {
-    /// Rounds of correction: as the job says, else 3 where layers may be mixtures. Layers of pure resins can make up
-    /// for little.
+    /// Rounds of correction: as the job says, else [`DEFAULT_ROUNDS`] where layers may be mixtures. Layers of pure
+    /// resins can make up for little.
     pub fn rounds(&self) -> u32 {
         self.appearance.rounds.unwrap_or(if self.allows_mixtures() { DEFAULT_ROUNDS } else { 0 })
     }

@@ -182,11 +182,10 @@ impl Prepared {
             records.push(record);
             if let Some(ends) = ends {
                 laid = now.laid;
-                if let (Ended::Worse, Some(better)) = (ends, before.take()) {
+                if let (Some(better), Ended::Worse) = (before.take(), ends) {
                     laid = better.laid;
                     self.lay_all_again(plans, &laid, watch)?;
                 }
-                before = None;
                 self.took.rounds.push(started.elapsed());
                 break;
             }
