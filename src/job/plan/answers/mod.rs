@@ -123,8 +123,10 @@ const SHARE: f64 = 0.05;
 /// 0.25 mm over support, that must print darker, was 0.7 mm wide in place of 1.3, under a top layer twice as thick; of
 /// 23% black at the same thickness it is as dark, at 1.35 mm.
 const STIFF: f64 = 0.1;
-/// Most of the top layer that may be other than what it mostly is.
+/// Most of the top layer that may be other than what it mostly is. In thin places, which lie along sharp edges too, dark
+/// prints need all that they can get, for light comes in by another face.
 const MIXED: f64 = 0.8;
+const MIXED_WHERE_THIN: f64 = 1.0;
 /// Part of a thin place that squeezed layers take.
 const SQUEEZED: f64 = 0.85;
 /// Albedos below are black: no factor changes them.
@@ -326,13 +328,13 @@ impl Answers {
         let total: f64 = numbers[..base.layers.len()].iter().sum();
         if let Some(half) = below.middle_mm().filter(|half| SQUEEZED * half < total) {
             numbers[..base.layers.len()].iter_mut().for_each(|mm| *mm *= SQUEEZED * half / total);
-            self.keep_limits(base, &mut numbers);
+            self.keep_limits(base, below, &mut numbers);
         }
         numbers
     }
 
     /// No layer thinner than may be, no resin above its depth, no shares below 0 or of more than the top layer.
-    fn keep_limits(&self, base: &Base, numbers: &mut [f64]) {
+    fn keep_limits(&self, base: &Base, below: Below, numbers: &mut [f64]) {
         let (thickness, shares) = numbers.split_at_mut(base.layers.len());
         let mut above = 0.0;
         for n in 0..thickness.len() {
@@ -352,8 +354,8 @@ impl Answers {
         }
         shares.iter_mut().for_each(|share| *share = share.max(0.0));
         let sum: f64 = shares.iter().sum();
-        if sum > MIXED {
-            shares.iter_mut().for_each(|share| *share *= MIXED / sum);
+        if sum > below.most_mixed() {
+            shares.iter_mut().for_each(|share| *share *= below.most_mixed() / sum);
         }
     }
 
@@ -402,6 +404,11 @@ impl Below {
             Self::Core => None,
             Self::CoreToMiddle(half) | Self::Middle(half) => Some(half),
         }
+    }
+
+    /// Most of the top layer that may be other than what it mostly is.
+    fn most_mixed(self) -> f64 {
+        if self == Self::Core { MIXED } else { MIXED_WHERE_THIN }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Answer, Answers, BLACK, Base, Below, MIXED, Way};
+use super::{Answer, Answers, BLACK, Base, Below, Way};
 use crate::{
     numeric::{positive_definite, rounding::rounded},
     optics::{Mixture, Stack},
@@ -91,11 +91,11 @@ impl Answers {
         size: &dyn Fn(&[f64]) -> f64,
     ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
         for damping in DAMPINGS {
-            let step = self.allowed_step(base, numbers, off, slopes, (way.ease, damping));
+            let step = self.allowed_step(base, numbers, off, slopes, (way, damping));
             for shorter in [1.0, 0.5, 0.2] {
                 let mut next = numbers.to_vec();
                 (0..next.len()).for_each(|n| base.shift(&mut next, n, shorter * step[n]));
-                self.keep_limits(base, &mut next);
+                self.keep_limits(base, way.below, &mut next);
                 let there = self.albedo(base, &next, way.below);
                 let left = missing(&there);
                 if size(&left) < BETTER * size(off) {
@@ -109,16 +109,16 @@ impl Answers {
 
 impl Answers {
     /// The least change that makes up for `off`, by numbers that can move the way it asks for: others are left out, and
-    /// a top layer that is full gives one resin's place to another. Thicknesses move as easily as `ease` says.
+    /// a top layer that is full gives one resin's place to another. Thicknesses move as easily as `way` says.
     fn allowed_step(
         &self,
         base: &Base,
         numbers: &[f64],
         off: &[f64],
         slopes: &[Vec<f64>],
-        (ease, damping): (f64, f64),
+        (way, damping): (Way, f64),
     ) -> Vec<f64> {
-        let units: Vec<f64> = (0..numbers.len()).map(|n| if n < base.layers.len() { ease } else { 1.0 }).collect();
+        let units: Vec<f64> = (0..numbers.len()).map(|n| if n < base.layers.len() { way.ease } else { 1.0 }).collect();
         let in_units = |of_number: (&Vec<f64>, &f64)| of_number.0.iter().map(|slope| slope * of_number.1).collect();
         let slopes: Vec<Vec<f64>> = slopes.iter().zip(&units).map(in_units).collect();
         let least_step = |slopes: &[Vec<f64>]| -> Vec<f64> {
@@ -132,11 +132,11 @@ impl Answers {
             let mut wanted = numbers.to_vec();
             (0..wanted.len()).for_each(|n| base.shift(&mut wanted, n, 1e-3 * step[n]));
             let filled: f64 = wanted[shares.clone()].iter().map(|share| share.max(0.0)).sum();
-            if !full && filled > MIXED {
+            if !full && filled > way.below.most_mixed() {
                 full = true;
             } else {
                 let mut kept = wanted.clone();
-                self.keep_limits(base, &mut kept);
+                self.keep_limits(base, way.below, &mut kept);
                 let held = |n: &usize| (kept[*n] - wanted[*n]).abs() > 1e-6 * wanted[*n].abs().max(1e-6);
                 let left_out: Vec<usize> = (0..numbers.len()).filter(|&n| step[n] != 0.0).filter(held).collect();
                 if left_out.is_empty() {
