@@ -118,6 +118,13 @@ pub enum Finding {
         /// Uncertainty of that.
         error: f64,
     },
+    /// An albedo that nothing else in the capture checks, as of dark resins.
+    AlbedoUnchecked {
+        /// "reflection" or "transmission".
+        series: &'static str,
+        /// What the shapes of the profiles know it to, as a share; 1 at most.
+        share: f64,
+    },
     /// Albedos without which the profiles fit much better.
     AlbedosAtOdds {
         /// What coefficients leave with them, root mean square.
@@ -203,6 +210,7 @@ impl Finding {
             Self::NoDarkSeries
                 | Self::Estimated { .. }
                 | Self::NoFlatField
+                | Self::AlbedoUnchecked { .. }
                 | Self::StrayLight { .. }
                 | Self::Extrapolated { .. }
                 | Self::Remark(_)
@@ -293,6 +301,12 @@ impl fmt::Display for Finding {
                 "the albedo of {series}, {measured:.4}, contradicts the profiles, whose shapes fit {}: are card and \
                  sample (or with and without) exchanged, is their light even, and is the thickness right?",
                 plus_minus(*fitted, *error)
+            ),
+            Self::AlbedoUnchecked { series, share } => write!(
+                f,
+                "nothing checks the albedo of {series}, {}: by themselves the profiles know it to {} only",
+                if *series == "reflection" { "and scattering goes with it" } else { "nor its times" },
+                percent(*share)
             ),
             Self::AlbedosAtOdds { with, without } => write!(
                 f,

@@ -29,6 +29,9 @@ const NAMED_BEYOND: f64 = 0.005;
 /// An albedo contradicts the profiles' shapes if it is off by this share, and by so many standard deviations.
 const CONTRADICTED_SHARE: f64 = 0.03;
 const CONTRADICTED_SIGMAS: f64 = 4.0;
+/// Shapes that know an albedo no better than this do not check it: black's leave a card that is off by 10%, and
+/// scattering off by 9%, or a transmission that is off by 13%.
+const UNCHECKED: f64 = 0.05;
 /// Factor between a measured and a fitted albedo of reflection from which it is refused: exchanged, white is off by 12.
 const UNBELIEVABLE: f64 = 3.0;
 
@@ -165,11 +168,16 @@ impl ChannelMeasurement {
         if residual > noted && self.fit.is_ok() {
             self.findings.push(Finding::PoorFit { residual });
         }
-        if let Some(shapes) =
-            fit_shapes(&slab, resin.refractive_index).filter(|shapes| shapes.residual < 0.5 * residual)
-        {
-            let both = [(REFLECTION, self.reflection.albedo), (TRANSMISSION, self.transmission.albedo)];
-            for ((series, albedo), (fitted, error)) in both.into_iter().zip(shapes.totals) {
+        let shapes = fit_shapes(&slab, resin.refractive_index);
+        let albedos = [(REFLECTION, self.reflection.albedo), (TRANSMISSION, self.transmission.albedo)];
+        for (which, (series, albedo)) in albedos.into_iter().enumerate() {
+            let known = shapes.map_or(f64::INFINITY, |shapes| shapes.totals[which].1 / albedo.value);
+            if known > UNCHECKED {
+                self.findings.push(Finding::AlbedoUnchecked { series, share: known.min(1.0) });
+            }
+        }
+        if let Some(shapes) = shapes.filter(|shapes| shapes.residual < 0.5 * residual) {
+            for ((series, albedo), (fitted, error)) in albedos.into_iter().zip(shapes.totals) {
                 let off = (albedo.value - fitted).abs();
                 if off > CONTRADICTED_SHARE * fitted && off > CONTRADICTED_SIGMAS * libm::hypot(error, albedo.error) {
                     let measured = albedo.value;

@@ -4,7 +4,8 @@
 //! slab or several of different thickness at once. One slab settles σs′ and σa; g shows in light that has turned few
 //! times only, near the source and through thin slabs, so that a thick slab alone hardly knows it. The uncertainty says
 //! so: it is the largest that errors of the found size can make, however they hang together from frequency to
-//! frequency, √n s √(JᵀJ)⁻¹_ii with s the residual of the n coefficients. *Assumed:* the refractive index, which is not
+//! frequency, √n s √(JᵀJ)⁻¹_ii with s the residual of the n coefficients, and what errors common to a profile's values
+//! move it by, as an albedo's: they leave no residual. *Assumed:* the refractive index, which is not
 //! fitted, and the phase function of Henyey and Greenstein.
 
 use super::{
@@ -124,7 +125,8 @@ pub fn fit_coefficients(slabs: &[MeasuredSlab<'_>], refractive_index: f64) -> Re
     if !(residual <= MAX_FIT_RESIDUAL) {
         return Err(FitRefusal::Residual { residual });
     }
-    let inverse = inverse(curvature(&data.slopes(&found, FINE)));
+    let slopes = data.slopes(&found, FINE);
+    let inverse = inverse(curvature(&slopes));
     let size = count.sqrt() * libm::hypot(residual, MODEL_ERROR);
     let uncertainty = |i: usize| inverse.as_ref().map_or(f64::INFINITY, |inverse| size * inverse[i][i].max(0.0).sqrt());
     let coefficients = data.volume(found.at);
@@ -148,13 +150,14 @@ pub fn fit_coefficients(slabs: &[MeasuredSlab<'_>], refractive_index: f64) -> Re
             return Err(FitRefusal::KnowsNothing { what, value, uncertainty });
         }
     }
+    let by_albedos = inverse.as_ref().map_or([0.0; 3], |inverse| data.moved_by_albedos(&slopes, inverse));
     Ok(CoefficientFit {
         coefficients,
         residual,
         slabs: slabs.len(),
-        reduced_scattering_share,
-        absorption_share,
-        g_uncertainty,
+        reduced_scattering_share: libm::hypot(reduced_scattering_share, by_albedos[0]),
+        absorption_share: libm::hypot(absorption_share, by_albedos[1]),
+        g_uncertainty: libm::hypot(g_uncertainty, by_albedos[2]),
     })
 }
 
@@ -208,6 +211,16 @@ struct Slab {
     thickness_mm: f64,
     reflection: Vec<f64>,
     transmission: Vec<f64>,
+    /// What R and T may be off by in all values together.
+    common_shares: [f64; 2],
+}
+
+/// What a profile's values may be off by together, as by their albedo: no value is known better than that.
+fn common_share(profile: &RadialProfile) -> f64 {
+    let values = profile.value_per_mm2();
+    let shares = profile.standard_error().into_iter().flat_map(|errors| errors.iter().zip(values));
+    let known = shares.filter(|(_, value)| **value > 0.0).map(|(error, value)| error / value);
+    known.min_by(f64::total_cmp).unwrap_or(0.0)
 }
 
 /// Parameters and what they leave.
@@ -237,6 +250,7 @@ impl Data {
                 thickness_mm: slab.thickness_mm,
                 reflection: pick(&slab.reflection.hankel(&default).values),
                 transmission: pick(&repaired),
+                common_shares: [slab.reflection, slab.transmission].map(common_share),
             }
         };
         Self {
@@ -324,6 +338,21 @@ impl Data {
             let there = self.point(at, options).residuals;
             there.iter().zip(&here.residuals).map(|(there, here)| (there - here) / step).collect()
         })
+    }
+
+    /// What one standard deviation of every profile's common error moves the parameters by, root mean square: (JᵀJ)⁻¹ Jᵀ
+    /// m, with m the profile's values times that share.
+    fn moved_by_albedos(&self, slopes: &[Vec<f64>; 3], inverse: &[Vec<f64>]) -> Parameters {
+        let mut squares = [0.0; 3];
+        let mut first = 0;
+        for slab in &self.slabs {
+            for (values, share) in [&slab.reflection, &slab.transmission].into_iter().zip(slab.common_shares) {
+                let pulls = slopes.each_ref().map(|slope| share * dot(&slope[first..first + values.len()], values));
+                squares.iter_mut().zip(inverse).for_each(|(square, row)| *square += dot(row, &pulls).powi(2));
+                first += values.len();
+            }
+        }
+        squares.map(f64::sqrt)
     }
 
     fn descend(&self, from: Parameters, options: TransportOptions, steps: usize) -> Point {

@@ -43,6 +43,15 @@ const BESIDE: f64 = 0.3;
 const LEVELS_OFF: f64 = 0.6;
 /// …and by more than this many times only where something is taken away: light that is diffuse falls ever slower.
 const FALLS_OFF: f64 = 1.2;
+/// Dark texels whose response keeps this share from 0.70 to 0.94 of a window see an offset more than light: 1/r keeps
+/// 0.74, and r R of 14 slabs by photons rises by 3% at most there (n = 1.5, thick), else it falls.
+const FLAT: f64 = 0.8;
+/// Mean responses that keep this share from beside the lit texel to the end of a window, so many pixels away, are none:
+/// 1/r keeps a quarter.
+const NO_FALL: f64 = 0.5;
+const NO_FALL_PIXELS: f64 = 4.0;
+/// Windows that hold less than this of the light sent in are darker than any material.
+const NO_LIGHT: f64 = 1e-3;
 /// A material is not round from this difference of its axes on.
 const NOT_ROUND: f64 = 0.05;
 
@@ -78,9 +87,12 @@ pub(super) fn clipped(survey: &Survey) -> Option<(usize, f64)> {
     }
     let energies = at_top.iter().map(|texel| survey.energy[*texel]);
     let (low, high) = energies.fold((f64::INFINITY, 0.0), |(low, high), e: f64| (e.min(low), e.max(high)));
-    // Texels of one material within it are alike in all they see, and only what is at its ceiling in the lit texel.
+    // Texels of one material within it are alike in all they see, and only what is at its ceiling in the lit texel:
+    // where the ceiling cut off what lies beside it too, that is alike without being one material.
+    let whole =
+        |texel: &&usize| !survey.beside[**texel].iter().any(|value| f64::from((value / top - 1.0).abs()) < SAME);
     let mut seen: BTreeMap<[i32; 4], usize> = BTreeMap::new();
-    for texel in &at_top {
+    for texel in at_top.iter().filter(whole) {
         *seen.entry(survey.beside[*texel].map(|value| (value / top * STEPS) as i32)).or_default() += 1;
     }
     let alike = seen.values().copied().max().unwrap_or(0);
@@ -138,9 +150,26 @@ pub(super) fn level(rings: &Rings, misses: &Misses) -> Option<(f64, f64)> {
     let (before, after) = ((a - b) / step, (b - c) / step);
     // Light that is diffuse falls like e^(−κr)/r, and its r R like an exponential.
     let [before_r, after_r] = [before - libm::log(0.70 / 0.46) / step, after - libm::log(0.94 / 0.70) / step];
+    // An offset that drowns the light: r R rises already half-way out, and no slope is that of light alone.
+    if c - b > libm::log(FLAT) {
+        return Some((libm::exp(c), 0.94 * end));
+    }
     let levels_off = before_r > 0.0 && after_r < LEVELS_OFF * before_r;
     let off = levels_off || (before > 0.0 && after > FALLS_OFF * before);
     off.then(|| (libm::exp(c) - libm::exp(b - before * step), 0.94 * end))
+}
+
+/// The share of the mean response beside the lit texel that is left at the end of a window, if it hardly falls.
+pub(super) fn no_fall(survey: &Survey, rings: &Rings, pitch_mm: f64) -> Option<f64> {
+    let mean = |distance: usize| Some(survey.sums.get(distance)? / (*survey.counts.get(distance)? as f64));
+    let last = rings.distances_mm.len().checked_sub(1)?;
+    let share = mean(last)? / mean(1)?;
+    (rings.distances_mm[last] > NO_FALL_PIXELS * pitch_mm && share > NO_FALL).then_some(share)
+}
+
+/// Whether windows hold so little of the light sent in that no material is that dark; `mean` is what they hold.
+pub(super) fn no_light(dataset: &Dataset, mean: f64) -> bool {
+    dataset.albedo.is_none() && mean < NO_LIGHT
 }
 
 /// By how much light goes farther along an axis of the windows than across it, beyond what equation 7 makes of the

@@ -158,7 +158,7 @@ pub fn factor(
     let rings = dataset.rings();
     let source = Source { dataset, rings: &rings, channel, watch };
     let survey = source.survey()?;
-    let mut doubts = check(dataset, channel, &survey)?;
+    let mut doubts = check(dataset, channel, &rings, &survey)?;
     // What every texel shares can be corrected only where every ring of a texel has a number of its own.
     let shaped = options.freedom == Freedom::Profiles;
     let mean = global_profile(&rings, &survey, false);
@@ -307,7 +307,7 @@ fn place(dataset: &Dataset, channel: Channel) -> String {
 }
 
 /// Refuses data that no surface gives; the answer is what can be doubted.
-fn check(dataset: &Dataset, channel: Channel, survey: &Survey) -> Result<Vec<String>, BssrdfError> {
+fn check(dataset: &Dataset, channel: Channel, rings: &Rings, survey: &Survey) -> Result<Vec<String>, BssrdfError> {
     let place = place(dataset, channel);
     let fault = |found: String, expected: &str| BssrdfError::Entry {
         file: dataset.responses.path().to_path_buf(),
@@ -359,7 +359,18 @@ fn check(dataset: &Dataset, channel: Channel, survey: &Survey) -> Result<Vec<Str
              that dark, or are values not per mm²?",
             mean / area
         )),
+        None if belief::no_light(dataset, mean) => doubts.push(format!(
+            "windows hold {mean:.1e} of the light sent in, less than any material reflects: are values per mm² for unit \
+             flux, and is the pitch in mm?"
+        )),
         None => {}
+    }
+    if let Some(share) = belief::no_fall(survey, rings, dataset.pitch_mm) {
+        doubts.push(format!(
+            "from beside the lit texel to the end of its window the mean response falls to {:.0}% only, where light \
+             falls to a quarter or less: are the windows responses to one lit texel, and is a black level in them?",
+            100.0 * share
+        ));
     }
     if let Some((texels, ceiling)) = belief::clipped(survey) {
         doubts.push(format!(

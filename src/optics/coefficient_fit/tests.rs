@@ -106,3 +106,22 @@ fn fitted_coefficients_predict_other_thicknesses() {
         }
     }
 }
+
+/// An albedo that is off by its error moves the coefficients by what the fit says, and leaves no more than before.
+#[test]
+fn errors_of_albedos_are_in_the_uncertainties() {
+    let (reflection, transmission) = traced(BLACK, 0.75, 400_000);
+    let edges = reflection.ring_edges().unwrap().to_vec();
+    let fit = |factor: f64, share: f64| {
+        let values: Vec<f64> = reflection.value_per_mm2().iter().map(|value| value * factor).collect();
+        let errors = values.iter().map(|value| value * share).collect();
+        let reflection = &RadialProfile::from_rings(edges.clone(), values, Some(errors)).unwrap();
+        fit_coefficients(&[MeasuredSlab { thickness_mm: 0.75, reflection, transmission: &transmission }], 1.0).unwrap()
+    };
+    let reduced = |fit: &CoefficientFit| fit.coefficients.sigma_s * (1.0 - fit.coefficients.g);
+    let (as_is, unsure, off) = (fit(1.0, 0.0), fit(1.0, 0.1), fit(1.1, 0.0));
+    let moved = reduced(&off) / reduced(&as_is) - 1.0;
+    assert!(off.residual < 1.2 * as_is.residual + 1e-4 && moved > 0.05, "{off:?}");
+    let added = (unsure.reduced_scattering_share.powi(2) - as_is.reduced_scattering_share.powi(2)).sqrt();
+    assert!((added / moved - 1.0).abs() < 0.25, "{added} for {moved}");
+}

@@ -8,8 +8,8 @@ use super::{Errors, Round, errors};
 
 /// Off by more than this, a measurement must not be silent.
 const WRONG: f64 = 0.05;
-/// Said of every capture that has no flat field, sound or not: no answer to anything.
-const USUAL: [&str; 2] = ["no flat field", "is not given, estimated as"];
+/// Said of every capture that has no flat field, or of a dark resin, sound or not: no answer to anything.
+const USUAL: [&str; 3] = ["no flat field", "is not given, estimated as", "nothing checks the albedo"];
 
 /// What became of a capture.
 struct Outcome {

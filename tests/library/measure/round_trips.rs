@@ -31,6 +31,17 @@ fn support_comes_back() {
     round_trip("support");
 }
 
+/// White's profiles check its card; black's would fit another as well, and that is said.
+#[test]
+fn an_albedo_that_nothing_checks_is_said() {
+    let is_said = |resin: &str| {
+        let (_, measurement) = whole(resin);
+        let mut findings = measurement.channels[0].findings.iter();
+        findings.any(|finding| matches!(finding, Finding::AlbedoUnchecked { series: "reflection", .. }))
+    };
+    assert!(is_said("black") && !is_said("white"));
+}
+
 #[test]
 fn defects_are_named_and_do_little() {
     let round = Round::new("white", 22.0);

@@ -31,6 +31,7 @@ fn is_usual(finding: &Finding) -> bool {
             | Finding::Extrapolated { .. }
             | Finding::StrayLight { .. }
             | Finding::EnergyExcess { .. }
+            | Finding::AlbedoUnchecked { .. }
             | Finding::Remark(_)
     )
 }

@@ -77,6 +77,9 @@ fn what_is_doubtful_is_said() {
     centres.sort_by(f32::total_cmp);
     let ceiling = centres[2 * centres.len() / 3];
     doubted("was it cut off", |window, [.., i, j]| plain(window, i, j).min(ceiling));
+    // All are, and what lies beside them too: alike in all four directions, and no single material.
+    let beside = PATCH.responses(3).chunks(side * side).map(|window| window[side * side / 2 + 1]).fold(1.0, f32::min);
+    doubted("was it cut off", |window, [.., i, j]| plain(window, i, j).min(0.3 * beside));
     doubted("farther along rows", |window, [.., i, j]| {
         let (x, y) = (i as f32 - 6.0, j as f32 - 6.0);
         plain(window, i, j) * (0.1 * (x.abs() - y.abs())).exp()
@@ -151,6 +154,11 @@ fn levels_and_units_are_told() {
         doubts_of(20, 21, 0.003, offset, |_, _| material)
     };
     let (sound, above, below) = (dark(0.0), dark(1e-3), dark(-1e-3));
+    // So large that nothing else is left half-way out.
+    let all = dark(0.02);
+    assert!(all.iter().any(|doubt| doubt.contains("levels off at 2.")), "{all:?}");
+    doubted("less than any material reflects", |window, [.., i, j]| 1e-6 * window[j * side + i]);
+    doubted("falls to 100% only", |_, _| 0.3);
     assert!(sound.is_empty(), "{sound:?}");
     assert!(above.iter().any(|doubt| doubt.contains("levels off")), "{above:?}");
     assert!(below.iter().any(|doubt| doubt.contains("black level that is too high")), "{below:?}");
