@@ -12,6 +12,9 @@ use super::contact::{Line, Tolerance};
 /// More lines than this are parted in the middle first.
 const FEW: usize = 24;
 
+/// Twice as wide as it is a four-cornered piece may seem to [`width`].
+const NARROW: f64 = 2.0;
+
 /// A corner of a piece: where it is in the plane, and its weights of the triangle's corners.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Corner {
@@ -54,7 +57,7 @@ pub(super) fn kept(
                 nodes.extend([node(left), node(right)]);
                 open.extend([(first, left_lines), (first + 1, right_lines)]);
             }
-            None if index > 0 && width(&nodes[index].piece) < touch => {}
+            None if index > 0 && width(&nodes[index].piece) < NARROW * touch => {}
             None => nodes[index].is_kept = Some(keeps(&nodes[index].piece)),
         }
     }

@@ -493,7 +493,7 @@ fn what_glows_is_said_to_be_lost() {
 fn factors_beyond_their_range_are_said_to_be_lost() {
     let key = "KHR_materials_pbrSpecularGlossiness";
     for (factor, is_lost) in [
-        ([1.0, 0.5, 0.0, 1.0], false),
+        ([1.0_f32, 0.5, 0.0, 1.0], false),
         ([1.000_01, 0.5, -1e-6, 1.0], false),
         ([2.0, 0.5, 0.0, 1.0], true),
         ([200.0, 40.0, 40.0, 1.0], true),
@@ -514,7 +514,7 @@ fn factors_beyond_their_range_are_said_to_be_lost() {
                 lost(&loaded)
             );
             let found = loaded.mesh.materials[0].base_color;
-            assert_eq!(found.map(f64::from), factor.map(|value| f64::from(value.clamp(0.0, 1.0) as f32)));
+            assert_eq!(found, factor.map(|value| value.clamp(0.0, 1.0)));
         }
     }
 }
