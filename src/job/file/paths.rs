@@ -127,7 +127,11 @@ pub(super) fn job_name(path: &Path) -> String {
     let safe = safe.trim_matches(|c: char| c == '.' || c.is_whitespace());
     match safe {
         "" => "job".to_owned(),
-        device if is_device_name(device) => format!("{device}_"),
+        // Before the first dot: what follows it does not count.
+        device if is_device_name(device) => {
+            let (stem, rest) = device.split_at(device.find('.').unwrap_or(device.len()));
+            format!("{stem}_{rest}")
+        }
         safe => safe.to_owned(),
     }
 }
@@ -150,7 +154,7 @@ mod tests {
             ("v1.2.toml", "v1.2"),
             ("häschen.toml", "häschen"),
             ("con.toml", "con_"),
-            ("Lpt1.x.toml", "Lpt1.x_"),
+            ("Lpt1.x.toml", "Lpt1_.x"),
             ("console.toml", "console"),
         ] {
             assert_eq!(job_name(Path::new(path)), name, "{path:?}");

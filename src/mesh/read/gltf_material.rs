@@ -18,21 +18,30 @@ use crate::mesh::{SurfaceMaterial, Texture, Wrap};
 /// Factor and texture of a base colour: the diffuse one where a material has KHR_materials_pbrSpecularGlossiness, which
 /// goes before.
 pub(super) struct BaseColor<'a> {
+    /// Cut to the range of 0 to 1 that glTF gives it.
     pub(super) factor: [f32; 4],
     pub(super) texture: Option<Info<'a>>,
+    /// The factor as it stands in the file, where it leaves that range by more than rounding.
+    beyond: Option<[f32; 4]>,
 }
 
 impl<'a> BaseColor<'a> {
     pub(super) fn of(material: &Material<'a>) -> Self {
-        match material.pbr_specular_glossiness() {
-            Some(pbr) => Self { factor: pbr.diffuse_factor(), texture: pbr.diffuse_texture() },
+        let (stated, texture) = match material.pbr_specular_glossiness() {
+            Some(pbr) => (pbr.diffuse_factor(), pbr.diffuse_texture()),
             None => {
                 let pbr = material.pbr_metallic_roughness();
-                Self { factor: pbr.base_color_factor(), texture: pbr.base_color_texture() }
+                (pbr.base_color_factor(), pbr.base_color_texture())
             }
-        }
+        };
+        let is_beyond = stated.iter().any(|value| !(-ROUNDING..=1.0 + ROUNDING).contains(value));
+        let factor = stated.map(|value| value.clamp(0.0, 1.0));
+        Self { factor, texture, beyond: is_beyond.then_some(stated) }
     }
 }
+
+/// How far beyond its range a factor may lie by rounding, as in an MTL.
+const ROUNDING: f32 = 0.01;
 
 /// Reads materials, and each of their images once.
 pub(super) struct Materials<'a> {
@@ -57,6 +66,12 @@ impl<'a> Materials<'a> {
         let others = material.extensions().into_iter().flat_map(|others| others.keys());
         for unread in others.filter(|name| support::fate("glTF", name) == Some(Fate::Lost)) {
             raw.lose_color(format!("the colour of material `{name}` is given by {unread}, which is not read"));
+        }
+        if let Some([r, g, b, a]) = base.beyond {
+            raw.lose_color(format!(
+                "material `{name}`: found base colour factor ({r}, {g}, {b}, {a}), expected numbers of 0 to 1: they \
+                 are cut"
+            ));
         }
         let mut looks = plain(name, base.factor);
         let interior = Interior::of(material).filter(|_| material.pbr_specular_glossiness().is_none());

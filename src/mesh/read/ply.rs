@@ -365,6 +365,9 @@ impl Body<'_> {
             Scalar::U16 => f64::from(u16::from_le_bytes([a, b])),
             Scalar::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
             Scalar::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
+            // Beyond 2^53 rounded, which no index or colour is.
+            Scalar::I64 => i64::from_le_bytes(word) as f64,
+            Scalar::U64 => u64::from_le_bytes(word) as f64,
             Scalar::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
             Scalar::F64 => f64::from_le_bytes(word),
         })

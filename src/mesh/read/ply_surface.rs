@@ -128,7 +128,7 @@ impl ColorProperties {
             Kind::One(Scalar::I16) => 32_767.0,
             Kind::One(Scalar::U16) => 65_535.0,
             // Whole numbers of unmeasured width are bytes.
-            Kind::One(Scalar::I32 | Scalar::U32) => 255.0,
+            Kind::One(Scalar::I32 | Scalar::U32 | Scalar::I64 | Scalar::U64) => 255.0,
             _ => 1.0,
         });
         Some(Self { at, full })

@@ -173,7 +173,7 @@ pub(super) const ROWS: &[Row] = &[
         &["KHR_materials_cmnBlinnPhong", "KHR_materials_common", "KHR_techniques_webgl"],
         "missing or unreadable images; what a mask cuts out whole; a texture without TEXCOORD; sets of colours beyond \
          COLOR_0 without that; colours that only glow (emissive), those of instances (`_COLOR_0`), and those of morph \
-         targets with a default weight",
+         targets with a default weight; factors beyond 0 to 1, which are cut",
     ),
     row(
         "glTF",
@@ -205,8 +205,8 @@ pub(super) const ROWS: &[Row] = &[
             "green",
             "blue",
         ],
-        "text, binary of both byte orders; x y z, u v (s t, `texture_u` `texture_v`); colours of vertices or faces, \
-         sRGB, where there is no texture, in numbers as in OBJ; several textures",
+        "text, binary of both byte orders, int64 and uint64 too; x y z, u v (s t, `texture_u` `texture_v`); colours of \
+         vertices or faces, sRGB, where there is no texture, in numbers as in OBJ; several textures",
     ),
     row("PLY", Fate::Ignored, &[], "other elements and properties; vertex colours under a texture, with a warning"),
     row(
@@ -234,7 +234,7 @@ pub(super) const ROWS: &[Row] = &[
         "3MF",
         Fate::Ignored,
         &["metadata", "thumbnail", "displayproperties"],
-        "supports and seams painted in a slicer; print settings",
+        "supports and seams painted in a slicer; print settings; alpha of colours, with a warning where it is 0",
     ),
     row(
         "3MF",

@@ -118,10 +118,19 @@ pub(super) fn without_comment(name: &str) -> &str {
     name.match_indices('#').find(starts).map_or(name, |(at, _)| name[..at].trim_end())
 }
 
-/// A number; what C libraries write in place of one (`-nan(ind)`, `1.#QNAN`) is none, and no fault of the text.
+/// A number, with an exponent as C or as Fortran writes it (`1.5D+01`); what C libraries write in place of one
+/// (`-nan(ind)`, `1.#QNAN`) is none, and no fault of the text.
 pub(super) fn number(word: &[u8]) -> Option<f64> {
     let word = std::str::from_utf8(word).ok()?;
-    word.parse().ok().or_else(|| is_c_nan(word).then_some(f64::NAN))
+    word.parse().ok().or_else(|| of_fortran(word)).or_else(|| is_c_nan(word).then_some(f64::NAN))
+}
+
+/// A number of double precision as Fortran writes it.
+fn of_fortran(word: &str) -> Option<f64> {
+    let (digits, exponent) = word.split_once(['d', 'D'])?;
+    let exponent: i32 = exponent.parse().ok()?;
+    let is_number = digits.ends_with(|c: char| c.is_ascii_digit() || c == '.');
+    format!("{digits}e{exponent}").parse().ok().filter(|_| is_number)
 }
 
 /// Whether a word is C's `nan(…)`, or what Microsoft's library wrote before 2015: `1.#` and a name, filled up with
@@ -179,6 +188,10 @@ mod tests {
         assert_eq!(
             ["1", "-.5e1", "+2", "x", "", "1,5"].map(|word| number(word.as_bytes())),
             [Some(1.0), Some(-5.0), Some(2.0), None, None, None]
+        );
+        assert_eq!(
+            ["1.5D+01", "-2d-1", "1.d0", "d5", "1e2d3", "1D", "0x1d2", "d"].map(|word| number(word.as_bytes())),
+            [Some(15.0), Some(-0.2), Some(1.0), None, None, None, None, None]
         );
     }
 

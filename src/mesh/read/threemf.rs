@@ -39,6 +39,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         plain: None,
         left_out: BTreeMap::new(),
         lost: BTreeMap::new(),
+        transparent: 0,
         instances: 0,
     };
     build.raw.warnings = models.values().flat_map(|model| model.warnings.clone()).collect();
@@ -76,6 +77,8 @@ struct Build<'a> {
     left_out: BTreeMap<String, usize>,
     /// Why triangles have no colour, and how many.
     lost: BTreeMap<String, usize>,
+    /// Triangles with a colour of alpha 0.
+    transparent: usize,
     instances: usize,
 }
 
@@ -247,11 +250,13 @@ impl<'a> Build<'a> {
             Some(Properties::Materials(materials)) => {
                 // Base materials do not mix: the first corner's is the triangle's.
                 let material = materials.get(p[0] as usize).ok_or_else(|| outside(materials.len()))?;
+                self.transparent += usize::from(is_transparent(material));
                 Ok(Look { material: self.material(key(p[0]), || material.clone())?, uv: None, colors: None })
             }
             Some(Properties::Colors(colors)) => {
                 let color = |i: u32| colors.get(i as usize).ok_or_else(|| outside(colors.len()));
                 let corners = [color(p[0])?, color(p[1])?, color(p[2])?];
+                self.transparent += usize::from(corners.into_iter().any(is_transparent));
                 if p == [p[0]; 3] && colors.len() <= MAX_PLAIN_COLORS {
                     return Ok(Look {
                         material: self.material(key(p[0]), || corners[0].clone())?,
@@ -339,6 +344,12 @@ impl<'a> Build<'a> {
             let counted = if what.contains("painted") { counted(count, "object") } else { counted(count, "triangle") };
             self.raw.lose_color(format!("the colour of {counted} is not read: {what}"));
         }
+        if self.transparent > 0 {
+            let triangles = counted(self.transparent, "triangle");
+            self.raw.warnings.push(format!(
+                "{triangles} with a colour that is wholly transparent (alpha 0): printed in that colour all the same"
+            ));
+        }
         if let Some(plain) = self.plain {
             let bare = self.raw.material_of.iter().filter(|&&material| material == plain).count();
             if bare == self.raw.triangles.len() {
@@ -351,6 +362,10 @@ impl<'a> Build<'a> {
         }
         self.raw
     }
+}
+
+fn is_transparent(material: &SurfaceMaterial) -> bool {
+    material.base_color[3] == 0.0
 }
 
 /// What a slicer's parts may be.

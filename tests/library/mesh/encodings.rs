@@ -79,6 +79,15 @@ fn names_may_hold_a_hash_and_data_may_be_commented() {
     }
 }
 
+/// Coordinates in double precision as Fortran writes them.
+fn with_exponents_of_fortran(text: &str) -> String {
+    let word = |word: &str| match word.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() => word.replace(word.trim(), &format!("{value:e}").replace('e', "D+")),
+        _ => word.to_owned(),
+    };
+    text.split_inclusive(char::is_whitespace).map(word).collect::<String>().replace("D+-", "D-")
+}
+
 #[test]
 fn stl_by_words() {
     let text = writers::stl_text(&sample());
@@ -102,6 +111,7 @@ fn stl_by_words() {
             text.replace("outer loop", "").replace("endloop", ""),
             text.replacen("endfacet", "", 5),
             text.replace("part 0", "facet normal to the bed"),
+            with_exponents_of_fortran(&text),
         ]
         .map(String::into_bytes),
     );

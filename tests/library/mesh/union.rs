@@ -323,6 +323,37 @@ fn double_pyramids_over_any_line_leave_the_surface_of_what_they_hold() {
     assert!(crossed > 20, "{crossed}");
 }
 
+/// Bricks that miss each other by rounding have cracks between them, in which the faces of others show.
+#[test]
+fn nothing_is_left_of_faces_that_show_in_the_cracks_between_bricks() {
+    let places = || (0..36).map(|i| DVec3::new((i % 4) as f64, (i / 4 % 3) as f64, (i / 12) as f64));
+    for (miss, turned) in [(1e-8, false), (1e-7, false), (3e-6, false), (1e-7, true), (1e-6, true)] {
+        let mut random = Random(36);
+        let mut bricks: Vec<Body> = places()
+            .map(|at| {
+                let at = at + random.vector(-miss, miss);
+                box_triangles(at, at + DVec3::ONE)
+            })
+            .collect();
+        let turn = if turned { random.rotation() } else { DMat3::IDENTITY };
+        if turned {
+            round(&mut bricks, turn);
+        } else {
+            bricks.iter_mut().flatten().flatten().for_each(|p| *p *= 1.1);
+        }
+        let solid = close(mesh_of(&bricks.concat())).unwrap();
+        let outside: Body = box_triangles(DVec3::ZERO, DVec3::new(4.0, 3.0, 3.0));
+        let outside: Body = outside.iter().map(|t| t.map(|p| turn * p * 1.1)).collect();
+        for p in corners(&solid.mesh).concat() {
+            let gap = distance(&outside, p);
+            assert!(gap < 2e-5, "{miss}, turned {turned}: {p} is left, {gap} mm within");
+        }
+        for (found, expected) in [(solid.health.area_mm2, 66.0 * 1.21), (solid.health.volume_mm3, 36.0 * 1.331)] {
+            assert!((found / expected - 1.0).abs() < 2e-5, "{miss}, turned {turned}: {found}, not {expected}");
+        }
+    }
+}
+
 #[test]
 fn what_does_not_meet_stays_as_it_is() {
     let shell =

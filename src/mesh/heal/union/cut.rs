@@ -7,10 +7,13 @@
 
 use glam::{DVec2, DVec3};
 
-use super::contact::Line;
+use super::contact::{Line, Tolerance};
 
 /// More lines than this are parted in the middle first.
 const FEW: usize = 24;
+
+/// Twice as wide as it is a four-cornered piece may seem to [`width`].
+const NARROW: f64 = 2.0;
 
 /// A corner of a piece: where it is in the plane, and its weights of the triangle's corners.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,20 +29,24 @@ struct Node {
     piece: Piece,
     /// The first of its two parts, which follow each other.
     parts: Option<usize>,
-    is_kept: bool,
+    /// Whether it stays; `None` of what is too narrow to be judged, which goes with what it was cut from.
+    is_kept: Option<bool>,
     is_uniform: bool,
 }
 
 /// The parts of a triangle that `keeps` says stay, in as few pieces as the cuts leave; `None` if that is all of it.
+///
+/// Of parts narrower than `touch` nothing is asked. Between faces that miss each other by less, such a part lies in a
+/// crack, with outside on one side for all that can be seen from there, and depth would be measured from it.
 pub(super) fn kept(
     corners: [DVec2; 3],
     lines: Vec<Line>,
-    rounding: f64,
+    Tolerance { touch, rounding }: Tolerance,
     mut keeps: impl FnMut(&Piece) -> bool,
 ) -> Option<Vec<Piece>> {
     let weights = [DVec3::X, DVec3::Y, DVec3::Z];
     let whole: Piece = corners.into_iter().zip(weights).map(|(at, weights)| Corner { at, weights }).collect();
-    let node = |piece| Node { piece, parts: None, is_kept: false, is_uniform: true };
+    let node = |piece| Node { piece, parts: None, is_kept: None, is_uniform: true };
     let mut nodes = vec![node(whole)];
     let mut open = vec![(0_usize, lines)];
     while let Some((index, lines)) = open.pop() {
@@ -50,20 +57,23 @@ pub(super) fn kept(
                 nodes.extend([node(left), node(right)]);
                 open.extend([(first, left_lines), (first + 1, right_lines)]);
             }
-            None => nodes[index].is_kept = keeps(&nodes[index].piece),
+            None if index > 0 && width(&nodes[index].piece) < NARROW * touch => {}
+            None => nodes[index].is_kept = Some(keeps(&nodes[index].piece)),
         }
     }
     // Parts follow their whole, so that backwards every whole comes after its parts.
     for index in (0..nodes.len()).rev() {
         if let Some(first) = nodes[index].parts {
             let [a, b] = [&nodes[first], &nodes[first + 1]];
-            let is_uniform = a.is_uniform && b.is_uniform && a.is_kept == b.is_kept;
-            let is_kept = a.is_kept;
+            let is_alike = a.is_kept == b.is_kept || a.is_kept.is_none() || b.is_kept.is_none();
+            let is_uniform = a.is_uniform && b.is_uniform && is_alike;
+            let is_kept = a.is_kept.or(b.is_kept);
             (nodes[index].is_uniform, nodes[index].is_kept) = (is_uniform, is_kept);
         }
     }
     if nodes[0].is_uniform {
-        return if nodes[0].is_kept { None } else { Some(Vec::new()) };
+        let is_kept = nodes[0].is_kept.unwrap_or_else(|| keeps(&nodes[0].piece));
+        return if is_kept { None } else { Some(Vec::new()) };
     }
     let mut pieces = Vec::new();
     let mut open = vec![0];
@@ -71,7 +81,7 @@ pub(super) fn kept(
         let node = &mut nodes[index];
         match node.parts {
             Some(first) if !node.is_uniform => open.extend([first + 1, first]),
-            _ if node.is_kept => pieces.push(std::mem::take(&mut node.piece)),
+            _ if node.is_kept == Some(true) => pieces.push(std::mem::take(&mut node.piece)),
             _ => {}
         }
     }

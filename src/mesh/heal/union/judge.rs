@@ -91,8 +91,7 @@ impl<'a> Judge<'a> {
             let Some(frame) = frames[t].as_ref().filter(|_| speaker[t] == t) else { return Verdict::Goes };
             let face = Face { corners: &corners[t], frame, rank: rank(t), touches: lines[t].is_some() };
             let lines = lines[t].clone().unwrap_or_default();
-            let rounding = self.tolerance.rounding;
-            match cut::kept(frame.corners, lines, rounding, |piece| self.keeps(&face, piece, windings)) {
+            match cut::kept(frame.corners, lines, self.tolerance, |piece| self.keeps(&face, piece, windings)) {
                 None => Verdict::Stays,
                 Some(parts) if parts.is_empty() => Verdict::Goes,
                 Some(parts) => Verdict::Parts(parts),

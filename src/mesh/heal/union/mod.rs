@@ -8,8 +8,8 @@
 //!
 //! Both sides are a little off the face, so that faces which touch but for rounding count as touching; the gap is that
 //! of [`super::join`]. What tells inside from outside stays the whole surface as it was, whose winding numbers are
-//! integers by its combinatorics: no rounding of a cut can open it. So pieces need not meet corner to corner, and a
-//! piece misjudged would be a sliver no wider than the gap.
+//! integers by its combinatorics: no rounding of a cut can open it. So pieces need not meet corner to corner, and one
+//! narrower than the gap is not judged at all but goes with what it was cut from.
 //!
 //! Why no kernel of Booleans: boolmesh and manifold take solids that are manifold and do not cross themselves, one for
 //! each operand, and give back one mesh with neither the second winding nor the caps of a mended scan; here one body

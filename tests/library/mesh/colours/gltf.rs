@@ -487,3 +487,34 @@ fn what_glows_is_said_to_be_lost() {
         json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": colors, "_COLOR_0": colors}}});
     assert!(lost(&gltf.read()).contains("_COLOR_0"));
 }
+
+/// A factor has a range; rounding may leave it.
+#[test]
+fn factors_beyond_their_range_are_said_to_be_lost() {
+    let key = "KHR_materials_pbrSpecularGlossiness";
+    for (factor, is_lost) in [
+        ([1.0_f32, 0.5, 0.0, 1.0], false),
+        ([1.000_01, 0.5, -1e-6, 1.0], false),
+        ([2.0, 0.5, 0.0, 1.0], true),
+        ([200.0, 40.0, 40.0, 1.0], true),
+        ([1.0, -0.5, 0.0, 1.0], true),
+    ] {
+        for material in [
+            json!({"name": "m", "pbrMetallicRoughness": {"baseColorFactor": factor}}),
+            json!({"name": "m", "extensions": {key: {"diffuseFactor": factor}}}),
+        ] {
+            let mut gltf = Gltf::new([0.0, 1.0]);
+            gltf.json["materials"][0] = material;
+            gltf.json["extensionsUsed"] = json!([key]);
+            let loaded = gltf.read();
+            assert_eq!(
+                lost(&loaded).contains("`m`: found base colour factor"),
+                is_lost,
+                "{factor:?}: {}",
+                lost(&loaded)
+            );
+            let found = loaded.mesh.materials[0].base_color;
+            assert_eq!(found, factor.map(|value| value.clamp(0.0, 1.0)));
+        }
+    }
+}

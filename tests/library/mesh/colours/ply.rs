@@ -1,6 +1,6 @@
 //! Colours of PLY: vertices, faces, textures named in comments.
 
-use lumislice::mesh::{LoadOptions, load};
+use lumislice::mesh::{LoadOptions, close, load};
 
 use super::{
     super::{painted::assert_shares, writers::put},
@@ -65,6 +65,32 @@ fn colours_of_ply_vertices_and_faces() {
     let vertices = both("30 150 60");
     assert_shares(&vertices, &[(GREEN, 1.0)]);
     assert!(said(&vertices, "colours of the faces are not used"), "{:?}", vertices.warnings);
+}
+
+/// Numbers of eight bytes: colours, and properties to be stepped over.
+#[test]
+fn ply_of_whole_numbers_in_eight_bytes() {
+    for (format, little) in [("binary_little_endian", true), ("binary_big_endian", false)] {
+        let number = |value: u64| if little { value.to_le_bytes() } else { value.to_be_bytes() };
+        let float = |value: u8| if little { f32::from(value).to_le_bytes() } else { f32::from(value).to_be_bytes() };
+        let mut bytes = format!(
+            "ply\nformat {format} 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n\
+             property int64 label\nproperty uint64 red\nproperty uint64 green\nproperty uint64 blue\nelement face 6\n\
+             property list uchar uint64 vertex_indices\nend_header\n"
+        )
+        .into_bytes();
+        for point in POINTS {
+            bytes.extend(point.into_iter().flat_map(float));
+            bytes.extend([u64::MAX, 200, 40, 40].into_iter().flat_map(number));
+        }
+        for face in FACES {
+            bytes.push(4);
+            bytes.extend(face.into_iter().flat_map(|p| number(p as u64 - 1)));
+        }
+        let loaded = read(&[("a.ply", bytes)]);
+        assert_shares(&loaded, &[(RED, 1.0)]);
+        assert!((close(loaded.mesh).unwrap().health.volume_mm3 - 1.0).abs() < 1e-9);
+    }
 }
 
 /// Colours in properties that say nothing alone.

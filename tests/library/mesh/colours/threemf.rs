@@ -57,6 +57,28 @@ fn colour_groups_are_interpolated() {
     assert_shares(&loaded, &[([0x01, 0x11, 0x6f], 1.0)]);
 }
 
+/// A colour of alpha 0 is no colour that is seen; it is printed, and said.
+#[test]
+fn transparent_colours_are_said() {
+    let group = |alpha: &str| format!("<m:colorgroup id='5'><m:color color='#C82828{alpha}'/></m:colorgroup>");
+    let base =
+        |alpha: &str| format!("<basematerials id='5'><base name='a' displaycolor='#C82828{alpha}'/></basematerials>");
+    for (alpha, is_said) in [("00", true), ("01", false), ("", false)] {
+        for resources in [group(alpha), base(alpha)] {
+            let loaded = threemf(&resources, "pid='5' pindex='0'", "");
+            assert_shares(&loaded, &[(RED, 1.0)]);
+            assert_eq!(said(&loaded, "12 triangles with a colour that is wholly transparent"), is_said, "{resources}");
+            // What no triangle has does not matter.
+            assert_eq!(
+                threemf(&format!("{resources}{}", group("").replace('5', "7")), "pid='7' pindex='0'", "")
+                    .warnings
+                    .len(),
+                0
+            );
+        }
+    }
+}
+
 #[test]
 fn tile_styles() {
     for (style, u, expected) in [
