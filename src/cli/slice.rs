@@ -78,6 +78,11 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
         (false, Some(flag)) => refuse!("{flag}: found beside {}, expected a mesh: a job says it", args.job.display()),
         (false, None) => (Job::load(&args.job).map_err(RunError::from)?, None),
     };
+    let beside = args.job.with_extension("toml");
+    if made_up.is_some() && beside.is_file() {
+        let (beside, mesh) = (beside.display(), args.job.display());
+        say(&format!("note: {beside} lies beside {mesh} and is not used; `lumislice slice {beside}` slices that job"));
+    }
     if let Some(text) = made_up.as_ref().filter(|_| !args.json) {
         print(text)?;
     }
@@ -169,7 +174,7 @@ fn quick(args: &SliceArgs, job: Job, made_up: Option<&str>) -> Result<Answer> {
     print(&super::look::summary(&look))?;
     print(&format!(
         "\npictures of a coarse print: {}\nnothing was corrected yet: without --quick, rounds of correction bring the \
-         print nearer to what is asked\n",
+         print nearer to what is asked; this one is a coarse first look at it\n",
         folder.display()
     ))?;
     Ok(Answer::Yes)

@@ -188,7 +188,15 @@ pub fn look_at(
     let with_goal =
         |(spot, edge): (SurfaceSpot, Option<EdgeShape>)| Goal { expected: prepared.expected(&spot), spot, edge };
     let goals: Vec<Goal> = spots.into_iter().zip(shapes).map(with_goal).collect();
-    let about = About { job: &prepared.job.name, channels: &prepared.materials.channels, warnings: Vec::new() };
+    let warnings = prepared.job.is_coarse.then(|| {
+        format!(
+            "a quick look: voxels of {:.2} mm, few stackings, nothing corrected; the print will come nearer to what is \
+             asked",
+            prepared.lattice.pitch.max_element()
+        )
+    });
+    let warnings = warnings.into_iter().collect();
+    let about = About { job: &prepared.job.name, channels: &prepared.materials.channels, warnings };
     let mut look = look_at_spots(about, scene, &goals, options, watch)?;
     let pictures = options.pictures.map(|options| pictures::pictures(Some(prepared), scene, &options, watch));
     look.pictures = pictures.transpose()?.unwrap_or_default();
@@ -252,9 +260,11 @@ fn look_at_spots(
     let predicted = spots.iter().map(known).collect::<Option<Vec<_>>>();
     let mut worst: Vec<usize> = Vec::new();
     if let Some(goal) = asked.as_ref().or(predicted.as_ref()) {
-        let off = |spot: usize| {
-            let apart = spots[spot].printed.iter().zip(&goal[spot]).map(|(printed, goal)| (printed - goal).powi(2));
-            apart.sum::<f64>()
+        // By what the print as a whole is judged by: colour differences, or shares of the brightness.
+        let coloured = asked.is_some() && spots.iter().all(|spot| spot.delta_e_2000.is_some());
+        let off = |at: usize| {
+            let seen = spots[at].delta_e_2000.filter(|_| coloured);
+            seen.unwrap_or_else(|| share_off(&spots[at], &goal[at]))
         };
         worst.extend(0..spots.len());
         worst.sort_by(|a, b| off(*b).total_cmp(&off(*a)));
@@ -336,15 +346,17 @@ impl Spread {
 
     /// How far spots are from what was asked for, as shares of that; `None` of no spots.
     fn of_spots(spots: &[SpotRecord], asked: &[Vec<f64>]) -> Option<Self> {
-        let length = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
-        let off = |(spot, asked): (&SpotRecord, &Vec<f64>)| {
-            let apart = length(&mut spot.printed.iter().zip(asked).map(|(printed, asked)| printed - asked));
-            apart / length(&mut asked.iter().copied()).max(BLACK)
-        };
-        let mut shares: Vec<f64> = spots.iter().zip(asked).map(off).collect();
+        let mut shares: Vec<f64> = spots.iter().zip(asked).map(|(spot, asked)| share_off(spot, asked)).collect();
         shares.sort_by(f64::total_cmp);
         Self::of(&shares)
     }
+}
+
+/// How far a spot is from `goal`, as a share of that.
+fn share_off(spot: &SpotRecord, goal: &[f64]) -> f64 {
+    let length = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
+    let apart = length(&mut spot.printed.iter().zip(goal).map(|(printed, goal)| printed - goal));
+    apart / length(&mut goal.iter().copied()).max(BLACK)
 }
 
 /// Albedos below this are black.

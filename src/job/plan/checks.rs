@@ -1,5 +1,7 @@
 //! What the user should know of a job that is otherwise in order.
 
+use glam::DVec3;
+
 use super::object::PreparedObject;
 use crate::job::{
     Job, JobError,
@@ -85,15 +87,15 @@ pub(super) fn resins(job: &Job, names: &[&str]) -> Result<(), JobError> {
 }
 
 /// Refuses objects that are shorter than a voxel along every axis, most likely for want of a unit: of such an object
-/// next to nothing is printed. Those that are so along some axis only are told in `warnings`.
+/// next to nothing is printed. `objects` are their names and corners. Those that are so along some axis only are told in `warnings`.
 pub(super) fn tiny_objects(
     job: &Job,
-    objects: &[PreparedObject],
+    objects: &[(String, [DVec3; 2])],
     lattice: &Lattice,
     warnings: &mut Vec<String>,
 ) -> Result<(), JobError> {
-    for (index, object) in objects.iter().enumerate() {
-        let size = object.bounds[1] - object.bounds[0];
+    for (index, (mesh, bounds)) in objects.iter().enumerate() {
+        let size = bounds[1] - bounds[0];
         let short: Vec<_> =
             (0..3).filter(|&axis| size[axis] < lattice.pitch[axis]).map(|axis| ["x", "y", "z"][axis]).collect();
         if short.len() == 3 {
@@ -102,7 +104,7 @@ pub(super) fn tiny_objects(
             return Err(job.refuse(&format!("object[{index}].mesh"), found, expected));
         }
         if !short.is_empty() {
-            warnings.push(format!("{}: thinner than a voxel along {}; it may be lost", object.mesh, short.join(", ")));
+            warnings.push(format!("{mesh}: thinner than a voxel along {}; it may be lost", short.join(", ")));
         }
     }
     Ok(())
