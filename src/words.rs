@@ -20,6 +20,16 @@ pub fn voxels(count: u64) -> String {
     }
 }
 
+/// A time in the unit that it is told in: `under 1 s`, `40 s`, `5 min`, `2.5 h`.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 1.0 => "under 1 s".to_owned(),
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
 /// `1 edge is`, `2 edges are`.
 pub(crate) fn is_are(count: usize, noun: &str) -> String {
     format!("{} {}", counted(count, noun), if count == 1 { "is" } else { "are" })
@@ -186,6 +196,12 @@ mod tests {
     fn what_rounds_to_zero_has_no_sign() {
         let words = [0.0004, -0.0004, -0.0006, 1.5].map(|value| signed(value, 3));
         assert_eq!(words, ["0.000", "0.000", "-0.001", "+1.500"]);
+    }
+
+    #[test]
+    fn times_are_told_in_their_unit() {
+        let words = [0.2, 41.6, 89.4, 299.0, 9000.0].map(duration);
+        assert_eq!(words, ["under 1 s", "42 s", "89 s", "5 min", "2.5 h"]);
     }
 
     #[test]

@@ -25,7 +25,10 @@ pub(in crate::job) mod shade;
 mod surface;
 mod voxels;
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -49,10 +52,10 @@ use super::{
 };
 use crate::{
     colour::{delta_e_2000, lab},
-    look::{Radiosity, Scene, Spot},
+    look::{Radiosity, Scene, Spot, Volume},
     output::{Existing, GENERATOR, OutputError, OutputFolder, Owner, pretty},
     preview::PreviewFile,
-    watch::Watch,
+    watch::{StopOnly, Watch},
 };
 
 /// Version of `look.json`'s form.
@@ -201,6 +204,35 @@ pub fn look_at(
     let pictures = options.pictures.map(|options| pictures::pictures(Some(prepared), scene, &options, watch));
     look.pictures = pictures.transpose()?.unwrap_or_default();
     Ok(look)
+}
+
+/// Spots, and walks from each, that tell the time of a walk.
+const PILOT: (usize, u64) = (64, 1000);
+
+impl Prepared {
+    /// Seconds of a walk in all channels through `volume`, its voxels on any lattice; `None` where resins have no
+    /// coefficients or nothing shows.
+    ///
+    /// # Errors
+    /// [`LookError::Stopped`].
+    pub(in crate::job) fn seconds_of_a_walk(
+        &self,
+        volume: Volume,
+        watch: &dyn Watch,
+    ) -> Result<Option<f64>, LookError> {
+        if !self.materials.has_coefficients() {
+            return Ok(None);
+        }
+        let scene = self.scene_of(volume)?;
+        let (spots, walks) = PILOT;
+        let sites: Vec<Spot> = self.random_spots(&scene, spots, 1).into_iter().map(|spot| spot.spot).collect();
+        if sites.is_empty() {
+            return Ok(None);
+        }
+        let began = Instant::now();
+        scene.printed_albedo(&sites, walks, 1, &StopOnly(watch))?;
+        Ok(Some(began.elapsed().as_secs_f64() / (sites.len() as u64 * walks) as f64))
+    }
 }
 
 /// A spot and what should show there.

@@ -4,6 +4,7 @@
 
 mod containers;
 mod convert;
+mod duration;
 mod estimate;
 mod heights;
 mod labels;
@@ -24,6 +25,7 @@ use serde_json::json;
 pub(crate) use containers::export_path;
 use containers::{Containers, write_texts};
 pub use convert::{ConvertError, Converted, convert};
+pub use duration::Durations;
 pub use estimate::{Estimate, ObjectPlace};
 pub use redraw::{RedrawError, redraw};
 use report::write_pictures;

@@ -535,14 +535,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mesh = a_box(folder.path(), 12.0);
         for printer in Printer::preset_names() {
-            let looks = MeasuredMedium::names().map(|look| StartOptions {
-                look: Some(look.to_owned()),
-                ..StartOptions::default()
-            });
-            let colours = [[0xc0, 0x80, 0x40], [0x20, 0x40, 0xc0], [0x80; 3]].map(|srgb| StartOptions {
-                albedo: Some(Albedo::Srgb(srgb)),
-                ..StartOptions::default()
-            });
+            let looks = MeasuredMedium::names()
+                .map(|look| StartOptions { look: Some(look.to_owned()), ..StartOptions::default() });
+            let colours = [[0xc0, 0x80, 0x40], [0x20, 0x40, 0xc0], [0x80; 3]]
+                .map(|srgb| StartOptions { albedo: Some(Albedo::Srgb(srgb)), ..StartOptions::default() });
             let formats = [OutputFormat::Gcvf, OutputFormat::Bmp].map(|format| StartOptions {
                 formats: vec![format],
                 look: Some("skin".to_owned()),
