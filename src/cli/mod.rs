@@ -136,7 +136,7 @@ pub fn run() -> ExitCode {
 fn name_the_unit(error: &mut clap::Error) {
     let Some(ContextValue::String(flag)) = error.get(ContextKind::InvalidArg) else { return };
     let Some((name, rate)) = flag.strip_prefix("--").and_then(in_mm) else { return };
-    let is_flag = |command: &clap::Command| command.get_arguments().any(|arg| arg.get_long() == Some(&name));
+    let is_flag = |command: &clap::Command| command.get_arguments().any(|arg| arg.get_long() == Some(name.as_str()));
     if error.kind() == ErrorKind::UnknownArgument && Cli::command().get_subcommands().any(is_flag) {
         let tip = format!("lengths are in mm: --{name}, and {rate}");
         error.remove(ContextKind::SuggestedArg);
