@@ -395,6 +395,7 @@ impl Looks {
                 given(text);
             }
             Source::One(albedo) => {
+                line(text, "kind = \"texture\"", "");
                 line(text, &albedo.toml(), "one albedo all over, as asked for");
                 let (code, why) = travels();
                 line(text, &code, why);
