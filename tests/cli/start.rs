@@ -131,7 +131,11 @@ fn a_mesh_is_sliced_without_a_job() {
     for part in ["mesh = \"figure.stl\"", "height-mm = 6", "preset = \"espresso\"", "figure: 6.01 × 6.01 × 6.02 mm"] {
         assert!(ran.stdout.contains(part), "{part}: {}", ran.stdout);
     }
+    assert!(ran.stdout.contains("time: about "), "{}", ran.stdout);
     let json = bench.run(["slice", "figure.stl", "--dry-run", "--height-mm", "6", "--json"]).exits(0).json();
+    for part in ["preparing", "rounds", "slices", "look"] {
+        assert!(json["seconds"][part].as_f64().unwrap() > 0.0, "{part}: {}", json["seconds"]);
+    }
     // The job that was made up does the same when it is kept.
     bench.write("figure.toml", json["job"].as_str().unwrap().as_bytes());
     let kept = bench.run(["slice", "figure.toml", "--dry-run", "--json"]).exits(0).json();
@@ -171,6 +175,24 @@ fn a_colour_is_asked_for_on_the_command_line() {
     }
 }
 
+/// What is called the worst is so by the measure that all is judged by.
+#[test]
+fn the_worst_places_are_farthest_in_colour() {
+    let bench = Bench::new();
+    let target = "kind = \"stacking\"\nstack = \"white:0.5,support:0.6\"";
+    let job = JOB.replace(target, "kind = \"texture\"\nalbedo-colour = \"#c08040\"\nmean-free-path-mm = 0.3");
+    bench.write("colour.toml", job.replace("synthetic", "inks-rgb-7").as_bytes());
+    let look = bench.run(["slice", "colour.toml", "--quick", "--json"]).exits(0).json();
+    let off: Vec<f64> =
+        look["spots"].as_array().unwrap().iter().map(|spot| spot["delta_e_2000"].as_f64().unwrap()).collect();
+    let worst: Vec<f64> =
+        look["worst"].as_array().unwrap().iter().map(|spot| off[spot.as_u64().unwrap() as usize]).collect();
+    let mut sorted = off.clone();
+    sorted.sort_by(|a, b| b.total_cmp(a));
+    assert_eq!(worst, sorted[..worst.len()]);
+    assert_eq!(look["delta_e_2000"]["worst"].as_f64(), Some(worst[0]));
+}
+
 #[test]
 fn init_writes_no_job_that_is_refused() {
     let bench = Bench::new();
@@ -178,6 +200,9 @@ fn init_writes_no_job_that_is_refused() {
     // Fewer slices than the container takes.
     let ran = bench.run(["init", "flat.stl", "--height-mm", "0.5", "--formats", "gcvf"]).exits(2);
     assert!(ran.stderr.contains("an object 0.81 mm high or more"), "{}", ran.stderr);
+    // Higher than the tray.
+    let ran = bench.run(["init", "flat.stl", "--height-mm", "250"]).exits(2);
+    assert!(ran.stderr.contains("flat.stl reaches 250.000 mm in z"), "{}", ran.stderr);
     assert!(!bench.path("flat.toml").exists());
 }
 

@@ -110,6 +110,31 @@ pub(super) fn tiny_objects(
     Ok(())
 }
 
+/// What of objects, names and corners, does not fit the printer, a sentence each.
+pub(super) fn misfits(job: &Job, objects: &[(String, [DVec3; 2])]) -> Vec<String> {
+    let Some(tray) = job.printer.tray_mm else { return Vec::new() };
+    let mut found = Vec::new();
+    for (mesh, [_, high]) in objects {
+        for (axis, name) in ['x', 'y', 'z'].into_iter().enumerate() {
+            if high[axis] > tray[axis] * (1.0 + 1e-9) {
+                found.push(format!(
+                    "{mesh} reaches {:.3} mm in {name}, the tray of {} ends at {} mm",
+                    high[axis], job.printer.name, tray[axis]
+                ));
+            }
+        }
+    }
+    found
+}
+
+/// Refuses the first of what does not fit.
+pub(super) fn refuse_misfits(job: &Job, misfits: &[String]) -> Result<(), JobError> {
+    match misfits.first() {
+        Some(misfit) => Err(job.refuse("printer", misfit, "objects that fit the tray")),
+        None => Ok(()),
+    }
+}
+
 /// Counts layers thinner than a voxel is long along an axis: on faces that look along it such a layer comes out thicker
 /// than it should be, or not at all. Layers laid from the top look along z only. `None` if there are none.
 pub(super) fn thin_layers(job: &Job, objects: &[PreparedObject], lattice: &Lattice) -> Option<String> {

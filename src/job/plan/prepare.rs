@@ -164,7 +164,9 @@ impl Prepared {
     pub fn check(job: &Job, watch: &dyn Watch) -> Result<Vec<String>, RunError> {
         let Placed { solids, lattice, mut warnings, .. } = place(job, watch)?;
         let sizes = solids.iter().zip(&job.objects).map(|((solid, _), object)| (object.mesh.shown(), bounds(solid)));
-        checks::tiny_objects(job, &sizes.collect::<Vec<_>>(), &lattice, &mut warnings)?;
+        let sizes: Vec<_> = sizes.collect();
+        checks::tiny_objects(job, &sizes, &lattice, &mut warnings)?;
+        checks::refuse_misfits(job, &checks::misfits(job, &sizes))?;
         warnings.extend(checks::few_slices(job, &lattice));
         Ok(warnings)
     }
@@ -205,20 +207,13 @@ impl Prepared {
 
     /// What of the job does not fit the printer, a sentence each; empty if everything does.
     pub fn misfits(&self) -> Vec<String> {
-        let mut found = Vec::new();
-        if let Some(tray) = self.job.printer.tray_mm {
-            for object in &self.objects {
-                for (axis, name) in ['x', 'y', 'z'].into_iter().enumerate() {
-                    if object.bounds[1][axis] > tray[axis] * (1.0 + 1e-9) {
-                        found.push(format!(
-                            "{} reaches {:.3} mm in {name}, the tray of {} ends at {} mm",
-                            object.mesh, object.bounds[1][axis], self.job.printer.name, tray[axis]
-                        ));
-                    }
-                }
-            }
-        }
-        found
+        let sizes: Vec<_> = self.objects.iter().map(|object| (object.mesh.clone(), object.bounds)).collect();
+        checks::misfits(&self.job, &sizes)
+    }
+
+    /// Refuses what does not fit the printer.
+    pub(in crate::job) fn refuse_misfits(&self) -> Result<(), RunError> {
+        Ok(checks::refuse_misfits(&self.job, &self.misfits())?)
     }
 
     /// Names of the printed resins that may occur in stackings.

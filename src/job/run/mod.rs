@@ -294,13 +294,6 @@ impl Prepared {
         PreviewBuilder::new(&self.lattice, &materials)
     }
 
-    fn refuse_misfits(&self) -> Result<(), RunError> {
-        match self.misfits().into_iter().next() {
-            Some(misfit) => Err(self.job.refuse("printer", misfit, "objects that fit the tray").into()),
-            None => Ok(()),
-        }
-    }
-
     fn are_all(&self, slices: &Range<u32>) -> bool {
         *slices == (0..self.lattice.dims[2])
     }
