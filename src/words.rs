@@ -20,6 +20,16 @@ pub fn voxels(count: u64) -> String {
     }
 }
 
+/// A time in the unit that it is told in: `under 1 s`, `40 s`, `5 min`, `2.5 h`.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 1.0 => "under 1 s".to_owned(),
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
 /// `1 edge is`, `2 edges are`.
 pub(crate) fn is_are(count: usize, noun: &str) -> String {
     format!("{} {}", counted(count, noun), if count == 1 { "is" } else { "are" })
@@ -135,8 +145,35 @@ pub(crate) fn suggest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) 
     best.map(|(_, name)| name)
 }
 
+/// Units of length that names may end in, with their mm; ours all end in `-mm`.
+const UNITS: [(&str, f64); 9] = [
+    ("in", 25.4),
+    ("inch", 25.4),
+    ("inches", 25.4),
+    ("ft", 304.8),
+    ("cm", 10.0),
+    ("dm", 100.0),
+    ("m", 1000.0),
+    ("um", 0.001),
+    ("micron", 0.001),
+];
+
+/// Of `height-in` the name in mm, `height-mm`, and what 1 of its own unit is: "1 in is 25.4 mm". `None` of a name that
+/// ends in no other unit of length.
+pub fn in_mm(word: &str) -> Option<(String, String)> {
+    let (stem, unit) = word.rsplit_once(['-', '_'])?;
+    let (unit, mm) = UNITS.iter().find(|known| known.0.eq_ignore_ascii_case(unit))?;
+    let unit = if unit.starts_with("in") { "in" } else { unit };
+    Some((format!("{stem}-mm"), format!("1 {unit} is {mm} mm")))
+}
+
 /// A hint for an unknown name: "did you mean `x`?", or else the list of what is known.
 pub(crate) fn hint<'a>(word: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
+    if let Some((name, rate)) = in_mm(word)
+        && known.clone().into_iter().any(|known| known == name)
+    {
+        return format!("lengths are in mm: `{name}`, {rate}");
+    }
     match suggest(word, known.clone()) {
         Some(name) => format!("did you mean `{name}`?"),
         None => {
@@ -159,6 +196,12 @@ mod tests {
     fn what_rounds_to_zero_has_no_sign() {
         let words = [0.0004, -0.0004, -0.0006, 1.5].map(|value| signed(value, 3));
         assert_eq!(words, ["0.000", "0.000", "-0.001", "+1.500"]);
+    }
+
+    #[test]
+    fn times_are_told_in_their_unit() {
+        let words = [0.2, 41.6, 89.4, 299.0, 9000.0].map(duration);
+        assert_eq!(words, ["under 1 s", "42 s", "89 s", "5 min", "2.5 h"]);
     }
 
     #[test]
@@ -189,6 +232,16 @@ mod tests {
         assert_eq!(suggest("colour", known), None);
         assert_eq!(suggest(&"mesh".repeat(100), known), None);
         assert_eq!(hint("colour", ["a", "b"]), "expected one of a, b");
+    }
+
+    #[test]
+    fn another_unit_is_named_with_its_length_in_ours() {
+        let known = ["mesh", "height-mm", "height-in-rows"];
+        assert_eq!(hint("height-in", known), "lengths are in mm: `height-mm`, 1 in is 25.4 mm");
+        assert_eq!(hint("height_inches", known), "lengths are in mm: `height-mm`, 1 in is 25.4 mm");
+        assert_eq!(hint("heigth-mm", known), "did you mean `height-mm`?");
+        assert_eq!(in_mm("height-mm"), None);
+        assert_eq!(hint("width-in", ["width"]), "did you mean `width`?");
     }
 
     #[test]

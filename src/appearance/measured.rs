@@ -66,14 +66,9 @@ impl MeasuredMedium {
 
     /// Share of light from everywhere that a half-space returns, per channel, 0 to 1.
     pub fn albedo(&self) -> [f64; 3] {
-        let index = self.index;
-        let within = -1.440 / (index * index) + 0.710 / index + 0.668 + 0.0636 * index;
-        let boundary = (1.0 + within) / (1.0 - within);
         std::array::from_fn(|channel| {
             let (scattering, absorption) = (self.scattering_per_mm[channel], self.absorption_per_mm[channel]);
-            let alpha = scattering / (scattering + absorption);
-            let decay = (3.0 * (1.0 - alpha)).sqrt();
-            0.5 * alpha * (1.0 + libm::exp(-4.0 / 3.0 * boundary * decay)) * libm::exp(-decay)
+            diffuse_reflectance(self.index, scattering / (scattering + absorption))
         })
     }
 
@@ -81,6 +76,14 @@ impl MeasuredMedium {
     pub fn mean_free_path_mm(&self) -> [f64; 3] {
         std::array::from_fn(|channel| 1.0 / (self.scattering_per_mm[channel] + self.absorption_per_mm[channel]))
     }
+}
+
+/// Share of light from everywhere that a half-space of refractive index η and reduced albedo α′ returns.
+pub(crate) fn diffuse_reflectance(index: f64, alpha: f64) -> f64 {
+    let within = -1.440 / (index * index) + 0.710 / index + 0.668 + 0.0636 * index;
+    let boundary = (1.0 + within) / (1.0 - within);
+    let decay = (3.0 * (1.0 - alpha)).sqrt();
+    0.5 * alpha * (1.0 + libm::exp(-4.0 / 3.0 * boundary * decay)) * libm::exp(-decay)
 }
 
 #[cfg(test)]

@@ -39,6 +39,7 @@ pub use layers::{BrickQuery, LayerField, LayerStack, SurfaceShare};
 pub use limits::{SlotLimits, enforce_limits};
 pub use material::{MaterialError, material_target, srgb_albedo};
 pub use measured::MeasuredMedium;
+pub(crate) use measured::diffuse_reflectance;
 pub use nodes::{MAX_NODES, TexelSite};
 pub use reduction::Reduction;
 pub use slots::SlotTable;

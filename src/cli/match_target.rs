@@ -32,8 +32,8 @@ use super::{
 
 /// Find the stack of layers that reflects most like a target.
 #[derive(Debug, Args)]
-#[command(group = clap::ArgGroup::new("wanted").required(true).multiple(false).args(["target", "albedo", "srgb"]))]
-#[command(group = clap::ArgGroup::new("colour").multiple(false).args(["albedo", "srgb"]))]
+#[command(group = clap::ArgGroup::new("wanted").required(true).multiple(false).args(["target", "albedo", "colour"]))]
+#[command(group = clap::ArgGroup::new("asked").multiple(false).args(["albedo", "colour"]))]
 pub struct MatchArgs {
     /// Resins: a material file (TOML), or the name of a built-in set.
     #[arg(long, value_name = "FILE|SET", help_heading = "Target")]
@@ -46,10 +46,10 @@ pub struct MatchArgs {
     albedo: Vec<f64>,
     /// Albedo to match as an sRGB colour; its luminance where there is one channel.
     #[arg(long, value_name = "#RRGGBB", value_parser = parse_srgb, requires = "mean_free_path_mm")]
-    #[arg(help_heading = "Target")]
-    srgb: Option<[u8; 3]>,
+    #[arg(visible_alias = "color", alias = "srgb", help_heading = "Target")]
+    colour: Option<[u8; 3]>,
     /// Mean free path 1/σt of the material to match, mm; one number, or one for each channel.
-    #[arg(long, value_name = "L", value_delimiter = ',', requires = "colour", help_heading = "Target")]
+    #[arg(long, value_name = "L", value_delimiter = ',', requires = "asked", help_heading = "Target")]
     mean_free_path_mm: Vec<f64>,
     /// Resin of the half-space below the stack; default: nothing lies there and no light returns.
     #[arg(long, value_name = "RESIN", help_heading = "Stack")]
@@ -127,7 +127,7 @@ enum NormArg {
     Relative,
 }
 
-fn parse_srgb(text: &str) -> Result<[u8; 3], String> {
+pub(super) fn parse_srgb(text: &str) -> Result<[u8; 3], String> {
     let digits = text.strip_prefix('#').unwrap_or(text);
     let number = u32::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 6 && !digits.starts_with('+'));
     number.map(|n| [(n >> 16) as u8, (n >> 8) as u8, n as u8]).ok_or_else(|| "expected #RRGGBB, such as #C08040".into())
@@ -232,15 +232,15 @@ impl MatchArgs {
             }
             return Ok(SearchTarget::from_profiles(&self.target, channels, &grid)?);
         }
-        if let Some([r, g, b]) = self.srgb.filter(|_| channels == 1)
+        if let Some([r, g, b]) = self.colour.filter(|_| channels == 1)
             && r.max(g).max(b) - r.min(g).min(b) > GREY
         {
             say("warning: the resins have one channel: of the colour only its lightness is matched");
         }
-        let albedo: Vec<f64> = match self.srgb {
+        let albedo: Vec<f64> = match self.colour {
             None => self.albedo.clone(),
             Some(srgb) => srgb_albedo(srgb, channels)
-                .ok_or_else(|| refusal!("--srgb: found a set of {channels} channels, expected one of 1 or 3"))?,
+                .ok_or_else(|| refusal!("--colour: found a set of {channels} channels, expected one of 1 or 3"))?,
         };
         let target = material_target(&albedo, &self.mean_free_path_mm, channels, &grid);
         target.map_err(|error| refusal!("--{error}"))

@@ -36,10 +36,13 @@ use std::{
     sync::atomic::{AtomicBool, AtomicUsize, Ordering},
 };
 
-use clap::{Parser, Subcommand};
+use clap::{
+    CommandFactory, Parser, Subcommand,
+    error::{ContextKind, ContextValue, ErrorKind},
+};
 use lumislice::{
     watch::Interrupt,
-    words::{escaped, escaped_lines},
+    words::{escaped, escaped_lines, in_mm},
 };
 
 use failure::{Failure, INTERRUPTED, refusal};
@@ -92,7 +95,8 @@ static INTERRUPT: Interrupt = Interrupt::new();
 pub fn run() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(error) => {
+        Err(mut error) => {
+            name_the_unit(&mut error);
             let code = if error.use_stderr() { 2 } else { 0 };
             // A closed pipe is no reason to fail twice.
             let _ = error.print();
@@ -125,6 +129,18 @@ pub fn run() -> ExitCode {
             say(&format!("error: {}", failure.text()));
             ExitCode::from(failure.exit_code())
         }
+    }
+}
+
+/// Of a flag in another unit of length says the one in mm, and what its unit is in that.
+fn name_the_unit(error: &mut clap::Error) {
+    let Some(ContextValue::String(flag)) = error.get(ContextKind::InvalidArg) else { return };
+    let Some((name, rate)) = flag.strip_prefix("--").and_then(in_mm) else { return };
+    let is_flag = |command: &clap::Command| command.get_arguments().any(|arg| arg.get_long() == Some(name.as_str()));
+    if error.kind() == ErrorKind::UnknownArgument && Cli::command().get_subcommands().any(is_flag) {
+        let tip = format!("lengths are in mm: --{name}, and {rate}");
+        error.remove(ContextKind::SuggestedArg);
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }
 }
 

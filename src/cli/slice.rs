@@ -6,11 +6,12 @@ use clap::Args;
 use lumislice::{
     job::{
         self, Estimate, Finished, Job, Manifest, Prepared, REPORT, RoundRecord, RunError, RunOptions,
+        file::OutputFormat,
         look::{self, LookError, LookOptions, look_at, scene_for},
         manifest::MaterialRecord,
     },
     output::{Existing, OutputFolder},
-    words::{signed, voxels},
+    words::{duration, signed, voxels},
 };
 use serde_json::{Value, json};
 
@@ -78,6 +79,11 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
         (false, Some(flag)) => refuse!("{flag}: found beside {}, expected a mesh: a job says it", args.job.display()),
         (false, None) => (Job::load(&args.job).map_err(RunError::from)?, None),
     };
+    let beside = args.job.with_extension("toml");
+    if made_up.is_some() && beside.is_file() {
+        let (beside, mesh) = (beside.display(), args.job.display());
+        say(&format!("note: {beside} lies beside {mesh} and is not used; `lumislice slice {beside}` slices that job"));
+    }
     if let Some(text) = made_up.as_ref().filter(|_| !args.json) {
         print(text)?;
     }
@@ -169,7 +175,7 @@ fn quick(args: &SliceArgs, job: Job, made_up: Option<&str>) -> Result<Answer> {
     print(&super::look::summary(&look))?;
     print(&format!(
         "\npictures of a coarse print: {}\nnothing was corrected yet: without --quick, rounds of correction bring the \
-         print nearer to what is asked\n",
+         print nearer to what is asked; this one is a coarse first look at it\n",
         folder.display()
     ))?;
     Ok(Answer::Yes)
@@ -225,6 +231,26 @@ fn material_table(materials: &[MaterialRecord], about: &str) -> String {
     if used().count() > 1 { format!("{lines}  together {about}{mass:.2} g{cost}\n") } else { lines }
 }
 
+/// How long it will take, about.
+fn time(prepared: &Prepared, estimate: &Estimate) -> String {
+    let job = &prepared.job;
+    let cached = job.search_cache.is_some();
+    let seconds = &estimate.seconds;
+    let parts = [("rounds of correction", seconds.rounds), ("slices", seconds.slices), ("pictures", seconds.look)];
+    let searched = (!cached).then_some(("stackings", seconds.preparing));
+    let parts = searched.into_iter().chain(parts).filter(|part| part.1 > 0.0);
+    let parts: Vec<_> = parts.map(|(name, seconds)| format!("{name} {}", duration(seconds))).collect();
+    let found =
+        if cached { format!("; stackings took {} and are kept", duration(seconds.preparing)) } else { String::new() };
+    let meshed = job.wants(OutputFormat::Stl) || job.wants(OutputFormat::ThreeMf);
+    let meshes = if meshed { "; meshes come on top" } else { "" };
+    format!(
+        "time: about {} on this machine, as busy as it is now: {}{found}{meshes}",
+        duration(seconds.ahead(cached)),
+        parts.join(", ")
+    )
+}
+
 fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool, made_up: Option<String>) -> Result<Answer> {
     let answer = if estimate.misfits.is_empty() { Answer::Yes } else { Answer::No };
     if json {
@@ -244,6 +270,7 @@ fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool, made_up
         voxels(estimate.voxels),
         estimate.memory_bytes >> 20,
     );
+    text += &format!("{}\n", wrapped(&time(prepared, estimate), WIDTH));
     for object in estimate.objects.iter().filter(|_| estimate.objects.len() > 1) {
         let ([x, y, z], [w, d, h]) = (object.position_mm, object.size_mm);
         text += &format!("  {}: {w:.2} × {d:.2} × {h:.2} mm at ({x:.2}, {y:.2}, {z:.2}) mm\n", object.mesh);

@@ -6,18 +6,20 @@ use clap::Args;
 use lumislice::{
     appearance::MeasuredMedium,
     job::{
-        Job, RunError,
+        Job, Prepared, RunError,
         file::OutputFormat,
-        start::{Start, StartOptions, start},
+        start::{Albedo, MeanFreePath, Start, StartOptions, start},
     },
     mesh::extensions,
     optics::{MaterialFile, OpticsError},
     voxel::Printer,
+    watch::Unwatched,
 };
 
 use super::{
     Answer, Result,
     failure::{Failure, refuse},
+    match_target::parse_srgb,
     print, say,
 };
 
@@ -32,9 +34,22 @@ pub struct MeshArgs {
     pub height_mm: Option<f64>,
     /// A measured material that the mesh should look like, as marble or skin1 (another word lists them); default its
     /// own colours.
-    #[arg(long, value_name = "NAME", value_parser = look, help_heading = "Mesh")]
+    #[arg(long, value_name = "NAME", value_parser = look, conflicts_with_all = ["colour", "albedo"])]
+    #[arg(help_heading = "Mesh")]
     pub look: Option<String>,
-    /// A built-in set of resins (`lumislice material list`) or a material file, for a mesh.
+    /// One colour that the mesh should have all over, sRGB; default its own colours.
+    #[arg(long, value_name = "#RRGGBB", value_parser = parse_srgb, visible_alias = "color", alias = "srgb")]
+    #[arg(conflicts_with = "albedo", help_heading = "Mesh")]
+    pub colour: Option<[u8; 3]>,
+    /// The same as an albedo, linear: one number, or one each for red, green and blue light, 0.6,0.5,0.4.
+    #[arg(long, value_name = "A", value_delimiter = ',', value_parser = albedo, help_heading = "Mesh")]
+    pub albedo: Vec<f64>,
+    /// How far light travels between two events, mm, one number or R,G,B; default as a --look or the mesh has it, else
+    /// 0.5.
+    #[arg(long, value_name = "L", value_delimiter = ',', value_parser = path_mm, help_heading = "Mesh")]
+    pub mean_free_path_mm: Vec<f64>,
+    /// A built-in set of resins (`lumislice material list`) or a material file, for a mesh; default what its printer
+    /// prints with, where there is a set of that.
     #[arg(long, value_name = "SET|FILE", value_parser = materials, help_heading = "Mesh")]
     pub materials: Option<PathBuf>,
     /// What to write for a mesh, as gcvf or png,stl; default png. Pictures with a report come with it.
@@ -57,6 +72,26 @@ fn height(text: &str) -> Result<f64, String> {
     mm.ok_or_else(|| format!("found `{text}`, expected a height in mm from 0.01 to 2000"))
 }
 
+fn albedo(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse().ok().filter(|albedo| (0.0..=0.999).contains(albedo));
+    number.ok_or_else(|| format!("found `{text}`, expected a number from 0 to 0.999"))
+}
+
+fn path_mm(text: &str) -> Result<f64, String> {
+    let mm = text.trim().parse().ok().filter(|mm| (1e-3..=100.0).contains(mm));
+    mm.ok_or_else(|| format!("found `{text}`, expected a length in mm from 0.001 to 100"))
+}
+
+/// One number for all channels, or one each for red, green and blue light.
+fn one_or_three(flag: &str, numbers: &[f64]) -> Result<Option<(f64, Option<[f64; 3]>)>> {
+    match *numbers {
+        [] => Ok(None),
+        [one] => Ok(Some((one, None))),
+        [r, g, b] => Ok(Some((r, Some([r, g, b])))),
+        _ => refuse!("{flag}: found {} numbers, expected one, or three for red, green and blue light", numbers.len()),
+    }
+}
+
 fn look(text: &str) -> Result<String, String> {
     let names = || MeasuredMedium::names().collect::<Vec<_>>().join(", ");
     match MeasuredMedium::named(text) {
@@ -75,9 +110,13 @@ fn materials(text: &str) -> Result<PathBuf, String> {
 }
 
 impl MeshArgs {
-    fn options(&self) -> StartOptions {
-        let Self { printer, height_mm, look, materials, formats } = self.clone();
-        StartOptions { printer, height_mm, look, materials, formats }
+    fn options(&self) -> Result<StartOptions> {
+        let Self { printer, height_mm, look, materials, formats, .. } = self.clone();
+        let grey = one_or_three("--albedo", &self.albedo)?.map(|(one, all)| all.map_or(Albedo::Grey(one), Albedo::Rgb));
+        let albedo = self.colour.map(Albedo::Srgb).or(grey);
+        let path = one_or_three("--mean-free-path-mm", &self.mean_free_path_mm)?;
+        let mean_free_path_mm = path.map(|(one, all)| all.map_or(MeanFreePath::Same(one), MeanFreePath::Rgb));
+        Ok(StartOptions { printer, height_mm, look, albedo, mean_free_path_mm, materials, formats })
     }
 
     /// The first flag that is given.
@@ -86,6 +125,9 @@ impl MeshArgs {
             ("--printer", self.printer.is_some()),
             ("--height-mm", self.height_mm.is_some()),
             ("--look", self.look.is_some()),
+            ("--colour", self.colour.is_some()),
+            ("--albedo", !self.albedo.is_empty()),
+            ("--mean-free-path-mm", !self.mean_free_path_mm.is_empty()),
             ("--materials", self.materials.is_some()),
             ("--formats", !self.formats.is_empty()),
         ];
@@ -101,7 +143,7 @@ pub fn is_mesh(path: &std::path::Path) -> bool {
 
 /// The job that a mesh gets where none is written, and its text.
 pub fn job_for(mesh: &std::path::Path, args: &MeshArgs) -> Result<(Job, String)> {
-    let Start { toml, notes } = start(mesh, &args.options()).map_err(RunError::from)?;
+    let Start { toml, notes } = start(mesh, &args.options()?).map_err(RunError::from)?;
     notes.iter().for_each(|note| say(&format!("note: {note}")));
     let folder = mesh.parent().unwrap_or(std::path::Path::new(""));
     let job = Job::from_toml(&toml, mesh.with_extension("toml"), folder).map_err(RunError::from)?;
@@ -127,7 +169,9 @@ pub fn init(args: &InitArgs) -> Result<Answer> {
     if path.exists() {
         refuse!("{}: found a file, expected none: init never overwrites", path.display());
     }
-    let (_, text) = job_for(&args.mesh, &args.start)?;
+    let (job, text) = job_for(&args.mesh, &args.start)?;
+    // A job that would be refused is no beginning.
+    Prepared::check(&job, &Unwatched)?;
     let written = OpenOptions::new().write(true).create_new(true).open(&path);
     written
         .and_then(|mut file| file.write_all(text.as_bytes()))

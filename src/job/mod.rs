@@ -39,7 +39,7 @@ pub use plan::{
 };
 pub use record::{Ended, ObjectCorrection, ROUNDS, RoundRecord, Rounds};
 pub use run::{
-    ConvertError, Converted, Estimate, Finished, ObjectPlace, RedrawError, RunOptions, convert, redraw, refuse_another,
-    run,
+    ConvertError, Converted, Durations, Estimate, Finished, ObjectPlace, RedrawError, RunOptions, convert, redraw,
+    refuse_another, run,
 };
 pub use run_error::RunError;

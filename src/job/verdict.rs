@@ -22,8 +22,13 @@ const GRADES: [Grade; 3] = [
 const ELSE: &str = "looks other than asked";
 /// A spot that sees less of the sky lies in a hollow.
 const HOLLOW: f64 = 0.75;
-/// Parts of the height that are its foot and its top.
-const FOOT_AND_TOP: [f64; 2] = [0.25, 0.75];
+/// Words for parts of the height up to which they hold.
+const HEIGHTS: [(f64, &str); 4] = [
+    (0.125, "near the foot"),
+    (0.375, "a quarter of the way up"),
+    (0.625, "half-way up"),
+    (0.875, "three quarters up"),
+];
 
 impl Manifest {
     /// What the job comes to, a sentence or two each: the look, the worst place, what is out of reach, whether the
@@ -71,11 +76,8 @@ impl Manifest {
             let corners = self.objects.get(worst.object).map(|object| object.bounds_mm);
             corners.map_or(0.0, |corners| corners[end][2])
         });
-        let height = match (z - low) / (high - low).max(f64::MIN_POSITIVE) {
-            at if at < FOOT_AND_TOP[0] => "near the foot",
-            at if at > FOOT_AND_TOP[1] => "near the top",
-            _ => "half-way up",
-        };
+        let at = (z - low) / (high - low).max(f64::MIN_POSITIVE);
+        let height = HEIGHTS.iter().find(|(end, _)| at < *end).map_or("near the top", |(_, words)| *words);
         let why = if worst.asked.as_deref().is_some_and(|asked| self.is_beyond(worst.object, asked)) {
             "these resins come no nearer to what is asked there".to_owned()
         } else if worst.sky < HOLLOW {

@@ -48,7 +48,7 @@ pub use grid::VoxelGrid;
 pub use lamps::{Beam, Ground, LAMPS, Lamps, Lit};
 pub use light::{Pattern, TexelGrid};
 pub use scene::Scene;
-pub use smooth::{Shown, smooth};
+pub use smooth::{Shown, smooth, smooth_chroma};
 pub use spectrum::ExitSpectrum;
 pub use spots::{Radiosity, Site, Spot};
 pub use tally::{ExitImage, Response};

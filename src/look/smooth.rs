@@ -108,6 +108,66 @@ pub fn smooth(shown: &[Shown], width: usize, pixel_mm: f32, mut image: Vec<f32>,
     image
 }
 
+/// Voxels over which grains of dithered inks run together, as a standard deviation.
+const GRAINS: f32 = 1.5;
+/// Most rounds in which colours run together: 1, 2, 4 and 8 pixels.
+const CHROMA_ROUNDS: u32 = 4;
+/// Light below which there is no colour.
+const DARK: f32 = 1e-5;
+
+/// Lets the colours of neighbours on the same surface run together, over the few voxels of `voxel_pixels` edge that a
+/// dithered ink needs to become a share of it, and leaves the sum of the channels as it is. What a picture shows of
+/// single voxels are dots of cyan, magenta and yellow, which nobody sees of a print: its voxels are smaller, or the eye
+/// is farther off. Photons of several channels make such noise too.
+pub fn smooth_chroma(shown: &[Shown], width: usize, voxel_pixels: f32, channels: &mut [Vec<f32>]) {
+    let sigma = (GRAINS * voxel_pixels).max(1.0);
+    let height = shown.len() / width;
+    let total = |channels: &[Vec<f32>], pixel: usize| channels.iter().map(|channel| channel[pixel]).sum::<f32>();
+    let sums: Vec<f32> = (0..shown.len()).map(|pixel| total(channels, pixel)).collect();
+    let mut wide: Vec<Vec<f32>> = channels.to_vec();
+    let (mut reached, mut round) = (0.0, 0);
+    while reached < sigma && round < CHROMA_ROUNDS {
+        let step = 1_isize << round;
+        let pixel = |pixel: usize| {
+            let (x, y) = ((pixel % width) as isize, (pixel / width) as isize);
+            let here = &shown[pixel];
+            let taps = (-2..=2).flat_map(|dx: isize| (-2..=2).map(move |dy: isize| (dx, dy)));
+            let near = taps.filter_map(|(dx, dy)| {
+                let (x, y) = (x + dx * step, y + dy * step);
+                let inside = x >= 0 && y >= 0 && x < width as isize && y < height as isize;
+                let other = inside.then(|| x as usize + width * y as usize)?;
+                let there = &shown[other];
+                let turned = here.normal.dot(there.normal).max(0.0).powi(8);
+                let weight = SPLINE[dx.unsigned_abs()] * SPLINE[dy.unsigned_abs()] * turned;
+                (there.kind == here.kind).then_some((other, weight))
+            });
+            // Of more channels than three the rest keep their own.
+            let mut sum = [0.0; 3];
+            let mut weights = 0.0;
+            for (other, weight) in near {
+                sum.iter_mut().zip(&wide).for_each(|(sum, channel)| *sum += weight * channel[other]);
+                weights += weight;
+            }
+            sum.map(|sum| sum / f32::max(weights, f32::MIN_POSITIVE))
+        };
+        let smoothed: Vec<[f32; 3]> = (0..shown.len()).into_par_iter().map(pixel).collect();
+        for (c, channel) in wide.iter_mut().take(3).enumerate() {
+            channel.iter_mut().zip(&smoothed).for_each(|(value, smoothed)| *value = smoothed[c]);
+        }
+        // A cubic B-spline has the variance of a pixel.
+        reached = (reached * reached + (step * step) as f32).sqrt();
+        round += 1;
+    }
+    for pixel in 0..shown.len() {
+        let wide_sum = total(&wide, pixel);
+        if wide_sum > DARK && sums[pixel] > DARK {
+            for (channel, wide) in channels.iter_mut().zip(&wide) {
+                channel[pixel] = sums[pixel] * wide[pixel] / wide_sum;
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -115,6 +175,26 @@ mod tests {
     fn wall(pixels: usize) -> Vec<Shown> {
         let shown = |n: usize| Shown { position: Vec3::new(n as f32, 0.0, 0.0), normal: Vec3::Z, kind: 1 };
         (0..pixels).map(shown).collect()
+    }
+
+    #[test]
+    fn dots_of_inks_run_together_and_light_stays() {
+        let (width, height) = (24, 20);
+        // A shadow's edge, over dots of two inks.
+        let light = |n: usize| if n % width < 12 { 0.05 } else { 0.5 };
+        let ink = |n: usize| [[0.9, 0.3, 0.3], [0.3, 0.9, 0.3]][(n % width + n / width) % 2];
+        let dots = |c: usize| (0..width * height).map(|n| light(n) * ink(n)[c]).collect::<Vec<f32>>();
+        let before: Vec<Vec<f32>> = (0..3).map(dots).collect();
+        let mut after = before.clone();
+        smooth_chroma(&wall(width * height), width, 1.5, &mut after);
+        for n in 0..width * height {
+            let of = |channels: &[Vec<f32>]| [0, 1, 2].map(|c| channels[c][n]);
+            let ([r, g, b], sum) = (of(&after), of(&before).iter().sum::<f32>());
+            assert!((r + g + b - sum).abs() < 1e-5, "pixel {n}: {r} {g} {b} of {sum}");
+            let (x, y) = (n % width, n / width);
+            let within = (4..width - 4).contains(&x) && (4..height - 4).contains(&y);
+            assert!(!within || (r - g).abs() < 0.1 * r, "pixel {n}: {r} {g} {b}");
+        }
     }
 
     #[test]

@@ -48,7 +48,7 @@ pub use collect::PreviewBuilder;
 pub use film::{FILM_STRIP, FilmStrip};
 pub use folder::from_folder;
 pub(crate) use folder::{SliceColours, decode_slice, read_slice};
-pub(crate) use look::{LookPanel, look_panels, look_sheet};
+pub(crate) use look::{LookPanel, Scale, look_panels, look_sheet};
 pub(crate) use marked::{marked_sheet, tray_sheet};
 pub use report::{ReportData, ReportFilm, ReportHealth, ReportMaterial, ReportPicture, ReportStacking, report_html};
 pub use whereabouts::ReportLabel;

@@ -131,12 +131,79 @@ fn a_mesh_is_sliced_without_a_job() {
     for part in ["mesh = \"figure.stl\"", "height-mm = 6", "preset = \"espresso\"", "figure: 6.01 × 6.01 × 6.02 mm"] {
         assert!(ran.stdout.contains(part), "{part}: {}", ran.stdout);
     }
+    assert!(ran.stdout.contains("time: about "), "{}", ran.stdout);
     let json = bench.run(["slice", "figure.stl", "--dry-run", "--height-mm", "6", "--json"]).exits(0).json();
+    for part in ["preparing", "rounds", "slices", "look"] {
+        assert!(json["seconds"][part].as_f64().unwrap() > 0.0, "{part}: {}", json["seconds"]);
+    }
     // The job that was made up does the same when it is kept.
     bench.write("figure.toml", json["job"].as_str().unwrap().as_bytes());
     let kept = bench.run(["slice", "figure.toml", "--dry-run", "--json"]).exits(0).json();
     assert_eq!((&kept["dims"], &kept["materials"]), (&json["dims"], &json["materials"]));
+    let ran = bench.run(["slice", "figure.stl", "--dry-run", "--height-mm", "6"]).exits(0);
+    assert!(ran.stderr.contains("figure.toml lies beside figure.stl and is not used"), "{}", ran.stderr);
     bench.run(["slice", "job.toml", "--height-mm", "6"]).refuses(2, &["--height-mm: found beside job.toml"]);
+}
+
+#[test]
+fn a_colour_is_asked_for_on_the_command_line() {
+    let bench = Bench::new();
+    bench.write("figure.stl", &stl(&cube(12.0)));
+    for flag in ["--colour", "--color"] {
+        let ran = bench.run(["init", "figure.stl", flag, "#c08040"]).exits(0);
+        assert!(ran.stderr.contains("note: glow: mean-free-path-mm = 0.5, a guess"), "{}", ran.stderr);
+        let job = fs::read_to_string(bench.path("figure.toml")).unwrap();
+        assert!(job.contains("albedo-colour = \"#c08040\"") && job.contains("\nmean-free-path-mm = 0.5"), "{job}");
+        fs::remove_file(bench.path("figure.toml")).unwrap();
+    }
+    let flags = ["--albedo", "0.5,0.25,0.125", "--mean-free-path-mm", "1,0.5,0.25", "--printer", "connex500-16um"];
+    bench.run(["init", "figure.stl"].iter().chain(&flags)).exits(0);
+    let job = fs::read_to_string(bench.path("figure.toml")).unwrap();
+    assert!(job.contains("albedo-colour = [0.5, 0.25, 0.125]") && job.contains("[1.0, 0.5, 0.25]"), "{job}");
+    assert!(job.contains("connex500-16um takes 3;"), "{job}");
+    for (flags, says) in [
+        (&["--colour", "brown"][..], "expected #RRGGBB"),
+        (&["--colour", "#c08040", "--look", "skin"], "cannot be used with"),
+        (&["--colour", "#c08040", "--albedo", "0.5"], "cannot be used with"),
+        (&["--albedo", "0.5,0.5"], "--albedo: found 2 numbers, expected one, or three"),
+        (&["--albedo", "1.5"], "expected a number from 0 to 0.999"),
+        (&["--height-in", "2"], "lengths are in mm: --height-mm, and 1 in is 25.4 mm"),
+        (&["--height-inches", "2"], "lengths are in mm: --height-mm, and 1 in is 25.4 mm"),
+    ] {
+        let ran = bench.run(["init", "figure.stl"].iter().chain(flags)).exits(2);
+        assert!(ran.stderr.contains(says), "{}", ran.stderr);
+    }
+}
+
+/// What is called the worst is so by the measure that all is judged by.
+#[test]
+fn the_worst_places_are_farthest_in_colour() {
+    let bench = Bench::new();
+    let target = "kind = \"stacking\"\nstack = \"white:0.5,support:0.6\"";
+    let job = JOB.replace(target, "kind = \"texture\"\nalbedo-colour = \"#c08040\"\nmean-free-path-mm = 0.3");
+    bench.write("colour.toml", job.replace("synthetic", "inks-rgb-7").as_bytes());
+    let look = bench.run(["slice", "colour.toml", "--quick", "--json"]).exits(0).json();
+    let off: Vec<f64> =
+        look["spots"].as_array().unwrap().iter().map(|spot| spot["delta_e_2000"].as_f64().unwrap()).collect();
+    let worst: Vec<f64> =
+        look["worst"].as_array().unwrap().iter().map(|spot| off[spot.as_u64().unwrap() as usize]).collect();
+    let mut sorted = off.clone();
+    sorted.sort_by(|a, b| b.total_cmp(a));
+    assert_eq!(worst, sorted[..worst.len()]);
+    assert_eq!(look["delta_e_2000"]["worst"].as_f64(), Some(worst[0]));
+}
+
+#[test]
+fn init_writes_no_job_that_is_refused() {
+    let bench = Bench::new();
+    bench.write("flat.stl", &stl(&cube(12.0)));
+    // Fewer slices than the container takes.
+    let ran = bench.run(["init", "flat.stl", "--height-mm", "0.5", "--formats", "gcvf"]).exits(2);
+    assert!(ran.stderr.contains("an object 0.81 mm high or more"), "{}", ran.stderr);
+    // Higher than the tray.
+    let ran = bench.run(["init", "flat.stl", "--height-mm", "250"]).exits(2);
+    assert!(ran.stderr.contains("flat.stl reaches 250.000 mm in z"), "{}", ran.stderr);
+    assert!(!bench.path("flat.toml").exists());
 }
 
 #[test]
@@ -147,6 +214,14 @@ fn a_quick_look_is_pictures_alone() {
     assert!(bench.path("job-look/look.json").is_file() && !bench.path("job-out").exists());
     let files = bench.files("job-look");
     assert!(files.keys().any(|name| name.ends_with(".png")), "{:?}", files.keys());
+    // What formats ask of the job's own voxels does not matter.
+    let gcvf = JOB.replace("pitch-mm = [0.2, 0.2, 0.2]", "preset = \"j750-27um\"").replace("\"masks\"", "\"gcvf\"");
+    bench.write("gcvf.toml", gcvf.as_bytes());
+    let ran = bench.run(["slice", "gcvf.toml", "--quick"]).exits(0);
+    assert!(!ran.stderr.contains("dpi") && !ran.stderr.contains("slices"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("a quick look: voxels of 0.20 mm"), "{}", ran.stderr);
+    let look: Value = serde_json::from_slice(&fs::read(bench.path("gcvf-look/look.json")).unwrap()).unwrap();
+    assert!(look["warnings"][0].as_str().unwrap().contains("nothing corrected"), "{}", look["warnings"]);
     bench.run(["slice", "job.toml", "--quick"]).refuses(2, &["job-look"]);
     bench.run(["slice", "job.toml", "--quick", "--dry-run"]).exits(2);
 }

@@ -80,6 +80,8 @@ pub struct Job {
     /// Where searches are looked up that were made before; `None`, as a file leaves it: nowhere. No result depends on
     /// it.
     pub search_cache: Option<SearchCache>,
+    /// Whether it was made coarse for a first look ([`Job::quick`]).
+    pub is_coarse: bool,
     /// Where each key stands, for errors found later.
     places: Places,
 }
@@ -188,6 +190,7 @@ impl Job {
             overlap,
             arrange_gap_mm,
             search_cache: None,
+            is_coarse: false,
             places,
         };
         job.check_mixtures()?;

@@ -25,7 +25,10 @@ pub(in crate::job) mod shade;
 mod surface;
 mod voxels;
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -49,10 +52,10 @@ use super::{
 };
 use crate::{
     colour::{delta_e_2000, lab},
-    look::{Radiosity, Scene, Spot},
+    look::{Radiosity, Scene, Spot, Volume},
     output::{Existing, GENERATOR, OutputError, OutputFolder, Owner, pretty},
     preview::PreviewFile,
-    watch::Watch,
+    watch::{StopOnly, Watch},
 };
 
 /// Version of `look.json`'s form.
@@ -188,11 +191,48 @@ pub fn look_at(
     let with_goal =
         |(spot, edge): (SurfaceSpot, Option<EdgeShape>)| Goal { expected: prepared.expected(&spot), spot, edge };
     let goals: Vec<Goal> = spots.into_iter().zip(shapes).map(with_goal).collect();
-    let about = About { job: &prepared.job.name, channels: &prepared.materials.channels, warnings: Vec::new() };
+    let warnings = prepared.job.is_coarse.then(|| {
+        format!(
+            "a quick look: voxels of {:.2} mm, few stackings, nothing corrected; the print will come nearer to what is \
+             asked",
+            prepared.lattice.pitch.max_element()
+        )
+    });
+    let warnings = warnings.into_iter().collect();
+    let about = About { job: &prepared.job.name, channels: &prepared.materials.channels, warnings };
     let mut look = look_at_spots(about, scene, &goals, options, watch)?;
     let pictures = options.pictures.map(|options| pictures::pictures(Some(prepared), scene, &options, watch));
     look.pictures = pictures.transpose()?.unwrap_or_default();
     Ok(look)
+}
+
+/// Spots, and walks from each, that tell the time of a walk.
+const PILOT: (usize, u64) = (64, 1000);
+
+impl Prepared {
+    /// Seconds of a walk in all channels through `volume`, its voxels on any lattice; `None` where resins have no
+    /// coefficients or nothing shows.
+    ///
+    /// # Errors
+    /// [`LookError::Stopped`].
+    pub(in crate::job) fn seconds_of_a_walk(
+        &self,
+        volume: Volume,
+        watch: &dyn Watch,
+    ) -> Result<Option<f64>, LookError> {
+        if !self.materials.has_coefficients() {
+            return Ok(None);
+        }
+        let scene = self.scene_of(volume)?;
+        let (spots, walks) = PILOT;
+        let sites: Vec<Spot> = self.random_spots(&scene, spots, 1).into_iter().map(|spot| spot.spot).collect();
+        if sites.is_empty() {
+            return Ok(None);
+        }
+        let began = Instant::now();
+        scene.printed_albedo(&sites, walks, 1, &StopOnly(watch))?;
+        Ok(Some(began.elapsed().as_secs_f64() / (sites.len() as u64 * walks) as f64))
+    }
 }
 
 /// A spot and what should show there.
@@ -252,9 +292,11 @@ fn look_at_spots(
     let predicted = spots.iter().map(known).collect::<Option<Vec<_>>>();
     let mut worst: Vec<usize> = Vec::new();
     if let Some(goal) = asked.as_ref().or(predicted.as_ref()) {
-        let off = |spot: usize| {
-            let apart = spots[spot].printed.iter().zip(&goal[spot]).map(|(printed, goal)| (printed - goal).powi(2));
-            apart.sum::<f64>()
+        // By what the print as a whole is judged by: colour differences, or shares of the brightness.
+        let coloured = asked.is_some() && spots.iter().all(|spot| spot.delta_e_2000.is_some());
+        let off = |at: usize| {
+            let seen = spots[at].delta_e_2000.filter(|_| coloured);
+            seen.unwrap_or_else(|| share_off(&spots[at], &goal[at]))
         };
         worst.extend(0..spots.len());
         worst.sort_by(|a, b| off(*b).total_cmp(&off(*a)));
@@ -336,15 +378,17 @@ impl Spread {
 
     /// How far spots are from what was asked for, as shares of that; `None` of no spots.
     fn of_spots(spots: &[SpotRecord], asked: &[Vec<f64>]) -> Option<Self> {
-        let length = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
-        let off = |(spot, asked): (&SpotRecord, &Vec<f64>)| {
-            let apart = length(&mut spot.printed.iter().zip(asked).map(|(printed, asked)| printed - asked));
-            apart / length(&mut asked.iter().copied()).max(BLACK)
-        };
-        let mut shares: Vec<f64> = spots.iter().zip(asked).map(off).collect();
+        let mut shares: Vec<f64> = spots.iter().zip(asked).map(|(spot, asked)| share_off(spot, asked)).collect();
         shares.sort_by(f64::total_cmp);
         Self::of(&shares)
     }
+}
+
+/// How far a spot is from `goal`, as a share of that.
+fn share_off(spot: &SpotRecord, goal: &[f64]) -> f64 {
+    let length = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
+    let apart = length(&mut spot.printed.iter().zip(goal).map(|(printed, goal)| printed - goal));
+    apart / length(&mut goal.iter().copied()).max(BLACK)
 }
 
 /// Albedos below this are black.

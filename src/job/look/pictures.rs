@@ -10,10 +10,10 @@ use super::{
     asked::{AskedLight, Detail},
 };
 use crate::{
-    colour::{LinearRgb, Rgb, linear_to_byte, linear_to_srgb},
+    colour::{LinearRgb, Rgb, delta_e_2000, lab, linear_to_byte, linear_to_srgb},
     job::{Prepared, RunError},
-    look::{Camera, Film, Ground, LAMPS, Lamps, Scene, Shown, Stage, smooth},
-    preview::{LookPanel, PreviewFile, look_sheet},
+    look::{Camera, Film, Ground, LAMPS, Lamps, Scene, Shown, Stage, smooth, smooth_chroma},
+    preview::{LookPanel, PreviewFile, Scale, look_sheet},
     watch::Watch,
 };
 
@@ -72,6 +72,14 @@ const MOODS: [Mood; 4] = [
 
 /// Albedo of the ground: a photographer's grey card, darker than what is mostly asked for, so that a print stands out.
 const GROUND: f64 = 0.18;
+/// Differences in colour, ΔE2000, that the false colours stand for, with equal steps between them, and in words.
+const DELTA_E: [(f64, Rgb, &str); 5] = [
+    (0.0, [0xf4, 0xf4, 0xf2], "0 same"),
+    (2.0, [0xf8, 0xe4, 0xa0], "2"),
+    (5.0, [0xf0, 0x9a, 0x4a], "5 shows"),
+    (10.0, [0xc2, 0x30, 0x30], "10"),
+    (20.0, [0x48, 0x10, 0x50], "20+ far off"),
+];
 /// Difference of encoded values at which the colour of a difference is full.
 const FULL: f64 = 0.25;
 /// Colours of a print that is as asked, too dark, too bright.
@@ -113,7 +121,9 @@ pub(super) fn pictures(
         _ => {}
     }
     let printed = printed(scene, &stage, &film, &seen);
-    MOODS.iter().map(|mood| sheet(mood, &stage, &seen, asked.as_deref(), &printed, film.samples())).collect()
+    let is_coarse = job.is_some_and(|job| job.job.is_coarse);
+    let shown = Shots { seen: &seen, asked: asked.as_deref(), printed: &printed, samples: film.samples(), is_coarse };
+    MOODS.iter().map(|mood| sheet(mood, &stage, &shown)).collect()
 }
 
 /// The print on the ground before a camera, with its lamps; `None` where nothing is printed.
@@ -241,7 +251,12 @@ fn printed(scene: &Scene, stage: &Stage<'_>, film: &Film, seen: &[Seen]) -> Vec<
             smooth(&shown, film.size[0], stage.camera.pixel_mm as f32, mean, variance)
         };
         let images: Vec<_> = (0..distinct).map(image).collect();
-        scene.distinct().iter().map(|&channel| images[channel].clone()).collect()
+        let mut channels: Vec<_> = scene.distinct().iter().map(|&channel| images[channel].clone()).collect();
+        if distinct > 1 {
+            let grain = scene.volume().lattice().pitch.max_element() / stage.camera.pixel_mm;
+            smooth_chroma(&shown, film.size[0], grain as f32, &mut channels);
+        }
+        channels
     };
     (0..LAMPS).map(of).collect()
 }
@@ -251,14 +266,44 @@ fn colour(channels: &[f32]) -> LinearRgb {
     if let [r, g, b] = *channels { [r, g, b] } else { [channels.first().copied().unwrap_or(0.0); 3] }
 }
 
-fn sheet(
-    mood: &Mood,
-    stage: &Stage<'_>,
-    seen: &[Seen],
-    asked: Option<&[Option<Vec<[f32; LAMPS]>>]>,
-    printed: &[Vec<Vec<f32>>],
+/// What pictures are made of.
+struct Shots<'a> {
+    seen: &'a [Seen],
+    asked: Option<&'a [Option<Vec<[f32; LAMPS]>>]>,
+    printed: &'a [Vec<Vec<f32>>],
     samples: u32,
-) -> Result<PreviewFile, LookError> {
+    /// Of a job that was made coarse.
+    is_coarse: bool,
+}
+
+/// The false colour of a difference in colour.
+fn difference_colour(apart: f64) -> Rgb {
+    let above = DELTA_E.iter().position(|step| apart < step.0).unwrap_or(DELTA_E.len() - 1).max(1);
+    let [from, to] = [DELTA_E[above - 1], DELTA_E[above]];
+    blend(from.1, to.1, ((apart - from.0) / (to.0 - from.0)).clamp(0.0, 1.0))
+}
+
+/// Between two colours.
+fn blend(from: Rgb, to: Rgb, part: f64) -> Rgb {
+    std::array::from_fn(|c| {
+        let [from, to] = [from[c], to[c]].map(f64::from);
+        (from + (to - from) * part).round() as u8
+    })
+}
+
+/// The colours of [`DELTA_E`] as they are drawn beside a picture.
+fn difference_scale() -> Scale {
+    const COLOURS: usize = 256;
+    let at = |n: usize| {
+        let along = n as f64 / (COLOURS - 1) as f64 * (DELTA_E.len() - 1) as f64;
+        let step = (along as usize).min(DELTA_E.len() - 2);
+        blend(DELTA_E[step].1, DELTA_E[step + 1].1, along - step as f64)
+    };
+    Scale { colours: (0..COLOURS).map(at).collect(), ticks: DELTA_E.map(|step| step.2).to_vec() }
+}
+
+fn sheet(mood: &Mood, stage: &Stage<'_>, shots: &Shots<'_>) -> Result<PreviewFile, LookError> {
+    let Shots { seen, asked, printed, samples, is_coarse } = *shots;
     let channels = stage.scene.channels();
     let sum = |of: &dyn Fn(usize, usize) -> f32| {
         let channel = |channel: usize| (0..LAMPS).map(|lamp| mood.lamps[lamp] * of(channel, lamp)).sum();
@@ -269,6 +314,7 @@ fn sheet(
         Some(spread) => sum(&|channel, lamp| spread[channel][lamp]),
         None => print(pixel),
     };
+    let is_coloured = channels == 3;
     let bytes = |light: LinearRgb| light.map(|light| linear_to_byte(f64::from(light)));
     let differ = |pixel: usize| {
         if seen[pixel].surface.is_none() {
@@ -277,27 +323,35 @@ fn sheet(
         let level = |light: LinearRgb| -> f64 {
             light.iter().map(|l| linear_to_srgb(f64::from(*l).clamp(0.0, 1.0)) / 3.0).sum()
         };
+        if is_coloured {
+            let [print, want] = [print(pixel), want(pixel)].map(|light| lab(light.map(|l| f64::from(l.max(0.0)))));
+            return difference_colour(delta_e_2000(print, want));
+        }
         let apart: f64 = level(print(pixel)) - level(want(pixel));
-        let part = (apart.abs() / FULL).min(1.0);
-        let end = DIFFERENCE[if apart < 0.0 { 1 } else { 2 }];
-        std::array::from_fn(|c| {
-            let [from, to] = [DIFFERENCE[0][c], end[c]].map(f64::from);
-            (from + (to - from) * part).round() as u8
-        })
+        blend(DIFFERENCE[0], DIFFERENCE[if apart < 0.0 { 1 } else { 2 }], (apart.abs() / FULL).min(1.0))
     };
     let panel = |name: &str, of: &(dyn Fn(usize) -> Rgb + Sync)| LookPanel {
         name: name.to_owned(),
         pixels: (0..seen.len()).into_par_iter().map(of).collect(),
+        scale: None,
     };
     let mut panels = Vec::new();
     if asked.is_some() {
         panels.push(panel("asked", &|pixel| bytes(want(pixel))));
     }
-    panels.push(panel("printed", &|pixel| bytes(print(pixel))));
+    let name = if is_coarse { "a coarse print, not corrected" } else { "printed" };
+    panels.push(panel(name, &|pixel| bytes(print(pixel))));
     if asked.is_some() {
-        panels.push(panel("red: too bright, blue: too dark", &differ));
+        let (name, scale) = match is_coloured {
+            true => ("difference in colour, ΔE 2000", Some(difference_scale())),
+            false => ("red: too bright, blue: too dark", None),
+        };
+        panels.push(LookPanel { scale, ..panel(name, &differ) });
     }
-    let note = format!("{samples} samples a pixel, smoothed");
+    let note = match is_coarse {
+        true => format!("quick look: large voxels, few stackings, no rounds; {samples} samples a pixel, smoothed"),
+        false => format!("{samples} samples a pixel, smoothed"),
+    };
     let path = format!("look/{}.png", mood.file);
     look_sheet(path, mood.name, &note, stage.camera.size, &panels).map_err(|error| RunError::from(error).into())
 }

@@ -1,5 +1,7 @@
 //! What the user should know of a job that is otherwise in order.
 
+use glam::DVec3;
+
 use super::object::PreparedObject;
 use crate::job::{
     Job, JobError,
@@ -85,15 +87,15 @@ pub(super) fn resins(job: &Job, names: &[&str]) -> Result<(), JobError> {
 }
 
 /// Refuses objects that are shorter than a voxel along every axis, most likely for want of a unit: of such an object
-/// next to nothing is printed. Those that are so along some axis only are told in `warnings`.
+/// next to nothing is printed. `objects` are their names and corners. Those that are so along some axis only are told in `warnings`.
 pub(super) fn tiny_objects(
     job: &Job,
-    objects: &[PreparedObject],
+    objects: &[(String, [DVec3; 2])],
     lattice: &Lattice,
     warnings: &mut Vec<String>,
 ) -> Result<(), JobError> {
-    for (index, object) in objects.iter().enumerate() {
-        let size = object.bounds[1] - object.bounds[0];
+    for (index, (mesh, bounds)) in objects.iter().enumerate() {
+        let size = bounds[1] - bounds[0];
         let short: Vec<_> =
             (0..3).filter(|&axis| size[axis] < lattice.pitch[axis]).map(|axis| ["x", "y", "z"][axis]).collect();
         if short.len() == 3 {
@@ -102,10 +104,35 @@ pub(super) fn tiny_objects(
             return Err(job.refuse(&format!("object[{index}].mesh"), found, expected));
         }
         if !short.is_empty() {
-            warnings.push(format!("{}: thinner than a voxel along {}; it may be lost", object.mesh, short.join(", ")));
+            warnings.push(format!("{mesh}: thinner than a voxel along {}; it may be lost", short.join(", ")));
         }
     }
     Ok(())
+}
+
+/// What of objects, names and corners, does not fit the printer, a sentence each.
+pub(super) fn misfits(job: &Job, objects: &[(String, [DVec3; 2])]) -> Vec<String> {
+    let Some(tray) = job.printer.tray_mm else { return Vec::new() };
+    let mut found = Vec::new();
+    for (mesh, [_, high]) in objects {
+        for (axis, name) in ['x', 'y', 'z'].into_iter().enumerate() {
+            if high[axis] > tray[axis] * (1.0 + 1e-9) {
+                found.push(format!(
+                    "{mesh} reaches {:.3} mm in {name}, the tray of {} ends at {} mm",
+                    high[axis], job.printer.name, tray[axis]
+                ));
+            }
+        }
+    }
+    found
+}
+
+/// Refuses the first of what does not fit.
+pub(super) fn refuse_misfits(job: &Job, misfits: &[String]) -> Result<(), JobError> {
+    match misfits.first() {
+        Some(misfit) => Err(job.refuse("printer", misfit, "objects that fit the tray")),
+        None => Ok(()),
+    }
 }
 
 /// Counts layers thinner than a voxel is long along an axis: on faces that look along it such a layer comes out thicker

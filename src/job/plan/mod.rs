@@ -33,6 +33,7 @@ mod stackings;
 pub(super) use appearance::TEXEL_BYTES;
 pub use asked::{Asked, AskedMap};
 pub(super) use factored::FactoredMap;
+pub(super) use images::read_picture;
 pub use job_targets::{JobTarget, targets};
 pub(super) use layer_maps::LayerMaps;
 pub use object::PreparedObject;

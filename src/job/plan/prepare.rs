@@ -91,28 +91,7 @@ impl Prepared {
     /// Any input that cannot be used; see [`RunError`].
     pub fn draft(mut job: Job, watch: &dyn Watch) -> Result<Self, RunError> {
         let started = Instant::now();
-        let mut warnings = Vec::new();
-        let mut inputs = read_inputs(&job)?;
-        let draft = read_materials(&job)?;
-        checks::resins(&job, &checks::requested(&job, &draft.resins()))?;
-        if let (MaterialDraft::File(file), MaterialSource::File(named)) = (&draft, &job.materials) {
-            for path in file.profile_files() {
-                add_input(&mut inputs, named.beside(path), path)?;
-            }
-        }
-        watch.stage("meshes", job.objects.len() as u64);
-        let loaded = load_solids(&job, &mut warnings, watch)?;
-        let mut solids = Vec::new();
-        for (object, (solid, transform, companions)) in job.objects.iter().zip(loaded) {
-            for path in companions {
-                add_input(&mut inputs, object.mesh.beside(&path), &path)?;
-            }
-            solids.push((solid, transform));
-        }
-        let extent = solids.iter().fold(DVec3::ZERO, |extent, solid| extent.max(bounds(&solid.0)[1]));
-        let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
-        checks::formats(&job, &lattice, &mut warnings)?;
-
+        let Placed { inputs, draft, solids, lattice, mut warnings } = place(&job, watch)?;
         watch.stage("materials", 0);
         let mut materials = finish_materials(draft, &job, watch)?;
         materials.grains = Grains::of_voxels(job.printer.pitch_mm.to_array());
@@ -162,7 +141,8 @@ impl Prepared {
             plans.extend(plan);
             objects.push(PreparedObject { mesh, transform, health, bounds, stackings, asked });
         }
-        checks::tiny_objects(&job, &objects, &lattice, &mut warnings)?;
+        let sizes: Vec<_> = objects.iter().map(|object| (object.mesh.clone(), object.bounds)).collect();
+        checks::tiny_objects(&job, &sizes, &lattice, &mut warnings)?;
         warnings.extend(checks::thin_layers(&job, &objects, &lattice));
         warnings.extend(checks::few_slices(&job, &lattice));
         let inputs = inputs.into_iter().map(|(path, (sha256, file))| InputFile { path, sha256, file }).collect();
@@ -174,6 +154,21 @@ impl Prepared {
         checks::resins(&prepared.job, &prepared.laid_resins())?;
         prepared.check_meshes()?;
         Ok(prepared)
+    }
+
+    /// Does what is quick of [`Prepared::draft`], all of it before the search: whatever is refused there, but for what
+    /// stackings that were found come to. What comes back are warnings.
+    ///
+    /// # Errors
+    /// As [`Prepared::draft`].
+    pub fn check(job: &Job, watch: &dyn Watch) -> Result<Vec<String>, RunError> {
+        let Placed { solids, lattice, mut warnings, .. } = place(job, watch)?;
+        let sizes = solids.iter().zip(&job.objects).map(|((solid, _), object)| (object.mesh.shown(), bounds(solid)));
+        let sizes: Vec<_> = sizes.collect();
+        checks::tiny_objects(job, &sizes, &lattice, &mut warnings)?;
+        checks::refuse_misfits(job, &checks::misfits(job, &sizes))?;
+        warnings.extend(checks::few_slices(job, &lattice));
+        Ok(warnings)
     }
 
     /// Lays an object anew, its albedo corrected by the logarithms of factors at the points of its plan. What comes
@@ -212,20 +207,13 @@ impl Prepared {
 
     /// What of the job does not fit the printer, a sentence each; empty if everything does.
     pub fn misfits(&self) -> Vec<String> {
-        let mut found = Vec::new();
-        if let Some(tray) = self.job.printer.tray_mm {
-            for object in &self.objects {
-                for (axis, name) in ['x', 'y', 'z'].into_iter().enumerate() {
-                    if object.bounds[1][axis] > tray[axis] * (1.0 + 1e-9) {
-                        found.push(format!(
-                            "{} reaches {:.3} mm in {name}, the tray of {} ends at {} mm",
-                            object.mesh, object.bounds[1][axis], self.job.printer.name, tray[axis]
-                        ));
-                    }
-                }
-            }
-        }
-        found
+        let sizes: Vec<_> = self.objects.iter().map(|object| (object.mesh.clone(), object.bounds)).collect();
+        checks::misfits(&self.job, &sizes)
+    }
+
+    /// Refuses what does not fit the printer.
+    pub(in crate::job) fn refuse_misfits(&self) -> Result<(), RunError> {
+        Ok(checks::refuse_misfits(&self.job, &self.misfits())?)
     }
 
     /// Names of the printed resins that may occur in stackings.
@@ -240,6 +228,41 @@ impl Prepared {
         let ids = self.materials.ids().map(|resin| (MaterialId::from_resin(resin.0), resin));
         ids.filter(|(id, _)| self.palette[usize::from(id.0)][3] != 0)
     }
+}
+
+/// A job with its meshes on the lattice and nothing searched.
+struct Placed {
+    inputs: Inputs,
+    draft: MaterialDraft,
+    solids: Vec<(Solid, DMat4)>,
+    lattice: Lattice,
+    warnings: Vec<String>,
+}
+
+/// Reads the inputs and refuses what can be refused without a search.
+fn place(job: &Job, watch: &dyn Watch) -> Result<Placed, RunError> {
+    let mut warnings = Vec::new();
+    let mut inputs = read_inputs(job)?;
+    let draft = read_materials(job)?;
+    checks::resins(job, &checks::requested(job, &draft.resins()))?;
+    if let MaterialSource::File(named) = &job.materials {
+        for path in draft.file.profile_files() {
+            add_input(&mut inputs, named.beside(path), path)?;
+        }
+    }
+    watch.stage("meshes", job.objects.len() as u64);
+    let loaded = load_solids(job, &mut warnings, watch)?;
+    let mut solids = Vec::new();
+    for (object, (solid, transform, companions)) in job.objects.iter().zip(loaded) {
+        for path in companions {
+            add_input(&mut inputs, object.mesh.beside(&path), &path)?;
+        }
+        solids.push((solid, transform));
+    }
+    let extent = solids.iter().fold(DVec3::ZERO, |extent, solid| extent.max(bounds(&solid.0)[1]));
+    let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
+    checks::formats(job, &lattice, &mut warnings)?;
+    Ok(Placed { inputs, draft, solids, lattice, warnings })
 }
 
 /// Digests of files and where they lie, by their paths as shown.
@@ -275,9 +298,9 @@ fn read_inputs(job: &Job) -> Result<Inputs, RunError> {
 }
 
 /// Materials as far as they can be checked quickly.
-pub(super) enum MaterialDraft {
-    Ready(MaterialSet),
-    File(MaterialFile),
+pub(super) struct MaterialDraft {
+    file: MaterialFile,
+    built_in: bool,
 }
 
 /// Reads the materials and checks every resin that the job names.
@@ -285,9 +308,9 @@ pub(super) fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
     let draft = match &job.materials {
         MaterialSource::Set(name) => {
             job.check_material_set(&MaterialSet::builtin_names().collect::<Vec<_>>())?;
-            MaterialDraft::Ready(MaterialSet::builtin(name)?)
+            MaterialDraft { file: MaterialFile::builtin(name)?, built_in: true }
         }
-        MaterialSource::File(path) => MaterialDraft::File(MaterialFile::read(path.as_ref())?),
+        MaterialSource::File(path) => MaterialDraft { file: MaterialFile::read(path.as_ref())?, built_in: false },
     };
     let names: Vec<_> = draft.resins().into_iter().map(|resin| resin.0).collect();
     job.check_resins(&names)?;
@@ -297,24 +320,16 @@ pub(super) fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
 impl MaterialDraft {
     /// The resins' names, each with whether it is printed, as the background is not.
     fn resins(&self) -> Vec<(&str, bool)> {
-        match self {
-            Self::Ready(set) => {
-                set.resins.iter().map(|resin| (resin.name.as_str(), !resin.print_as_background)).collect()
-            }
-            Self::File(file) => file.resins_printed().collect(),
-        }
+        self.file.resins_printed().collect()
     }
 }
 
 /// Simulates the resins that come without profiles, and fits coefficients to those that come with nothing else if the
 /// job's model asks for them.
 pub(super) fn finish_materials(draft: MaterialDraft, job: &Job, watch: &dyn Watch) -> Result<MaterialSet, RunError> {
-    let mut file = match draft {
-        MaterialDraft::Ready(set) => return Ok(set),
-        MaterialDraft::File(file) => file,
-    };
+    let MaterialDraft { mut file, built_in } = draft;
     let watch = StopOnly(watch);
-    if job.stacking.model != StackingModel::KubelkaMunk {
+    if !built_in && job.stacking.model != StackingModel::KubelkaMunk {
         file.fit(None, &watch)?;
     }
     Ok(file.into_set(&watch)?)

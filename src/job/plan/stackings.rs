@@ -63,7 +63,10 @@ pub(super) fn object_layers(
         }
         entries.push(entry);
     }
-    warnings.extend(out_of_reach(&entries).map(|words| format!("object {}: {words}", context.object + 1)));
+    warnings.extend(
+        out_of_reach(&entries, context.job.objects[context.object].gamut_map)
+            .map(|words| format!("object {}: {words}", context.object + 1)),
+    );
     let mut asked = wanted.map;
     asked.targets = wanted.targets;
     let stackings: Vec<_> = matches.iter().map(Found::stacking).collect();
@@ -93,7 +96,7 @@ pub(super) fn object_layers(
 }
 
 /// How much of the surface comes out lighter or darker than asked, if any does.
-fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
+fn out_of_reach(entries: &[StackingEntry], is_mapped: bool) -> Option<String> {
     let off = |entry: &StackingEntry| {
         let asked = entry.target_albedo.iter().flatten();
         far_miss(asked.zip(&entry.predicted_albedo).map(|(asked, found)| [*asked, *found]))
@@ -101,9 +104,13 @@ fn out_of_reach(entries: &[StackingEntry]) -> Option<String> {
     let far: Vec<_> = entries.iter().filter_map(|entry| Some((entry.share, off(entry)?))).collect();
     let share: f64 = far.iter().map(|(share, _)| share).sum();
     let [asked, found] = far_miss(far.into_iter().map(|(_, pair)| pair))?;
+    let cure = match is_mapped {
+        true => "after gamut-map too: see the job's gamut, other resins, and dc-weight",
+        false => "see the job's gamut, gamut-map and dc-weight",
+    };
     Some(format!(
         "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: \
-         the resins reach no nearer, see the job's gamut, gamut-map and dc-weight",
+         the resins reach no nearer, {cure}",
         100.0 * share
     ))
 }

@@ -325,8 +325,7 @@ impl Prepared {
         round: u32,
         watch: &dyn Watch,
     ) -> Result<Looked, RunError> {
-        let [fewest, most] = WALKS_EACH;
-        let all = (WALKS / spots.len().max(1) as u64).clamp(fewest, most);
+        let all = walks_of_a_round(spots.len());
         let walks = if round < self.job.rounds() { all } else { all / FEWER };
         let seed = SEED.wrapping_mul(u64::from(round) + 1);
         let sites: Vec<Spot> = spots.iter().map(|spot| spot.spot.clone()).collect();
@@ -340,6 +339,12 @@ impl Prepared {
         }
         Ok(looked)
     }
+}
+
+/// Walks from each of so many points in a round.
+pub(in crate::job) fn walks_of_a_round(points: usize) -> u64 {
+    let [fewest, most] = WALKS_EACH;
+    (WALKS / points.max(1) as u64).clamp(fewest, most)
 }
 
 fn minus(a: &[f64; CHANNELS], b: &[f64; CHANNELS]) -> [f64; CHANNELS] {

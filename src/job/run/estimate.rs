@@ -3,11 +3,17 @@
 use glam::DVec3;
 use serde::Serialize;
 
+use super::Durations;
 use crate::{
     job::{
-        Prepared, PreparedObject, RunError, file::OutputFormat, look::LOOK_VOXELS, manifest::MaterialRecord,
-        plan::TEXEL_BYTES, printable::Printable,
+        Prepared, PreparedObject, RunError,
+        file::OutputFormat,
+        look::{LOOK_VOXELS, LookError},
+        manifest::MaterialRecord,
+        plan::TEXEL_BYTES,
+        printable::Printable,
     },
+    look::Volume,
     machine::{self, Shortage},
     voxel::{BlockShape, Lattice, Slab},
     watch::Watch,
@@ -35,6 +41,8 @@ pub struct Estimate {
     pub voxels: u64,
     /// Memory the job needs, bytes, roughly.
     pub memory_bytes: u64,
+    /// Seconds it will take on this machine, about.
+    pub seconds: Durations,
     /// Where its objects stand.
     pub objects: Vec<ObjectPlace>,
     /// Resins with their estimated volume (voxels of the job's own size) and mass.
@@ -86,7 +94,9 @@ impl Prepared {
         let coarse = Lattice::covering(extent, lattice.pitch.max(DVec3::splat(pitch)))?;
         let mut counts = [0_u64; 256];
         let mut row = vec![0; coarse.dims[0] as usize];
+        let mut volume = Volume::new(coarse).map_err(LookError::from)?;
         let mut count = |slab: &Slab| {
+            volume.add(slab);
             for k in slab.slices() {
                 for j in 0..coarse.dims[1] {
                     slab.read_row(j, k, &mut row);
@@ -96,6 +106,7 @@ impl Prepared {
             watch.go_on()
         };
         self.slicer().resampled(coarse).for_each_slab(0..coarse.dims[2], &mut count)?;
+        let seconds = self.durations(volume, watch)?;
         let printable = self.printable(watch)?;
         let lost = self.lost_volume(printable.inside_voxels);
         let warnings = self.warnings.iter().cloned().chain(lost).chain(printable.warnings());
@@ -106,6 +117,7 @@ impl Prepared {
             dims: lattice.dims,
             voxels: lattice.voxels(),
             memory_bytes: self.memory_bytes(),
+            seconds,
             objects: self.objects.iter().map(ObjectPlace::of).collect(),
             materials: self.material_records(&counts, lattice.voxel_volume()),
             misfits: self.misfits(),

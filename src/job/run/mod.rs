@@ -4,6 +4,7 @@
 
 mod containers;
 mod convert;
+mod duration;
 mod estimate;
 mod heights;
 mod labels;
@@ -24,6 +25,7 @@ use serde_json::json;
 pub(crate) use containers::export_path;
 use containers::{Containers, write_texts};
 pub use convert::{ConvertError, Converted, convert};
+pub use duration::Durations;
 pub use estimate::{Estimate, ObjectPlace};
 pub use redraw::{RedrawError, redraw};
 use report::write_pictures;
@@ -290,13 +292,6 @@ impl Prepared {
         };
         let materials: Vec<_> = self.materials.resins.iter().enumerate().map(material).collect();
         PreviewBuilder::new(&self.lattice, &materials)
-    }
-
-    fn refuse_misfits(&self) -> Result<(), RunError> {
-        match self.misfits().into_iter().next() {
-            Some(misfit) => Err(self.job.refuse("printer", misfit, "objects that fit the tray").into()),
-            None => Ok(()),
-        }
     }
 
     fn are_all(&self, slices: &Range<u32>) -> bool {

@@ -136,7 +136,14 @@ fn report_data(manifest: &Manifest, pictures: &[PreviewFile], labels: &[SurfaceL
             .filter(|picture| picture.path != preview::FILM_STRIP)
             .map(|picture| {
                 let panels = panels(picture);
-                let key = if panels.len() > 1 { " Red is printed too bright, blue too dark." } else { "" };
+                let key = match (panels.len(), manifest.material_set.channels.len()) {
+                    (0 | 1, _) => "",
+                    (_, 3) => {
+                        " The difference is one of colour, ΔE 2000: 1 is just visible side by side, 5 shows, 20 is \
+                         another colour."
+                    }
+                    _ => " Red is printed too bright, blue too dark.",
+                };
                 ReportPicture {
                     path: picture.path.clone(),
                     caption: caption(&picture.path) + key,

@@ -7,7 +7,10 @@
 //! | unit | the format where it says (glTF metres, 3MF as stated); else the first of mm, cm, m by which the longest side is 10 to 400 mm |
 //! | what is up | the format where it says; else the flat area that it would stand on, +z or +y; else +y for OBJ, +z for STL and PLY |
 //! | colour | materials, textures and vertex colours of the mesh; else an image beside it that is named after it |
+//! | resins | the printer's own where a set has them; else greys or colours; of more than it takes, the likeliest |
 //! | height | the file's, where it is 10 mm to what fits the tray; else 40 mm |
+
+mod resins;
 
 use std::{
     fmt::Write,
@@ -19,12 +22,14 @@ use glam::DVec3;
 
 use crate::{
     appearance::MeasuredMedium,
-    job::file::OutputFormat,
+    colour::byte_to_linear,
+    job::{file::OutputFormat, plan::read_picture},
     mesh::{LoadOptions, Loaded, MeshError, TriangleMesh, Unit, bounds, load},
-    optics::MaterialSet,
     voxel::Printer,
     words::toml_string,
 };
+
+use resins::{Resins, any_colours, beside};
 
 /// What is known already.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -35,10 +40,63 @@ pub struct StartOptions {
     pub height_mm: Option<f64>,
     /// A measured material that it should look like; `None`: the colours that it has.
     pub look: Option<String>,
-    /// A built-in set of resins, or a material file; `None`: a set that does for its colours.
+    /// One albedo all over, linear, 0 to 1, in place of its colours or a measured material's.
+    pub albedo: Option<Albedo>,
+    /// How far light travels between two events, mm, for all channels or red, green and blue; `None`: as a measured
+    /// material or the mesh has it, else 0.5.
+    pub mean_free_path_mm: Option<MeanFreePath>,
+    /// A built-in set of resins, or a material file; `None`: the printer's own, else a set that does for its colours.
     pub materials: Option<PathBuf>,
     /// What to write, `preview` beside it always; none: `png`.
     pub formats: Vec<OutputFormat>,
+}
+
+/// One albedo, as it is written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Albedo {
+    /// A colour, encoded as sRGB.
+    Srgb([u8; 3]),
+    /// A number for red, green and blue light.
+    Rgb([f64; 3]),
+    /// A grey.
+    Grey(f64),
+}
+
+impl Albedo {
+    fn linear(self) -> [f32; 3] {
+        match self {
+            Self::Srgb(bytes) => bytes.map(byte_to_linear),
+            Self::Rgb(linear) => linear.map(|channel| channel as f32),
+            Self::Grey(linear) => [linear as f32; 3],
+        }
+    }
+
+    /// As a job has it.
+    fn toml(self) -> String {
+        match self {
+            Self::Srgb([r, g, b]) => format!("albedo-colour = \"#{r:02x}{g:02x}{b:02x}\""),
+            Self::Rgb([r, g, b]) => format!("albedo-colour = [{r:?}, {g:?}, {b:?}]"),
+            Self::Grey(linear) => format!("albedo-value = {linear:?}"),
+        }
+    }
+}
+
+/// One number, or one each for red, green and blue light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum MeanFreePath {
+    /// Of all channels.
+    Same(f64),
+    /// Of each.
+    Rgb([f64; 3]),
+}
+
+impl MeanFreePath {
+    fn toml(self) -> String {
+        match self {
+            Self::Same(mm) => format!("mean-free-path-mm = {mm:?}"),
+            Self::Rgb([r, g, b]) => format!("mean-free-path-mm = [{r:?}, {g:?}, {b:?}]"),
+        }
+    }
 }
 
 /// A job to begin with.
@@ -50,16 +108,22 @@ pub struct Start {
     pub notes: Vec<String>,
 }
 
+/// The measured material that stands in for colours where there are none.
+const NO_COLOUR: &str = "marble";
 /// The printer of a job that says nothing of it.
 const PRINTER: &str = "j750-27um";
 /// Height of what has no sensible size of its own, mm.
 const HEIGHT_MM: f64 = 40.0;
 /// Longest sides that make sense, mm.
 const SENSIBLE_MM: std::ops::RangeInclusive<f64> = 10.0..=400.0;
+/// The mean free path of what does not say, mm.
+const MEAN_FREE_PATH: MeanFreePath = MeanFreePath::Same(0.5);
 /// Linear channels further apart than this are a colour.
 const COLOURFUL: f32 = 0.02;
 /// The largest albedo that the set of greys, `synthetic`, does without becoming translucent.
 const GREYS: f32 = 0.6;
+/// Colours that stand for all of a mesh.
+const SAMPLES: usize = 48;
 
 /// Looks at a mesh and writes a job for it.
 ///
@@ -71,6 +135,13 @@ pub fn start(mesh: &Path, options: &StartOptions) -> Result<Start, MeshError> {
     let mut notes = Vec::new();
     let size = Sized::guess(&loaded.mesh, &extension, options, &mut notes);
     let looks = Looks::of(&loaded, mesh, options, &mut notes);
+    let resins = Resins::choose(options, looks.is_colourful, &looks.colours);
+    notes.extend(resins.notes.iter().cloned());
+    if let (Source::One(_) | Source::Image { .. } | Source::Mesh { tells_path: false }, None) =
+        (&looks.source, options.mean_free_path_mm)
+    {
+        notes.push("glow: mean-free-path-mm = 0.5, a guess: how far light travels between two events".to_owned());
+    }
     notes.extend(loaded.warnings.iter().cloned());
     let name = mesh.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let stem = mesh.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
@@ -96,9 +167,9 @@ pub fn start(mesh: &Path, options: &StartOptions) -> Result<Start, MeshError> {
     let printer = options.printer.as_deref().unwrap_or(PRINTER);
     line(&mut text, &format!("preset = \"{printer}\""), &size.fits(printer));
     line(&mut text, "\n[materials]", "");
-    looks.materials(&mut text, options, mesh);
+    materials(&mut text, &resins, mesh);
     line(&mut text, "\n[target]", "");
-    looks.target(&mut text, options);
+    looks.target(&mut text, options, &resins);
     line(&mut text, "\n[output]", "");
     let asked = options.formats.iter().filter(|format| **format != OutputFormat::Preview);
     let mut names: Vec<_> = asked.map(|format| format.name()).collect();
@@ -114,6 +185,8 @@ pub fn start(mesh: &Path, options: &StartOptions) -> Result<Start, MeshError> {
     Ok(Start { toml: text, notes })
 }
 
+/// The thickest that stackings of a job are that says nothing of it, mm.
+const DEEPEST_MM: f64 = 5.0;
 /// Column that comments begin in.
 const COMMENTS: usize = 36;
 
@@ -121,8 +194,33 @@ fn line(text: &mut String, code: &str, comment: &str) {
     // Text in memory takes all that is written to it.
     let _ = match comment {
         "" => writeln!(text, "{code}"),
-        comment => writeln!(text, "{code:COMMENTS$}# {comment}"),
+        comment if code.chars().count() < COMMENTS => writeln!(text, "{code:COMMENTS$}# {comment}"),
+        comment => writeln!(text, "{code} # {comment}"),
     };
+}
+
+/// The resins, what fills the inside, and a limit for each that is left out.
+fn materials(text: &mut String, resins: &Resins, mesh: &Path) {
+    match (&resins.set, &resins.file) {
+        (Some(set), _) => {
+            let about = format!("{}; or file = \"resins.toml\", your own measurements", resins.about);
+            let about = if resins.about.is_empty() { "" } else { about.as_str() };
+            line(text, &format!("set = {}", toml_string(set)), about);
+        }
+        (None, file) => {
+            let named = file.as_deref().map(|file| beside(file, mesh)).unwrap_or_default();
+            line(text, &format!("file = {}", toml_string(&named)), "");
+        }
+    }
+    if let Some(core) = &resins.core {
+        line(text, "\n[stacking]", "");
+        line(text, &format!("core = {}", toml_string(core)), "what fills the inside below the stacking");
+    }
+    for (index, resin) in resins.left_out.iter().enumerate() {
+        line(text, "\n[[stacking.limit]]", if index == 0 { &resins.why_left_out } else { "" });
+        line(text, &format!("resin = {}", toml_string(resin)), "");
+        line(text, &format!("min-depth-mm = {DEEPEST_MM:.1}"), "as thick as a stacking may be: there is none of it");
+    }
 }
 
 /// How large an object will be, and how it stands.
@@ -217,6 +315,7 @@ fn what_is_up(mesh: &TriangleMesh, low: DVec3, high: DVec3, extension: &str) -> 
 #[derive(Debug, PartialEq)]
 enum Source {
     Preset(String),
+    One(Albedo),
     Mesh { tells_path: bool },
     Image { name: String, has_uvs: bool },
     Nothing,
@@ -227,15 +326,27 @@ struct Looks {
     is_colourful: bool,
     /// Albedos go beyond what [`GREYS`] can do.
     is_bright: bool,
+    /// Albedos that stand for all it has, linear.
+    colours: Vec<[f32; 3]>,
 }
 
 impl Looks {
     fn of(loaded: &Loaded, path: &Path, options: &StartOptions, notes: &mut Vec<String>) -> Self {
-        if let Some(look) = &options.look {
+        let one = |source: Source, albedo: [f32; 3]| Self {
+            source,
+            is_colourful: is_colour(albedo),
+            is_bright: false,
+            colours: vec![albedo],
+        };
+        if let Some(albedo) = options.albedo {
+            return one(Source::One(albedo), albedo.linear());
+        }
+        let of_preset = |name: &str| {
             // An unknown name is the job's to refuse.
-            let albedo = MeasuredMedium::named(look).map_or([0.0; 3], MeasuredMedium::albedo);
-            let is_colourful = is_colour(albedo.map(|channel| channel as f32));
-            return Self { source: Source::Preset(look.clone()), is_colourful, is_bright: false };
+            MeasuredMedium::named(name).map_or([0.0; 3], |medium| medium.albedo().map(|channel| channel as f32))
+        };
+        if let Some(look) = &options.look {
+            return one(Source::Preset(look.clone()), of_preset(look));
         }
         let mesh = &loaded.mesh;
         let has_own = mesh
@@ -247,57 +358,56 @@ impl Looks {
             notes.push("colour: the mesh's own".to_owned());
             let (is_colourful, is_bright) =
                 (colors(mesh).any(is_colour), colors(mesh).flatten().any(|albedo| albedo > GREYS));
-            return Self { source: Source::Mesh { tells_path }, is_colourful, is_bright };
+            let all = colors(mesh).count();
+            let colours = colors(mesh).step_by(all.div_ceil(SAMPLES).max(1)).collect();
+            return Self { source: Source::Mesh { tells_path }, is_colourful, is_bright, colours };
         }
         match image_beside(path) {
             Some(name) => {
                 notes.push(format!("colour: {name}, which lies beside the mesh"));
-                let source = Source::Image { name, has_uvs: !mesh.uvs.is_empty() };
-                Self { source, is_colourful: true, is_bright: false }
+                let (is_colourful, colours) = image_colours(&path.with_file_name(&name));
+                let is_bright = !is_colourful && colours.iter().flatten().any(|albedo| *albedo > GREYS);
+                Self { source: Source::Image { name, has_uvs: !mesh.uvs.is_empty() }, is_colourful, is_bright, colours }
             }
             None => {
                 notes.push("colour: none was found; marble in its place".to_owned());
-                Self { source: Source::Nothing, is_colourful: false, is_bright: false }
+                Self { is_colourful: false, ..one(Source::Nothing, of_preset(NO_COLOUR)) }
             }
         }
     }
 
-    fn materials(&self, text: &mut String, options: &StartOptions, mesh: &Path) {
-        match &options.materials {
-            None if self.is_colourful => line(
-                text,
-                "set = \"inks-rgb-7\"",
-                "published coefficients of five inks, an invented clear and support; or file = \"resins.toml\"",
-            ),
-            None => {
-                line(text, "set = \"synthetic\"", "invented resins, none of them measured; or file = \"resins.toml\"");
+    fn target(&self, text: &mut String, options: &StartOptions, resins: &Resins) {
+        let path = options.mean_free_path_mm;
+        let travels = || (path.unwrap_or(MEAN_FREE_PATH).toml(), "how far light travels between two events");
+        let given = |text: &mut String| {
+            if let Some(path) = path {
+                line(text, &path.toml(), "in place of what was measured");
             }
-            Some(given) => {
-                let name = given.to_string_lossy();
-                if MaterialSet::builtin_names().any(|set| set == name) {
-                    line(text, &format!("set = {}", toml_string(&name)), "");
-                    return;
-                }
-                let beside = given.parent() == mesh.parent();
-                let named = if beside { given.file_name().map(PathBuf::from) } else { std::path::absolute(given).ok() };
-                let named = named.unwrap_or_else(|| given.clone());
-                line(text, &format!("file = {}", toml_string(&named.to_string_lossy())), "");
-            }
-        }
-    }
-
-    fn target(&self, text: &mut String, options: &StartOptions) {
+        };
         match &self.source {
-            Source::Preset(look) => line(text, &format!("preset = {}", toml_string(look)), "a measured material"),
+            Source::Preset(look) => {
+                line(text, &format!("preset = {}", toml_string(look)), "a measured material");
+                given(text);
+            }
             Source::Nothing => {
-                line(text, "preset = \"marble\"", "the mesh has no colour of its own; or skin1, wholemilk, …");
+                let code = format!("preset = \"{NO_COLOUR}\"");
+                line(text, &code, "the mesh has no colour of its own; or skin1, wholemilk, …");
+                given(text);
+            }
+            Source::One(albedo) => {
+                line(text, "kind = \"texture\"", "");
+                line(text, &albedo.toml(), "one albedo all over, as asked for");
+                let (code, why) = travels();
+                line(text, &code, why);
             }
             Source::Mesh { tells_path } => {
                 line(text, "kind = \"texture\"", "albedo: the mesh's own base colour");
-                let code = "mean-free-path-mm = 0.5";
+                let (code, why) = travels();
                 match tells_path {
-                    true => line(text, &format!("# {code}"), "how far light travels: as the file says, with its size"),
-                    false => line(text, code, "how far light travels between two events"),
+                    true if path.is_none() => {
+                        line(text, &format!("# {code}"), "how far light travels: as the file says, with its size");
+                    }
+                    _ => line(text, &code, why),
                 }
             }
             Source::Image { name, has_uvs } => {
@@ -306,15 +416,12 @@ impl Looks {
                 if !has_uvs {
                     line(text, "projection = \"triplanar\"", "the mesh has no texture coordinates");
                 }
-                line(text, "mean-free-path-mm = 0.5", "how far light travels between two events");
+                let (code, why) = travels();
+                line(text, &code, why);
             }
         }
-        // The built-in greys are the default's, named or not. Many albedos keep their ratios; one, or those that are
-        // dark enough, stay as they are.
-        let greys = match &options.materials {
-            None => !self.is_colourful,
-            Some(given) => given.as_os_str() == "synthetic",
-        };
+        // Of the built-in greys many albedos keep their ratios; one, or those that are dark enough, stay as they are.
+        let greys = resins.are_greys();
         if greys && self.is_bright {
             line(text, &format!("max-albedo = {GREYS}"), "the brightest that 5 mm of white on black can do is 0.63");
         } else if !greys {
@@ -355,6 +462,16 @@ fn colors(mesh: &TriangleMesh) -> impl Iterator<Item = [f32; 3]> {
     plain.chain(textured)
 }
 
+/// Whether an image has colours rather than greys, and some of them, linear, spread over it; any colours where it cannot
+/// be read, which the job tells.
+fn image_colours(path: &Path) -> (bool, Vec<[f32; 3]>) {
+    let Ok(picture) = read_picture(path) else { return (true, any_colours()) };
+    let side = SAMPLES.isqrt();
+    let at = |step: usize| (step as f32 + 0.5) / side as f32;
+    let colours = (0..side * side).map(|sample| picture.light(at(sample % side), at(sample / side)));
+    (!picture.is_grey(), colours.collect())
+}
+
 /// Whether it is a colour rather than a grey.
 fn is_colour([r, g, b]: [f32; 3]) -> bool {
     r.max(g).max(b) - r.min(g).min(b) > COLOURFUL
@@ -382,4 +499,113 @@ fn image_beside(mesh: &Path) -> Option<String> {
     };
     names.sort_by_key(|name| (says_colour(name), name.clone()));
     names.into_iter().next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        job::{
+            Job, Prepared,
+            file::{AlbedoSource, TargetSpec},
+        },
+        optics::MaterialSet,
+        watch::Unwatched,
+    };
+
+    /// A box on the ground, mm, as an OBJ file.
+    fn a_box(folder: &Path, edge: f64) -> PathBuf {
+        let mut text = String::new();
+        for corner in 0..8 {
+            let at = |axis: usize| if corner >> axis & 1 == 1 { edge } else { 0.0 };
+            let _ = writeln!(text, "v {} {} {}", at(0), at(1), at(2));
+        }
+        text += "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+        let path = folder.join("box.obj");
+        fs::write(&path, text).unwrap();
+        path
+    }
+
+    fn job(mesh: &Path, options: &StartOptions) -> (Job, String) {
+        let toml = start(mesh, options).unwrap().toml;
+        (Job::from_toml(&toml, mesh.with_extension("toml"), mesh.parent().unwrap()).unwrap(), toml)
+    }
+
+    #[test]
+    fn no_printer_and_look_make_a_job_that_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = a_box(folder.path(), 12.0);
+        for printer in Printer::preset_names() {
+            let looks = MeasuredMedium::names()
+                .map(|look| StartOptions { look: Some(look.to_owned()), ..StartOptions::default() });
+            let colours = [[0xc0, 0x80, 0x40], [0x20, 0x40, 0xc0], [0x80; 3]]
+                .map(|srgb| StartOptions { albedo: Some(Albedo::Srgb(srgb)), ..StartOptions::default() });
+            let formats = [OutputFormat::Gcvf, OutputFormat::Bmp].map(|format| StartOptions {
+                formats: vec![format],
+                look: Some("skin".to_owned()),
+                ..StartOptions::default()
+            });
+            let sets = MaterialSet::builtin_names().map(|set| StartOptions {
+                materials: Some(set.into()),
+                look: Some("marble".to_owned()),
+                ..StartOptions::default()
+            });
+            for options in looks.chain(colours).chain(formats).chain(sets) {
+                let options = StartOptions { printer: Some(printer.to_owned()), ..options };
+                let (job, toml) = job(&mesh, &options);
+                Prepared::check(&job, &Unwatched).unwrap_or_else(|error| panic!("{options:?}: {error}\n{toml}"));
+            }
+        }
+    }
+
+    #[test]
+    fn a_colour_and_a_path_are_what_the_job_asks_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = a_box(folder.path(), 12.0);
+        let asked = |albedo, path| {
+            let options = StartOptions { albedo: Some(albedo), mean_free_path_mm: path, ..StartOptions::default() };
+            let (job, toml) = job(&mesh, &options);
+            let TargetSpec::Texture(texture) = job.objects[0].target.clone() else { panic!("{toml}") };
+            (texture.albedo, texture.mean_free_path_mm, toml)
+        };
+        let (albedo, path, toml) = asked(Albedo::Srgb([0xc0, 0x80, 0x40]), None);
+        let AlbedoSource::Colour(colour) = albedo else { panic!("{toml}") };
+        for (found, byte) in colour.into_iter().zip([0xc0, 0x80, 0x40]) {
+            assert!((found - f64::from(byte_to_linear(byte))).abs() < 1e-6, "{colour:?}");
+        }
+        assert_eq!(path, Some([0.5; 3]));
+        assert!(toml.contains("set = \"inks-rgb-7\""), "{toml}");
+        let (albedo, path, _) = asked(Albedo::Rgb([0.5, 0.25, 0.125]), Some(MeanFreePath::Rgb([1.0, 0.5, 0.25])));
+        assert_eq!((albedo, path), (AlbedoSource::Colour([0.5, 0.25, 0.125]), Some([1.0, 0.5, 0.25])));
+        let (albedo, path, toml) = asked(Albedo::Grey(0.8), Some(MeanFreePath::Same(2.0)));
+        assert_eq!((albedo, path), (AlbedoSource::Constant(0.8), Some([2.0; 3])));
+        // What is asked for by number stays as it is.
+        assert!(toml.contains("set = \"synthetic\"") && !toml.contains("max-albedo"), "{toml}");
+    }
+
+    #[test]
+    fn what_a_printer_prints_with_is_taken_and_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = a_box(folder.path(), 12.0);
+        let found = |printer: &str, look: &str| {
+            let options = StartOptions {
+                printer: Some(printer.to_owned()),
+                look: Some(look.to_owned()),
+                ..StartOptions::default()
+            };
+            let Start { toml, notes } = start(&mesh, &options).unwrap();
+            let said: Vec<_> = notes.into_iter().filter(|note| note.starts_with("resins: ")).collect();
+            (toml, said)
+        };
+        let (toml, said) = found("j850-27um", "marble");
+        assert!(toml.contains("set = \"vero-j850-provisional\"") && toml.contains("provisional;"), "{toml}");
+        assert!(said.len() == 1 && said[0].contains("provisional") && said[0].contains("--materials"), "{said:?}");
+        let (toml, said) = found("j750-27um", "marble");
+        assert!(toml.contains("set = \"inks-rgb-7\""), "{toml}");
+        assert!(said[0].contains("no set has what j750-27um prints with"), "{said:?}");
+        // Three of six, and which.
+        let (toml, said) = found("j850-hs-27um", "skin");
+        assert_eq!(toml.matches("[[stacking.limit]]").count(), 3, "{toml}");
+        assert!(said.len() == 2 && said[1].contains("j850-hs-27um takes 3"), "{said:?}");
+    }
 }
