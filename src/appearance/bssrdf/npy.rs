@@ -112,7 +112,10 @@ impl NpyHeader {
             "f4" => Element::F32,
             "f8" => Element::F64,
             "u1" | "b1" => Element::U8,
-            _ => return Err(fault(format!("values of type {descr}"), "float16, float32, float64, uint8 or bool")),
+            _ => {
+                let found = format!("values of type {}", crate::words::excerpt(descr));
+                return Err(fault(found, "float16, float32, float64, uint8 or bool"));
+            }
         };
         if !after(&text, "fortran_order")?.starts_with("False") {
             return Err(fault("an array in Fortran order", "C order: numpy.ascontiguousarray"));
@@ -250,11 +253,12 @@ mod tests {
 
     #[test]
     fn what_is_no_array_is_refused() {
-        let cases: [(&[u8], &str); 7] = [
+        let cases: [(&[u8], &str); 8] = [
             (b"", "ends in its header"),
             (b"PK\x03\x04aaaaaaaaaa", "no NumPy array"),
             (b"\x93NUMPY\x09\x00\x10\x00", "version 9"),
             (&header("{'descr': '<i4', 'fortran_order': False, 'shape': (2,)}"), "type <i4"),
+            (&header("{'descr': '<\n', 'fortran_order': False, 'shape': (2,)}"), "type <\\n,"),
             (&header("{'descr': '<f4', 'fortran_order': True, 'shape': (2,)}"), "Fortran"),
             (&header("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (2,)}"), "structured"),
             (&header("{'descr': '<f4', 'fortran_order': False, 'shape': (9999999999, 9999999999)}"), "shape"),

@@ -19,6 +19,8 @@ use crate::disjoint_sets::DisjointSets;
 const VIEWS: u32 = 96;
 /// Patches looked at: about a second.
 const MAX_PATCHES: usize = 2_000;
+/// Points that patches are looked at from, all together, but for one of each: another second.
+const MAX_POINTS: usize = 4_000;
 /// Triangles that a search may look through, patch by patch: about two seconds. There are up to three: for walls, for
 /// what is attached to the body, and for walls without that.
 const BUDGET: usize = 4_000_000;
@@ -98,12 +100,14 @@ fn within(mesh: &TriangleMesh, edges: &Edges) -> Vec<bool> {
     }
     let soup = Soup::new(mesh.corners().collect(), vec![0; before]);
     let off = tolerance(mesh.corner_bounds()).touch;
+    let most = (MAX_POINTS / candidates.len().max(1)).max(1);
     let is_buried = |patch: &&Patch| {
-        let is_seen = |side: f64| {
-            let p = patch.middle + side * off * patch.normal;
-            views().filter(|view| side * view.dot(patch.normal) > 0.0).any(|view| soup.is_free(p, view))
+        let is_seen = |at: DVec3, normal: DVec3, side: f64| {
+            let p = at + side * off * normal;
+            views().filter(|view| side * view.dot(normal) > 0.0).any(|view| soup.is_free(p, view))
         };
-        !is_seen(1.0) && !is_seen(-1.0)
+        // A part of it may lie in another body.
+        patch.points(&soup.corners, most).all(|(at, normal)| !is_seen(at, normal, 1.0) && !is_seen(at, normal, -1.0))
     };
     let buried: Vec<&Patch> = candidates.iter().filter(is_buried).collect();
     buried.iter().flat_map(|patch| &patch.triangles).for_each(|&t| is_out[t] = true);
@@ -129,8 +133,9 @@ fn within(mesh: &TriangleMesh, edges: &Edges) -> Vec<bool> {
         orient::orient(&mut rest, rest_edges, &mut HealthReport::default());
         let count = rest.triangles.len();
         let rest = Soup::new(rest.corners().collect(), vec![0; count]);
-        let is_in = |side: f64| rest.winding(patch.middle + side * off * patch.normal, |_| 1) != 0;
-        if is_in(1.0) || is_in(-1.0) {
+        let is_in = |p: DVec3| rest.winding(p, |_| 1) != 0;
+        let mut points = patch.points(&soup.corners, most);
+        if points.all(|(at, normal)| is_in(at + off * normal) || is_in(at - off * normal)) {
             (is_out, faults) = (tried, better);
         }
     }
@@ -190,14 +195,26 @@ impl Rim {
 
 /// A patch that edges of an odd number of triangles bound, and no open ones.
 struct Patch {
+    /// The largest first.
     triangles: Vec<usize>,
     area: f64,
-    /// Of its largest triangle.
-    middle: DVec3,
-    normal: DVec3,
 }
 
 impl Patch {
+    /// Points on it and their normals, at most so many: the middle of each triangle, and one near each of its corners.
+    fn points<'a>(&'a self, corners: &'a [[DVec3; 3]], most: usize) -> impl Iterator<Item = (DVec3, DVec3)> + 'a {
+        /// Weight of a corner in the point near it, of that and the middle.
+        const NEAR: f64 = 0.85;
+        let of = |&t: &usize| {
+            let [a, b, c] = corners[t];
+            let normal = (b - a).cross(c - a).try_normalize();
+            let middle = (a + b + c) / 3.0;
+            let points = [middle, middle.lerp(a, NEAR), middle.lerp(b, NEAR), middle.lerp(c, NEAR)];
+            points.into_iter().filter_map(move |at| normal.map(|normal| (at, normal)))
+        };
+        self.triangles.iter().flat_map(of).take(most)
+    }
+
     /// All of a mesh, the smallest first.
     fn all(mesh: &TriangleMesh, edges: &Edges) -> Vec<Self> {
         let count = mesh.triangles.len();
@@ -211,12 +228,12 @@ impl Patch {
             }
         }
         let corners: Vec<[DVec3; 3]> = mesh.corners().collect();
-        let of = |triangles: Vec<usize>| {
-            let largest = *triangles.iter().max_by(|&&s, &&t| area(corners[s]).total_cmp(&area(corners[t])))?;
-            let [a, b, c] = corners[largest];
-            let normal = (b - a).cross(c - a).try_normalize()?;
+        let of = |mut triangles: Vec<usize>| {
+            triangles.sort_by(|&s, &t| area(corners[t]).total_cmp(&area(corners[s])));
+            let [a, b, c] = corners[*triangles.first()?];
+            (b - a).cross(c - a).try_normalize()?;
             let area = triangles.iter().map(|&t| area(corners[t])).sum();
-            Some(Self { triangles, area, middle: (a + b + c) / 3.0, normal })
+            Some(Self { triangles, area })
         };
         let mut all: Vec<Self> = members.into_iter().filter_map(of).collect();
         all.sort_by(|a, b| a.area.total_cmp(&b.area));

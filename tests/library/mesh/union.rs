@@ -354,6 +354,23 @@ fn nothing_is_left_of_faces_that_show_in_the_cracks_between_bricks() {
     }
 }
 
+/// Two bodies with a face in common, of which one reaches out of a third: no part of a wall within them.
+#[test]
+fn what_reaches_out_of_another_body_is_no_wall_within_it() {
+    let tall = cube([2.0, 3.0, 1.0], [3.0, 5.0, 3.0]);
+    let short = cube([2.0, 3.0, 2.0], [3.0, 5.0, 3.0]);
+    let around = cube([2.0; 3], [4.0, 5.0, 4.0]);
+    for (bodies, area, volume) in [
+        (vec![tall.clone(), short.clone(), around.clone()], 32.0 + 6.0, 12.0 + 2.0),
+        (vec![short.clone(), around.clone(), tall.clone()], 32.0 + 6.0, 12.0 + 2.0),
+        (vec![tall, short], 16.0, 4.0),
+    ] {
+        let health = close(mesh_of(&bodies.concat())).unwrap().health;
+        let found = (health.area_mm2, health.volume_mm3);
+        assert!((found.0 - area).abs() < 1e-9 && (found.1 - volume).abs() < 1e-9, "{found:?}, not {area}, {volume}");
+    }
+}
+
 #[test]
 fn what_does_not_meet_stays_as_it_is() {
     let shell =
