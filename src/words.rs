@@ -241,7 +241,8 @@ mod tests {
         assert_eq!(hint("height_inches", known), "lengths are in mm: `height-mm`, 1 in is 25.4 mm");
         assert_eq!(hint("heigth-mm", known), "did you mean `height-mm`?");
         assert_eq!(in_mm("height-mm"), None);
-        assert_eq!(hint("width-in", ["width"]), "did you mean `width`?");
+        // Of what has no length in mm the unit is not spoken of.
+        assert_eq!(hint("width-in", ["width-on"]), "did you mean `width-on`?");
     }
 
     #[test]

@@ -16,7 +16,7 @@ pub(crate) struct LookPanel {
     pub name: String,
     /// Row 0 on top.
     pub pixels: Vec<Rgb>,
-    /// What its colours mean, drawn into its foot where there is room.
+    /// What its colours mean, drawn into its head, over the object, where there is room.
     pub scale: Option<Scale>,
 }
 
@@ -32,7 +32,7 @@ pub(crate) struct Scale {
 impl Scale {
     fn draw(&self, canvas: &mut Canvas, panel: Rect) {
         let [left, width] = [panel.x + SCALE_MARGIN, panel.width.saturating_sub(2 * SCALE_MARGIN)];
-        let top = (panel.y + panel.height).saturating_sub(SCALE_HEIGHT + 6 + Font::Small.height() + 8);
+        let top = panel.y + SCALE_TOP;
         for x in 0..width {
             let colour = self.colours[(x * self.colours.len() / width).min(self.colours.len() - 1)];
             canvas.fill(Rect { x: left + x, y: top, width: 1, height: SCALE_HEIGHT }, colour);
@@ -53,8 +53,10 @@ impl Scale {
     }
 }
 
-/// A scale's distance from the sides of its panel, its height, and the narrowest panel that has room for one.
+/// A scale's distance from the sides of its panel and from its top, its height, and the narrowest panel that has room for
+/// one.
 const SCALE_MARGIN: usize = 20;
+const SCALE_TOP: usize = 8;
 const SCALE_HEIGHT: usize = 12;
 const SCALE_ROOM: usize = 240;
 
@@ -117,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_scale_lies_in_the_foot_of_its_panel_alone() {
+    fn a_scale_lies_in_the_head_of_its_panel_alone() {
         let scale = Scale { colours: vec![[9, 0, 0], [0, 9, 0]], ticks: vec!["0", "1"] };
         let panel = |scale| LookPanel { name: "a panel".into(), pixels: vec![[250; 3]; 300 * 300], scale };
         let sheet = look_sheet("look/x.png".into(), "Light", "", [300; 2], &[panel(None), panel(Some(scale))]).unwrap();
@@ -125,8 +127,8 @@ mod tests {
         let read = |file: &Vec<u8>| image::load_from_memory(file).unwrap().into_rgb8();
         let [plain, scaled] = [0, 1].map(|n| read(&panels[n]));
         assert!(plain.pixels().all(|pixel| pixel.0 == [250; 3]));
-        assert!((0..200).all(|y| (0..300).all(|x| scaled.get_pixel(x, y).0 == [250; 3])));
-        let along = |x: u32| (200..300).any(|y| [[9, 0, 0], [0, 9, 0]].contains(&scaled.get_pixel(x, y).0));
+        assert!((100..300).all(|y| (0..300).all(|x| scaled.get_pixel(x, y).0 == [250; 3])));
+        let along = |x: u32| (0..100).any(|y| [[9, 0, 0], [0, 9, 0]].contains(&scaled.get_pixel(x, y).0));
         assert!(along(100) && along(200) && !along(5) && !along(295));
     }
 

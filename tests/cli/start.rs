@@ -161,6 +161,7 @@ fn a_colour_is_asked_for_on_the_command_line() {
     let job = fs::read_to_string(bench.path("figure.toml")).unwrap();
     assert!(job.contains("albedo-colour = [0.5, 0.25, 0.125]") && job.contains("[1.0, 0.5, 0.25]"), "{job}");
     assert!(job.contains("connex500-16um takes 3;"), "{job}");
+    fs::remove_file(bench.path("figure.toml")).unwrap();
     for (flags, says) in [
         (&["--colour", "brown"][..], "expected #RRGGBB"),
         (&["--colour", "#c08040", "--look", "skin"], "cannot be used with"),

@@ -74,11 +74,11 @@ const MOODS: [Mood; 4] = [
 const GROUND: f64 = 0.18;
 /// Differences in colour, ΔE2000, that the false colours stand for, with equal steps between them, and in words.
 const DELTA_E: [(f64, Rgb, &str); 5] = [
-    (0.0, [0xf4, 0xf4, 0xf2], "0 same"),
+    (0.0, [0xf4, 0xf4, 0xf2], "0"),
     (2.0, [0xf8, 0xe4, 0xa0], "2"),
-    (5.0, [0xf0, 0x9a, 0x4a], "5 shows"),
+    (5.0, [0xf0, 0x9a, 0x4a], "5"),
     (10.0, [0xc2, 0x30, 0x30], "10"),
-    (20.0, [0x48, 0x10, 0x50], "20+ far off"),
+    (20.0, [0x48, 0x10, 0x50], "20+"),
 ];
 /// Difference of encoded values at which the colour of a difference is full.
 const FULL: f64 = 0.25;
