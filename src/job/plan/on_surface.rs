@@ -39,7 +39,8 @@ type Known = [f64; 1 + CHANNELS];
 
 /// Texels coarser than this, mm, are replaced by nodes.
 const COARSE_MM: f64 = 0.5;
-/// Distance of nodes, mm: beside a sharp edge what must be asked for changes by half within so much.
+/// Distance of nodes, mm, at least: beside a sharp edge what must be asked for changes by half within so much. Where points
+/// are farther apart nodes are too, up to [`COARSE_MM`].
 const NODE_MM: f64 = 0.2;
 /// Nodes of a texture that repeats itself are as fine as its texels, down to this.
 const FINEST_NODE_MM: f64 = 0.1;
@@ -122,7 +123,12 @@ impl ObjectPlan {
         };
         let Some(closest) = Closest::new(&solid.mesh) else { return Ok(None) };
         context.watch.stage("surface", 0);
-        let (spacing, texel_mm) = node_spacing(&solid.mesh, &atlas);
+        let area: f64 = solid.mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
+        let spacing_mm = POINT_MM.min((area / FEWEST_POINTS).sqrt());
+        let most_points = (MOST_POINTS / context.job.objects.len().max(1)).max(1);
+        // Nodes much nearer than points know no more than these.
+        let node_mm = spacing_mm.max((area / most_points as f64).sqrt()).clamp(NODE_MM, COARSE_MM);
+        let (spacing, texel_mm) = node_spacing(&solid.mesh, &atlas, node_mm);
         let mut shared_out: Vec<bool> = texel_mm.iter().map(|mm| *mm <= FINE_MM).collect();
         let mut wanted = vec![false; atlas.pages().len()];
         for (place, spacing) in atlas.places().iter().zip(&spacing) {
@@ -150,13 +156,7 @@ impl ObjectPlan {
         debug_assert!(old_pages <= clusters.len());
         sites.extend(nodes);
         context.watch.go_on()?;
-        let area: f64 = solid.mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
-        let spacing_mm = POINT_MM.min((area / FEWEST_POINTS).sqrt());
-        let points = SurfacePoints::spread(
-            closest.triangles(),
-            spacing_mm,
-            (MOST_POINTS / context.job.objects.len().max(1)).max(1),
-        );
+        let points = SurfacePoints::spread(closest.triangles(), spacing_mm, most_points);
         let [thinnest, thickest] = HALF_THICKNESSES_MM;
         let half = |place: &crate::appearance::PointOfSurface| {
             libm::log(half_thickness(&closest, place.point, place.normal, thickest).max(thinnest))
@@ -322,7 +322,8 @@ fn threshold(texel: u32, width: u32) -> f64 {
 
 /// Distance of nodes for every triangle whose texels will not do; `None` for those whose texels are as fine as nodes
 /// and lie on one place of the surface each. And the length of the texels of every page, mm.
-fn node_spacing(mesh: &TriangleMesh, atlas: &Atlas) -> (Vec<Option<f64>>, Vec<f64>) {
+/// Nodes are `node_mm` apart, or as near as the texels that they stand for.
+fn node_spacing(mesh: &TriangleMesh, atlas: &Atlas, node_mm: f64) -> (Vec<Option<f64>>, Vec<f64>) {
     let pages = atlas.pages().len();
     let (mut mm2, mut texels) = (vec![0.0; pages], vec![0.0; pages]);
     let areas = || mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length());
@@ -339,7 +340,7 @@ fn node_spacing(mesh: &TriangleMesh, atlas: &Atlas) -> (Vec<Option<f64>>, Vec<f6
             let covered = atlas.pages()[page].covered().count() as f64;
             let coarse = mm2[page] / covered.max(1.0) > COARSE_MM * COARSE_MM;
             let repeats = !(texels[page] <= OVERLAP * covered);
-            (coarse || repeats).then(|| texel_mm[page].clamp(FINEST_NODE_MM, NODE_MM))
+            (coarse || repeats).then(|| texel_mm[page].clamp(FINEST_NODE_MM, node_mm))
         })
         .collect();
     (atlas.places().iter().map(|place| of_page[usize::from(place.page)]).collect(), texel_mm)
