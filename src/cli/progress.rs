@@ -1,5 +1,5 @@
-//! The watch of every command: progress bars, one stage after the other, on a terminal; elsewhere a line for a stage that
-//! takes long; and Ctrl-C.
+//! The watch of every command: progress bars, one stage after the other, on a terminal; elsewhere a line for a stage
+//! that takes long; and Ctrl-C.
 
 use std::{
     fmt::Write,

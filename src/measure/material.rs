@@ -24,8 +24,9 @@ const NOTED_SHARE: f64 = 4e-3;
 /// Albedos are at odds with the shapes where they leave more than this, and twice as much as the shapes alone do: sound
 /// captures left at most 1.4 times as much, an albedo that is off by 10% two to four times.
 const AT_ODDS: f64 = 1.5e-4;
-/// And where the shapes alone would have another albedo by this share: of 60 sound captures by another generator three, of
-/// resins that absorb next to nothing, left 2e-4 to 3e-4 and two to three times less with free albedos that were the same.
+/// And where the shapes alone would have another albedo by this share: of 60 sound captures by another generator three,
+/// of resins that absorb next to nothing, left 2e-4 to 3e-4 and two to three times less with free albedos that were the
+/// same.
 const AT_ODDS_SHARE: f64 = 0.02;
 /// Light beyond the field is named from this share on: it is extrapolated, and scaled with the rest to the albedo.
 const NAMED_BEYOND: f64 = 0.005;

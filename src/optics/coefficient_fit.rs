@@ -340,8 +340,8 @@ impl Data {
         })
     }
 
-    /// What one standard deviation of every profile's common error moves the parameters by, root mean square: (JᵀJ)⁻¹ Jᵀ
-    /// m, with m the profile's values times that share.
+    /// What one standard deviation of every profile's common error moves the parameters by, root mean square: (JᵀJ)⁻¹
+    /// Jᵀ m, with m the profile's values times that share.
     fn moved_by_albedos(&self, slopes: &[Vec<f64>; 3], inverse: &[Vec<f64>]) -> Parameters {
         let mut squares = [0.0; 3];
         let mut first = 0;

@@ -53,8 +53,8 @@ impl Scale {
     }
 }
 
-/// A scale's distance from the sides of its panel and from its top, its height, and the narrowest panel that has room for
-/// one.
+/// A scale's distance from the sides of its panel and from its top, its height, and the narrowest panel that has room
+/// for one.
 const SCALE_MARGIN: usize = 20;
 const SCALE_TOP: usize = 8;
 const SCALE_HEIGHT: usize = 12;

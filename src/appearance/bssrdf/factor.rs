@@ -360,8 +360,8 @@ fn check(dataset: &Dataset, channel: Channel, rings: &Rings, survey: &Survey) ->
             mean / area
         )),
         None if belief::no_light(dataset, mean) => doubts.push(format!(
-            "windows hold {mean:.1e} of the light sent in, less than any material reflects: are values per mm² for unit \
-             flux, and is the pitch in mm?"
+            "windows hold {mean:.1e} of the light sent in, less than any material reflects: are values per mm² for \
+             unit flux, and is the pitch in mm?"
         )),
         None => {}
     }

@@ -87,7 +87,8 @@ pub(super) fn resins(job: &Job, names: &[&str]) -> Result<(), JobError> {
 }
 
 /// Refuses objects that are shorter than a voxel along every axis, most likely for want of a unit: of such an object
-/// next to nothing is printed. `objects` are their names and corners. Those that are so along some axis only are told in `warnings`.
+/// next to nothing is printed. `objects` are their names and corners. Those that are so along some axis only are told
+/// in `warnings`.
 pub(super) fn tiny_objects(
     job: &Job,
     objects: &[(String, [DVec3; 2])],

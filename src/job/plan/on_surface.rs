@@ -39,17 +39,17 @@ type Known = [f64; 1 + CHANNELS];
 
 /// Texels coarser than this, mm, are replaced by nodes.
 const COARSE_MM: f64 = 0.5;
-/// Distance of nodes, mm, at least: beside a sharp edge what must be asked for changes by half within so much. Where points
-/// are farther apart nodes are too, up to [`COARSE_MM`].
+/// Distance of nodes, mm, at least: beside a sharp edge what must be asked for changes by half within so much. Where
+/// points are farther apart nodes are too, up to [`COARSE_MM`].
 const NODE_MM: f64 = 0.2;
 /// Nodes of a texture that repeats itself are as fine as its texels, down to this.
 const FINEST_NODE_MM: f64 = 0.1;
 /// A texture whose triangles overlap by more than this share repeats itself.
 const OVERLAP: f64 = 1.2;
 /// Distance of points, mm, at most; small objects have at least so many, closer together. Of an L of two plates, albedo
-/// 0.2, mean free path 0.3 mm, spots within 0.2 mm of an edge were 40% too light with nodes every 0.5 mm and points every
-/// 0.25 mm; 20% with nodes as near as points, and 17% with both as here. At 0.45 and 0.6 mm rms over all spots went from
-/// 2.8 to 2.5 to 1.8%.
+/// 0.2, mean free path 0.3 mm, spots within 0.2 mm of an edge were 40% too light with nodes every 0.5 mm and points
+/// every 0.25 mm; 20% with nodes as near as points, and 17% with both as here. At 0.45 and 0.6 mm rms over all spots
+/// went from 2.8 to 2.5 to 1.8%.
 const POINT_MM: f64 = 0.16;
 const FEWEST_POINTS: f64 = 500.0;
 const MOST_POINTS: usize = 20_000;
@@ -125,9 +125,13 @@ impl ObjectPlan {
         context.watch.stage("surface", 0);
         let area: f64 = solid.mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
         let spacing_mm = POINT_MM.min((area / FEWEST_POINTS).sqrt());
-        let most_points = (MOST_POINTS / context.job.objects.len().max(1)).max(1);
+        let points = SurfacePoints::spread(
+            closest.triangles(),
+            spacing_mm,
+            (MOST_POINTS / context.job.objects.len().max(1)).max(1),
+        );
         // Nodes much nearer than points know no more than these.
-        let node_mm = spacing_mm.max((area / most_points as f64).sqrt()).clamp(NODE_MM, COARSE_MM);
+        let node_mm = points.spacing_mm().clamp(NODE_MM, COARSE_MM);
         let (spacing, texel_mm) = node_spacing(&solid.mesh, &atlas, node_mm);
         let mut shared_out: Vec<bool> = texel_mm.iter().map(|mm| *mm <= FINE_MM).collect();
         let mut wanted = vec![false; atlas.pages().len()];
@@ -156,7 +160,6 @@ impl ObjectPlan {
         debug_assert!(old_pages <= clusters.len());
         sites.extend(nodes);
         context.watch.go_on()?;
-        let points = SurfacePoints::spread(closest.triangles(), spacing_mm, most_points);
         let [thinnest, thickest] = HALF_THICKNESSES_MM;
         let half = |place: &crate::appearance::PointOfSurface| {
             libm::log(half_thickness(&closest, place.point, place.normal, thickest).max(thinnest))

@@ -462,8 +462,8 @@ fn colors(mesh: &TriangleMesh) -> impl Iterator<Item = [f32; 3]> {
     plain.chain(textured)
 }
 
-/// Whether an image has colours rather than greys, and some of them, linear, spread over it; any colours where it cannot
-/// be read, which the job tells.
+/// Whether an image has colours rather than greys, and some of them, linear, spread over it; any colours where it
+/// cannot be read, which the job tells.
 fn image_colours(path: &Path) -> (bool, Vec<[f32; 3]>) {
     let Ok(picture) = read_picture(path) else { return (true, any_colours()) };
     let side = SAMPLES.isqrt();

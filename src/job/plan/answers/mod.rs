@@ -123,8 +123,8 @@ const SHARE: f64 = 0.05;
 /// 0.25 mm over support, that must print darker, was 0.7 mm wide in place of 1.3, under a top layer twice as thick; of
 /// 23% black at the same thickness it is as dark, at 1.35 mm.
 const STIFF: f64 = 0.1;
-/// Most of the top layer that may be other than what it mostly is. In thin places, which lie along sharp edges too, dark
-/// prints need all that they can get, for light comes in by another face.
+/// Most of the top layer that may be other than what it mostly is. In thin places, which lie along sharp edges too,
+/// dark prints need all that they can get, for light comes in by another face.
 const MIXED: f64 = 0.8;
 const MIXED_WHERE_THIN: f64 = 1.0;
 /// Part of a thin place that squeezed layers take.
