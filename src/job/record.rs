@@ -99,7 +99,7 @@ pub struct SpotRecord {
     pub printed: Vec<f64>,
     /// One standard deviation of it.
     pub standard_error: Vec<f64>,
-    /// Printed against asked as ΔE2000, where colours were asked for.
+    /// Printed against asked as ΔE2000, less what noise adds on average, where colours were asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delta_e_2000: Option<f64>,
     /// What shows by a shadow's edge, at the distances of [`edge_mm`](super::look::Look::edge_mm).

@@ -30,6 +30,8 @@ pub struct Grains {
 /// of the mask at 2, 5, 10, 30 and 50%, J750 at 14 and 27 µm and cubes, all within 8%.
 const DENSE: f64 = 0.58;
 const RARE: f64 = 0.16;
+/// Step of derivatives in shares.
+const SHARE_STEP: f64 = 1e-5;
 
 impl Grains {
     /// Too small to matter.
@@ -83,6 +85,21 @@ impl Grains {
         let plain = VolumeCoefficients::mixed(parts.iter().copied());
         let g = if sigma_s > 0.0 { (1.0 - (back - sigma_a) / sigma_s).clamp(-1.0, 1.0) } else { 0.0 };
         VolumeCoefficients { sigma_s: sigma_s.max(0.0), sigma_a, g, ..plain }
+    }
+
+    /// How σs and σa per mm and g of a mixture of `parts` change with the share of one of them, `more`, at the cost of
+    /// the share of `less`.
+    pub fn slope(self, parts: &[(VolumeCoefficients, f64)], more: usize, less: usize) -> [f64; 3] {
+        let with = |by: f64| {
+            let mut parts = parts.to_vec();
+            parts[more].1 += by;
+            parts[less].1 -= by;
+            parts.retain(|part| part.1 != 0.0);
+            self.mixed(&parts)
+        };
+        let [up, down] = [SHARE_STEP, -SHARE_STEP].map(with);
+        let slope = |up: f64, down: f64| (up - down) / (2.0 * SHARE_STEP);
+        [slope(up.sigma_s, down.sigma_s), slope(up.sigma_a, down.sigma_a), slope(up.g, down.g)]
     }
 }
 

@@ -10,6 +10,7 @@
 //! | `voxels`  | the volume, from the job's fields or from the slices of a folder |
 //! | `pictures`, `asked` | the whole object under four kinds of light, printed and as it should be |
 //! | `mitsuba` | the same scene for Mitsuba 3 |
+//! | `differences` | how far prints are from what was asked for, noise taken off |
 //! | `edges` | what shows by a shadow's edge, asked and printed |
 //! | `surface` | spots of the surface, and what is expected there |
 //! | `by_area` | points of all surfaces, evenly over their area |
@@ -18,6 +19,7 @@
 mod alone;
 mod asked;
 mod by_area;
+mod differences;
 mod edges;
 mod mitsuba;
 mod pictures;
@@ -51,8 +53,8 @@ use super::{
     manifest::LOOK,
 };
 use crate::{
-    colour::{delta_e_2000, lab},
     look::{Radiosity, Scene, Spot, Volume},
+    optics::Estimate,
     output::{Existing, GENERATOR, OutputError, OutputFolder, Owner, pretty},
     preview::PreviewFile,
     watch::{StopOnly, Watch},
@@ -266,12 +268,8 @@ fn look_at_spots(
         let printed: Vec<Radiosity> = printed.into_iter().collect::<Option<_>>()?;
         let expected = expected.clone();
         let sky = shade::sky(scene, &spot.middle, 0.0);
-        let means: Vec<f64> = printed.iter().map(|channel| channel.albedo.mean).collect();
-        let colours = |asked: &[f64]| -> Option<f64> {
-            let goal = shade::all_shown(asked, sky);
-            let [goal, printed] = [goal.as_slice(), &means].map(|rgb| <[f64; 3]>::try_from(rgb).ok());
-            Some(delta_e_2000(lab(goal?), lab(printed?)))
-        };
+        let estimates: Vec<Estimate> = printed.iter().map(|channel| channel.albedo).collect();
+        let colours = |asked: &[f64]| differences::of_colours(&shade::all_shown(asked, sky), &estimates);
         Some(SpotRecord {
             object: spot.object,
             position_mm: spot.middle.point.to_array(),
@@ -281,8 +279,8 @@ fn look_at_spots(
             asked: expected.asked,
             predicted: expected.predicted,
             sky,
-            standard_error: printed.iter().map(|channel| channel.albedo.standard_error).collect(),
-            printed: means,
+            standard_error: estimates.iter().map(|albedo| albedo.standard_error).collect(),
+            printed: estimates.iter().map(|albedo| albedo.mean).collect(),
         })
     };
     let spots: Vec<SpotRecord> = goals.iter().zip(printed).filter_map(record).collect();
@@ -296,16 +294,16 @@ fn look_at_spots(
         let coloured = asked.is_some() && spots.iter().all(|spot| spot.delta_e_2000.is_some());
         let off = |at: usize| {
             let seen = spots[at].delta_e_2000.filter(|_| coloured);
-            seen.unwrap_or_else(|| share_off(&spots[at], &goal[at]))
+            seen.unwrap_or_else(|| differences::share_off(&spots[at], &goal[at]))
         };
         worst.extend(0..spots.len());
         worst.sort_by(|a, b| off(*b).total_cmp(&off(*a)));
         worst.truncate(WORST);
     }
-    let differences: Option<Vec<f64>> = spots.iter().map(|spot| spot.delta_e_2000).collect();
-    let against = |goal: &Vec<Vec<f64>>| fits(&spots, goal, channels.len());
+    let colours: Option<Vec<f64>> = spots.iter().map(|spot| spot.delta_e_2000).collect();
+    let against = |goal: &Vec<Vec<f64>>| differences::fits(&spots, goal, channels.len());
     Ok(Look {
-        delta_e_2000: differences.and_then(Differences::of),
+        delta_e_2000: colours.and_then(Differences::of),
         relative: asked.as_ref().and_then(|asked| Spread::of_spots(&spots, asked)),
         edge_mm: edge_mm.to_vec(),
         edges_against_asked: edges::against_asked(&spots, channels.len()),
@@ -355,75 +353,3 @@ impl Look {
 
 /// What `look` writes.
 pub const OWNER: Owner = Owner { command: "look", names: &[LOOK, "soft.png", "edge.png", "behind.png", "spot.png"] };
-
-impl Differences {
-    /// `None` of none.
-    fn of(mut differences: Vec<f64>) -> Option<Self> {
-        differences.sort_by(f64::total_cmp);
-        let Spread { median, ninety_five_percent } = Spread::of(&differences)?;
-        Some(Self {
-            median,
-            ninety_percent: percentile(&differences, 90)?,
-            ninety_five_percent: Some(ninety_five_percent),
-            worst: *differences.last()?,
-        })
-    }
-}
-
-impl Spread {
-    /// Of ascending numbers; `None` of none.
-    fn of(ascending: &[f64]) -> Option<Self> {
-        Some(Self { median: percentile(ascending, 50)?, ninety_five_percent: percentile(ascending, 95)? })
-    }
-
-    /// How far spots are from what was asked for, as shares of that; `None` of no spots.
-    fn of_spots(spots: &[SpotRecord], asked: &[Vec<f64>]) -> Option<Self> {
-        let mut shares: Vec<f64> = spots.iter().zip(asked).map(|(spot, asked)| share_off(spot, asked)).collect();
-        shares.sort_by(f64::total_cmp);
-        Self::of(&shares)
-    }
-}
-
-/// How far a spot is from `goal`, as a share of that.
-fn share_off(spot: &SpotRecord, goal: &[f64]) -> f64 {
-    let length = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>().sqrt();
-    let apart = length(&mut spot.printed.iter().zip(goal).map(|(printed, goal)| printed - goal));
-    apart / length(&mut goal.iter().copied()).max(BLACK)
-}
-
-/// Albedos below this are black.
-const BLACK: f64 = 1e-3;
-
-/// The number that so many percent of ascending ones lie below; `None` of none.
-fn percentile(ascending: &[f64], percent: usize) -> Option<f64> {
-    ascending.get((ascending.len() * percent / 100).min(ascending.len().max(1) - 1)).copied()
-}
-
-fn fits(spots: &[SpotRecord], expected: &[Vec<f64>], channels: usize) -> Vec<Fit> {
-    let values = |channel: usize| {
-        let value = move |(spot, expected): (&SpotRecord, &Vec<f64>)| {
-            [spot.printed[channel], spot.standard_error[channel], expected[channel]]
-        };
-        Fit::of(spots.iter().zip(expected).map(value))
-    };
-    (0..channels).map(values).collect()
-}
-
-impl Fit {
-    /// Of what is printed, its standard error and what is expected.
-    fn of(values: impl Iterator<Item = [f64; 3]>) -> Self {
-        let (mut n, mut bias, mut squared, mut noise, mut level) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for [printed, error, expected] in values {
-            let apart: f64 = printed - expected;
-            n += 1.0;
-            bias += apart;
-            squared += apart * apart;
-            noise += error * error;
-            level += expected * expected;
-        }
-        let rms = ((squared - noise).max(0.0) / f64::max(n, 1.0)).sqrt();
-        let level = (level / f64::max(n, 1.0)).sqrt();
-        let relative_rms = if level > 0.0 { rms / level } else { 0.0 };
-        Self { bias: bias / f64::max(n, 1.0), rms, relative_rms }
-    }
-}

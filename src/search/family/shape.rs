@@ -15,9 +15,6 @@ use crate::{
 /// Thicknesses, mm, and shares below this are none.
 const NOTHING: f64 = 1e-6;
 
-/// Step of derivatives in shares.
-const STEP: f64 = 1e-5;
-
 /// A place in the order of layers.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Slot {
@@ -79,23 +76,10 @@ impl Shape {
     /// are all resins' coefficients in the channel.
     pub fn mixed(&self, x: &[f64], resins: &[VolumeCoefficients], grains: Grains) -> Vec<Mixed> {
         let mixed = self.parts(x).filter(|parts| parts.len() > 1).map(|parts| {
-            // With more of one resin and less of the first.
-            let with = |more: usize, by: f64| {
-                let share = |at: usize, share: f64| match at {
-                    0 => share - by,
-                    at if at == more => share + by,
-                    _ => share,
-                };
-                let parts = parts.iter().enumerate().map(|(at, &(resin, part))| (resins[resin], share(at, part)));
-                let there = parts.filter(|&(_, share)| share != 0.0);
-                grains.mixed(&there.collect::<Vec<_>>())
-            };
-            let tangents = (1..parts.len()).map(|at| {
-                let [more, less] = [STEP, -STEP].map(|by| with(at, by));
-                let slope = |more: f64, less: f64| (more - less) / (2.0 * STEP);
-                [slope(more.sigma_s, less.sigma_s), slope(more.sigma_a, less.sigma_a), slope(more.g, less.g)]
-            });
-            Mixed { tangents: tangents.collect(), volume: with(0, 0.0) }
+            let parts: Vec<_> = parts.iter().map(|&(resin, part)| (resins[resin], part)).collect();
+            let there: Vec<_> = parts.iter().filter(|part| part.1 != 0.0).copied().collect();
+            let tangents = (1..parts.len()).map(|at| grains.slope(&parts, at, 0)).collect();
+            Mixed { tangents, volume: grains.mixed(&there) }
         });
         mixed.collect()
     }

@@ -12,8 +12,8 @@
 //! here and there than it counts. A core would show there in specks and take light from around, in resins that absorb
 //! next to nothing from millimetres away; no change of the layers above makes up for that.
 //!
-//! All of these numbers move by the least change that makes up for what is missing, in each channel, by Newton's rule
-//! with differences for slopes: shares in units of [`SHARE`], thicknesses relative to what they are. Where there are
+//! All of these numbers move by the least change that makes up for what is missing, in each channel, by Newton's rule:
+//! shares in units of [`SHARE`], thicknesses relative to what they are. Where there are
 //! shares, thicknesses move little ([`STIFF`]); freely where what is wanted is missed so.
 
 mod newton;
@@ -23,6 +23,7 @@ pub(super) mod tests;
 use super::context::TargetContext;
 use crate::{
     job::RunError,
+    numeric::rounding::rounded,
     optics::{
         Base as Bottom, Grains, LayeredReflection, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients,
     },
@@ -127,6 +128,9 @@ const STIFF: f64 = 0.1;
 /// dark prints need all that they can get, for light comes in by another face.
 const MIXED: f64 = 0.8;
 const MIXED_WHERE_THIN: f64 = 1.0;
+/// Thin places that even so are too light, as a mean of logarithms by channel, are of the top layer throughout. There,
+/// as along a sharp edge, light comes in by another face below it, and what else lies there lets it through.
+const TOO_LIGHT: f64 = 0.02;
 /// Part of a thin place that squeezed layers take.
 const SQUEEZED: f64 = 0.85;
 /// Albedos below are black: no factor changes them.
@@ -274,6 +278,9 @@ impl Answers {
                 }
             }
         }
+        if run[0].half_mm.is_some() && base.top.is_some() {
+            answers.iter_mut().filter(|answer| answer.is_too_light()).for_each(Answer::fill_with_top);
+        }
         answers
     }
 
@@ -361,28 +368,20 @@ impl Answers {
 
     /// Albedo per channel of layers over the core, or cut off at half the thickness of a part over its mirror image.
     fn albedo(&self, base: &Base, numbers: &[f64], below: Below) -> Vec<f64> {
-        let model = &self.models[base.model];
-        let mut mm: Vec<f64> = numbers[..base.layers.len()].to_vec();
-        if let Some(half) = below.middle_mm() {
-            let mut left = half;
-            for mm in &mut mm {
-                *mm = mm.min(left);
-                left -= *mm;
-            }
-            if let (Below::Middle(_), Some(last)) = (below, base.last()) {
-                mm[last] += std::mem::take(&mut left);
-            }
-            mm.push(left);
-        } else if mm.is_empty() {
-            mm.push(0.0);
-        }
-        let top = base.top.is_some().then(|| base.mixtures(numbers).next()).flatten();
-        let models = if below == Below::Core { &model.thick } else { &model.thin };
+        let mm = base.thicknesses(numbers, below);
+        let top = base.mixed_top(numbers);
         let in_channel = |(model, volumes): (&LayeredReflection, &Vec<VolumeCoefficients>)| {
             let mixed: Vec<_> = top.iter().map(|mixture| mixed_volume(self.grains, mixture, volumes)).collect();
             model.reflection(&mm, &mixed)[0]
         };
-        models.iter().zip(&self.volumes).map(in_channel).collect()
+        self.models[base.model].over(below).iter().zip(&self.volumes).map(in_channel).collect()
+    }
+}
+
+impl Model {
+    /// By channel.
+    fn over(&self, below: Below) -> &[LayeredReflection] {
+        if below == Below::Core { &self.thick } else { &self.thin }
     }
 }
 
@@ -421,6 +420,18 @@ impl Answer {
     fn misses(&self) -> bool {
         self.short.iter().any(|ln| ln.abs() >= newton::CLOSE)
     }
+
+    fn is_too_light(&self) -> bool {
+        self.short.iter().sum::<f64>() < -TOO_LIGHT * self.short.len() as f64
+    }
+
+    /// Gives the top layer the place of all others.
+    fn fill_with_top(&mut self) {
+        let whole: f64 = self.stacking.layers.iter().map(|layer| layer.thickness_mm).sum();
+        for (n, layer) in self.stacking.layers.iter_mut().enumerate() {
+            layer.thickness_mm = if n == 0 { rounded(whole) } else { 0.0 };
+        }
+    }
 }
 
 impl Base {
@@ -434,6 +445,31 @@ impl Base {
         let thickness = self.layers.iter().map(|layer| layer.1);
         let others = self.top.iter().flat_map(|(_, others)| others);
         thickness.chain(others.map(|resin| self.layers[0].0.share(*resin))).collect()
+    }
+
+    /// Thicknesses of what light goes through, mm: the layers, cut off at the middle of a thin part, and what lies
+    /// between the last and that.
+    fn thicknesses(&self, numbers: &[f64], below: Below) -> Vec<f64> {
+        let mut mm: Vec<f64> = numbers[..self.layers.len()].to_vec();
+        if let Some(half) = below.middle_mm() {
+            let mut left = half;
+            for mm in &mut mm {
+                *mm = mm.min(left);
+                left -= *mm;
+            }
+            if let (Below::Middle(_), Some(last)) = (below, self.last()) {
+                mm[last] += std::mem::take(&mut left);
+            }
+            mm.push(left);
+        } else if mm.is_empty() {
+            mm.push(0.0);
+        }
+        mm
+    }
+
+    /// The top layer, where it may be mixed.
+    fn mixed_top(&self, numbers: &[f64]) -> Option<Mixture> {
+        self.top.as_ref().and_then(|_| self.mixtures(numbers).next())
     }
 
     /// The mixtures of all layers.

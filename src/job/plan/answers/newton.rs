@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use super::{Answer, Answers, BLACK, Base, Below, Way};
+use super::{Answer, Answers, BLACK, Base, Below, SHARE, Way, mixed_volume};
 use crate::{
     numeric::{positive_definite, rounding::rounded},
-    optics::{Mixture, Stack},
+    optics::{LayeredReflection, Mixed, Mixture, Stack, VolumeCoefficients},
 };
 
 /// Slopes are taken anew where a step leaves more than this of the square of what was missing.
@@ -13,7 +13,7 @@ const STALE: f64 = 0.25;
 /// Newton's steps, and the error of ln albedo that ends them.
 const STEPS: usize = 12;
 pub(super) const CLOSE: f64 = 0.004;
-/// Change of a number, in its unit, that slopes are taken over.
+/// Change of a thickness, as a logarithm, that tells what gives way to it.
 const DIFFERENCE: f64 = 0.04;
 /// Against slopes so flat that a step would be without end; more where a step went astray, for part of what is missing
 /// is out of reach (Levenberg and Marquardt).
@@ -68,16 +68,36 @@ impl Answers {
         (numbers, Answer { stacking, albedo, short: off })
     }
 
-    /// What ln albedo changes by with every number, in its unit.
-    fn slopes(&self, base: &Base, way: Way, numbers: &[f64], albedo: &[f64]) -> Vec<Vec<f64>> {
-        let of = |n: usize| {
+    /// What ln albedo changes by with every number, in its unit: by number, then channel.
+    pub(super) fn slopes(&self, base: &Base, way: Way, numbers: &[f64], albedo: &[f64]) -> Vec<Vec<f64>> {
+        let mm = base.thicknesses(numbers, way.below);
+        // What is cut off at the middle of a thin part counts no more, and what is there gives way to what grows.
+        let grown = |n: usize| -> Vec<f64> {
             let mut moved = numbers.to_vec();
             base.shift(&mut moved, n, DIFFERENCE);
-            let moved = self.albedo(base, &moved, way.below);
-            let slope = |(moved, here): (&f64, &f64)| libm::log(moved.max(BLACK) / here.max(BLACK)) / DIFFERENCE;
-            moved.iter().zip(albedo).map(slope).collect()
+            let moved = base.thicknesses(&moved, way.below);
+            moved.iter().zip(&mm).map(|(moved, here)| (moved - here) / DIFFERENCE).collect()
         };
-        (0..numbers.len()).map(of).collect()
+        let grown: Vec<Vec<f64>> = (0..base.layers.len()).map(grown).collect();
+        let in_channel = |((model, volumes), albedo): ((&LayeredReflection, &Vec<VolumeCoefficients>), &f64)| {
+            let slope = model.slope(&mm, &self.mixed(base, numbers, volumes));
+            let thicker = |grown: &Vec<f64>| grown.iter().zip(&slope.per_mm).map(|(mm, per_mm)| mm * per_mm[0]).sum();
+            let of_shares = slope.along.iter().flatten().map(|along| SHARE * along[0]);
+            let ln = |slope: f64| slope / albedo.max(BLACK);
+            grown.iter().map(thicker).chain(of_shares).map(ln).collect()
+        };
+        let models = self.models[base.model].over(way.below);
+        let by_channel: Vec<Vec<f64>> = models.iter().zip(&self.volumes).zip(albedo).map(in_channel).collect();
+        (0..numbers.len()).map(|n| by_channel.iter().map(|channel| channel[n]).collect()).collect()
+    }
+
+    /// The top layer in a channel, where it may be mixed, with what each share changes of it.
+    fn mixed(&self, base: &Base, numbers: &[f64], volumes: &[VolumeCoefficients]) -> Vec<Mixed> {
+        let (Some((carrier, others)), Some(top)) = (&base.top, base.mixed_top(numbers)) else { return Vec::new() };
+        let parts: Vec<_> =
+            [carrier].into_iter().chain(others).map(|resin| (volumes[resin.0], top.share(*resin))).collect();
+        let tangents = (1..parts.len()).map(|at| self.grains.slope(&parts, at, 0)).collect();
+        vec![Mixed { volume: mixed_volume(self.grains, &top, volumes), tangents }]
     }
 
     /// A step of Newton's rule that misses less than `here`: numbers, by how much they miss, and slopes; `None` where

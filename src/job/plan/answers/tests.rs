@@ -239,3 +239,48 @@ fn thin_parts_of_mixtures_have_no_core() {
     let found = pure.answer(&[question(0.4, 0.2)], &Unwatched).unwrap();
     assert!(found[0].stacking.pairs().map(|(_, mm)| mm).sum::<f64>() < 0.4, "{found:?}");
 }
+
+/// Slopes are those of the albedo itself, of endless and of thin stackings.
+#[test]
+fn slopes_are_those_of_the_albedo() {
+    let set = MaterialSet::builtin("inks-rgb-7").unwrap();
+    let [white, support, cyan, yellow] = ["white", "support", "cyan", "yellow"].map(|name| set.resin(name).unwrap().0);
+    let top = Mixture::new([(white, 0.8), (cyan, 0.15), (yellow, 0.05)]).unwrap();
+    let answers = answers(&set, &[(top, 0.4), (support.into(), 0.8), (white.into(), 0.5)], true);
+    let base = &answers.clusters[0];
+    let numbers = base.numbers();
+    for below in [Below::Core, Below::CoreToMiddle(2.5), Below::CoreToMiddle(0.9), Below::Middle(2.5)] {
+        let albedo = answers.albedo(base, &numbers, below);
+        let slopes = answers.slopes(base, Way { below, ease: 1.0 }, &numbers, &albedo);
+        for (n, slopes) in slopes.iter().enumerate() {
+            let moved = |step: f64| {
+                let mut moved = numbers.clone();
+                base.shift(&mut moved, n, step);
+                answers.albedo(base, &moved, below)
+            };
+            // Shares begin at 0, and what is cut off has a kink.
+            let step = if numbers[n] == 0.0 { [0.0, 2e-4] } else { [-1e-4, 1e-4] };
+            let [less, more] = step.map(moved);
+            for (channel, slope) in slopes.iter().enumerate() {
+                let seen = (more[channel] / less[channel]).ln() / 2e-4;
+                assert!((slope - seen).abs() < 1e-3 * seen.abs() + 1e-5, "{below:?} {n} {channel}: {slope} {seen}");
+            }
+        }
+    }
+}
+
+/// What no top layer makes dark enough in a thin place is the top layer throughout; what can be reached keeps its layers.
+#[test]
+fn thin_places_that_are_too_light_are_of_the_top_throughout() {
+    let set = MaterialSet::builtin("synthetic").unwrap();
+    let [white, support, black] = ["white", "support", "black"].map(|name| set.resin(name).unwrap().0);
+    let top = Mixture::new([(white, 0.6), (black, 0.4)]).unwrap();
+    let answers = answers(&set, &[(top, 0.25), (support.into(), 0.1), (white.into(), 0.25)], true);
+    for (half_mm, albedo, filled) in [(Some(0.2), 0.02, true), (Some(0.4), 0.25, false), (None, 0.02, false)] {
+        let question = Question { cluster: 0, half_mm, ln_albedo: vec![f64::ln(albedo)] };
+        let answer = &answers.answer(&[question], &Unwatched).unwrap()[0];
+        let [first, rest @ ..] = answer.stacking.layers.as_slice() else { panic!("{answer:?}") };
+        assert_eq!(rest.iter().all(|layer| layer.thickness_mm == 0.0), filled, "{half_mm:?} {answer:?}");
+        assert!(!filled || first.thickness_mm > 0.5 && first.resin.share(black) > 0.99, "{answer:?}");
+    }
+}
