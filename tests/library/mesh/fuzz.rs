@@ -1,6 +1,8 @@
 //! Broken bytes: whatever a file holds, loading it neither panics nor takes more memory than its size warrants.
 
-use std::alloc::{GlobalAlloc, Layout, System};
+#[path = "../../common/counting.rs"]
+mod counting;
+
 use std::cell::Cell;
 use std::path::Path;
 
@@ -9,10 +11,9 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 
 use super::writers;
+use counting::Counting;
 
-/// Counts the bytes each thread holds, and the most it held.
-struct Counting;
-
+// Bytes that each thread holds, and the most it held.
 thread_local! {
     static HELD: Cell<isize> = const { Cell::new(0) };
     static PEAK: Cell<isize> = const { Cell::new(0) };
@@ -25,31 +26,8 @@ fn count(change: isize) {
     });
 }
 
-// SAFETY: every call is handed to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size() as isize);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count(-(layout.size() as isize));
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count(layout.size() as isize);
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count(size as isize - layout.size() as isize);
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: Counting = Counting(count);
 
 /// Most memory per byte of file: an STL's 50 bytes become 3 positions, a triangle and a hash table of 6 slots, a text
 /// format's numbers grow more. A deflated part may be a thousand times its size, hence the wide constant.

@@ -3,12 +3,14 @@
 //! A mesh is read, baked and closed, and its line tells volume, area, warnings and the colours it shows by share of
 //! area; jobs (`.toml`), measured datasets (`.npz`) and profiles (`.csv`) are read alone, `.materials` and `.capture`
 //! as the TOML they are. `peak` is the most memory in bytes that was held, all threads together; a panic has its line
-//! too. `scripts/attacks` feeds it damaged files.
+//! too. `scripts/damaged-inputs` feeds it damaged files.
 
 #![allow(clippy::print_stdout)] // it prints lines
 
+#[path = "../../../tests/common/counting.rs"]
+mod counting;
+
 use std::{
-    alloc::{GlobalAlloc, Layout, System},
     collections::BTreeMap,
     io::BufRead,
     panic,
@@ -28,9 +30,9 @@ use lumislice::{
 };
 use serde_json::{Value, json};
 
-/// Counts the bytes that are held, and the most there were.
-struct Counting;
+use counting::Counting;
 
+// Bytes that are held, and the most there were.
 static HELD: AtomicIsize = AtomicIsize::new(0);
 static PEAK: AtomicIsize = AtomicIsize::new(0);
 
@@ -39,31 +41,8 @@ fn count(change: isize) {
     PEAK.fetch_max(held, Relaxed);
 }
 
-// SAFETY: every call is handed to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size() as isize);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count(-(layout.size() as isize));
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count(layout.size() as isize);
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count(size as isize - layout.size() as isize);
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: Counting = Counting(count);
 
 fn main() {
     panic::set_hook(Box::new(|_| ()));
