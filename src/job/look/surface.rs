@@ -154,7 +154,8 @@ impl Prepared {
             let normal = normal(found.triangle)?;
             // What lies beyond an edge has the edge for its nearest point; all of that there would weigh too much.
             let way = aside - found.point;
-            (way.dot(normal).abs() + ROUNDING_MM > SAME_FACE * way.length()).then_some(Site { point: found.point, normal })
+            (way.dot(normal).abs() + ROUNDING_MM > SAME_FACE * way.length())
+                .then_some(Site { point: found.point, normal })
         };
         spot_around(scene, object, middle, beside)
     }
