@@ -52,6 +52,33 @@ fn spots_lie_evenly_over_the_surface() {
     assert!(faces.len() == 6 && faces.values().all(|count| (31..=69).contains(count)), "{faces:?}");
 }
 
+/// A spot ends at an edge, whichever face comes first in the file: beside an edge of a cube of one resin both faces show
+/// the same.
+#[test]
+fn beside_an_edge_both_faces_show_the_same() {
+    let bench = Bench::new();
+    bench.job_with("white:0.5,support:0.6", "white:2");
+    let ends = [[0.0, 0.0], [0.0, 4.0], [4.0, 0.0], [4.0, 4.0]];
+    let edges: Vec<_> = (0..3).flat_map(|axis| ends.map(|end| (axis, end))).collect();
+    let mut words = ["look", "job.toml", "--spots", "1", "--photons", "40000", "--json"].map(str::to_owned).to_vec();
+    for &(axis, end) in &edges {
+        for face in [0, 1] {
+            let mut at = [2.0; 3];
+            for side in [0, 1] {
+                let inward = if side == face { 0.0 } else { 0.1_f64.copysign(2.0 - end[side]) };
+                at[(axis + 1 + side) % 3] = end[side] + inward;
+            }
+            words.extend(["--at".to_owned(), at.map(|x| x.to_string()).join(",")]);
+        }
+    }
+    let found = bench.run(&words).exits(0).json();
+    let spots = &found["spots"].as_array().unwrap()[1..];
+    for (spots, edge) in spots.chunks(2).zip(&edges) {
+        let [a, b] = [0, 1].map(|face| spots[face]["printed"][0].as_f64().unwrap());
+        assert!((a / b - 1.0).abs() < 0.01, "{a} and {b} beside the edge at {edge:?}: {spots:?}");
+    }
+}
+
 /// Without its job a folder shows the same light; what cannot be known then is said, and what its look.json knows is
 /// used.
 #[test]

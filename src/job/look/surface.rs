@@ -18,8 +18,11 @@ use crate::{
 pub(super) const SPOT_RADIUS_MM: f64 = 0.25;
 /// Points that stand for a spot.
 const SITES: usize = 64;
-/// Cosine between the normals of a spot's middle and of a site of it: an edge ends the spot.
+/// Cosine between the normals of a spot's middle and of a site of it, and between a site's normal and the way to it from
+/// the plane of the spot: an edge ends the spot.
 const SAME_FACE: f64 = 0.7;
+/// Distances that rounding makes, mm: a site in the plane of its spot is at none.
+const ROUNDING_MM: f64 = 1e-6;
 /// Places that are tried for one spot.
 const TRIES: usize = 64;
 
@@ -148,7 +151,11 @@ impl Prepared {
         let middle = Site { point, normal: normal(triangle)? };
         let beside = |aside: DVec3| {
             let found = surface.closest(aside);
-            Some(Site { point: found.point, normal: normal(found.triangle)? })
+            let normal = normal(found.triangle)?;
+            // What lies beyond an edge has the edge for its nearest point; all of that there would weigh too much.
+            let way = aside - found.point;
+            (way.dot(normal).abs() + ROUNDING_MM > SAME_FACE * way.length())
+                .then_some(Site { point: found.point, normal })
         };
         spot_around(scene, object, middle, beside)
     }
