@@ -5,9 +5,9 @@
 //   coupon-photons PHOTONS SEED < COUPON
 //
 // Standard input, numbers apart by blanks: index of refraction; resins, and scattering, absorption (per mm) and g of
-// each; stacks, and for each its layers, and of every layer resin and mm; columns and rows of squares, their side in mm,
-// and the stack of every square row by row; fields, and low x, low y, high x, high y of each in mm. Depth counts from
-// the top; below and beside the squares light is lost.
+// each; stacks, and for each its layers, and of every layer resin and mm; columns and rows of squares, their side in
+// mm, and the stack of every square row by row; fields, and low x, low y, high x, high y of each in mm. Depth counts
+// from the top; below and beside the squares light is lost.
 //
 // Prints for every field the share of light that comes back of a beam that falls evenly on it straight from above, with
 // its standard error: by reciprocity what a camera above sees there in light from all sides. What the surface mirrors

@@ -28,8 +28,8 @@ pub struct FitArgs {
         help_heading = "Photographs"
     )]
     coupon: Option<PathBuf>,
-    /// A photograph of the coupon, straight from above in a tent's even light; linear, 16-bit PNG or TIFF, or EXR. Several are
-    /// averaged, however the coupon is turned in them.
+    /// A photograph of the coupon, straight from above in a tent's even light; linear, 16-bit PNG or TIFF, or EXR.
+    /// Several are averaged, however the coupon is turned in them.
     #[arg(long, value_name = "PICTURE", requires = "coupon", help_heading = "Photographs")]
     photo: Vec<PathBuf>,
     /// The same with a matt card in the coupon's place, at the same exposure.
