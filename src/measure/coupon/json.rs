@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::{Coupon, CouponResin, Field};
 use crate::measure::MeasureError;
 use crate::optics::{Stack, VolumeCoefficients};
-use crate::output::{GENERATOR, pretty};
 
+/// Program and version.
+const GENERATOR: &str = concat!("lumislice ", env!("CARGO_PKG_VERSION"));
 /// Version of its form.
 const VERSION: u32 = 1;
 /// Largest file that is read, bytes; fields and resins that a coupon may have.
@@ -67,7 +68,7 @@ impl Coupon {
                 absorption_per_mm: each(|volume| volume.sigma_a),
             }
         };
-        pretty(&File {
+        let file = File {
             generator: GENERATOR.to_owned(),
             version: VERSION,
             materials: self.materials.clone(),
@@ -85,7 +86,10 @@ impl Coupon {
                 .iter()
                 .map(|field| FieldRow { middle_mm: field.middle_mm, stack: self.named(field) })
                 .collect(),
-        })
+        };
+        let mut text = serde_json::to_vec_pretty(&file).unwrap_or_default();
+        text.push(b'\n');
+        text
     }
 }
 
