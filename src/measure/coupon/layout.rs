@@ -86,12 +86,14 @@ impl Coupon {
         else {
             return Err(MeasureError::scene("resins", "none", "a light one and a dark one"));
         };
-        let whole = |mm: f64| (mm / slice_mm).round().max(1.0) * slice_mm;
+        // Whole slices, without the last digits of a product.
+        let rounded = |mm: f64| (mm * 1e6).round() / 1e6;
+        let whole = |mm: f64| rounded((mm / slice_mm).round().max(1.0) * slice_mm);
         let height = whole(LADDER_MM[3] + WHITE_MM + FLOOR_MM);
         let ladder = LADDER_MM.map(whole);
         let down = |layers: Vec<(usize, f64)>| {
             let laid: f64 = layers.iter().map(|layer| layer.1).sum();
-            Stack::joined(layers.into_iter().chain([(dark, height - laid)]))
+            Stack::joined(layers.into_iter().chain([(dark, rounded(height - laid))]))
         };
         let over_white = |resin: usize, mm: f64| down(vec![(resin, mm), (white, whole(WHITE_MM))]);
         let over_dark = |resin: usize, mm: f64| down(vec![(resin, mm)]);
@@ -99,7 +101,7 @@ impl Coupon {
         let mut row = |resin: usize| {
             let left = ladder.map(|mm| match resin == white {
                 // As thick as it gets: what it absorbs shows best there.
-                true => down(vec![(white, height - whole(FLOOR_MM))]),
+                true => down(vec![(white, rounded(height - whole(FLOOR_MM)))]),
                 false => over_white(resin, mm),
             });
             let mut right = ladder.map(|mm| over_dark(resin, mm));
@@ -120,7 +122,7 @@ impl Coupon {
                     let pair = [(upper, whole(PAIR_MM[0])), (lower, whole(PAIR_MM[1]))];
                     fields.push(down(pair.into_iter().chain(ground).collect()));
                 }
-                fields.resize(LADDER_MM.len(), down(vec![(below, height - whole(FLOOR_MM))]));
+                fields.resize(LADDER_MM.len(), down(vec![(below, rounded(height - whole(FLOOR_MM)))]));
                 fields
             };
             rows.push([half(white), half(dark)].concat());
