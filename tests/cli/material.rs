@@ -135,10 +135,10 @@ fn a_coupon_is_written_and_its_slices_with_it() {
     let ran = bench.run(coupon).exits(0);
     // Support is what holes are filled with: no field shows it.
     assert!(ran.stderr.contains("resin support is what the printer fills holes with"), "{}", ran.stderr);
-    assert!(ran.stdout.contains("16 fields of 8 mm: white, black"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("32 fields of 8 mm: white, black"), "{}", ran.stdout);
     let text = fs::read_to_string(bench.path("coupon/coupon.json")).unwrap();
     let written: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(written["fields"].as_array().unwrap().len(), 16);
+    assert_eq!(written["fields"].as_array().unwrap().len(), 32);
     let manifest = fs::read_to_string(bench.path("coupon/print/manifest.json")).unwrap();
     let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
     let [x, y, z] = [0, 1, 2].map(|axis| manifest["lattice"]["dims"][axis].as_f64().unwrap());

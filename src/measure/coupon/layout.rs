@@ -48,6 +48,8 @@ const FLOOR_MM: f64 = 0.5;
 const PAIR_MM: [f64; 2] = [0.2, 0.3];
 /// Fields of a row.
 const COLUMNS: usize = 2 * LADDER_MM.len();
+/// So many rows are laid twice.
+const FEW_ROWS: usize = 4;
 /// Fields nearer together than this cannot be told from their neighbours, and farther apart need no coupon.
 const SPACING_MM: std::ops::RangeInclusive<f64> = 8.0..=40.0;
 
@@ -127,6 +129,8 @@ impl Coupon {
             };
             rows.push([half(white), half(dark)].concat());
         }
+        // Of few resins, everything twice: what one field is off by, another is not.
+        let rows = if rows.len() <= FEW_ROWS { [rows.clone(), rows].concat() } else { rows };
         let size_mm = [(COLUMNS + 2) as f64 * spacing_mm, (rows.len() + 2) as f64 * spacing_mm, height];
         let field = |(place, stack): (usize, Stack<usize>)| {
             let (column, row) = (place % COLUMNS, place / COLUMNS);

@@ -82,7 +82,7 @@ impl Dice {
 }
 
 /// Pixels of the square photographs, and of a millimetre.
-const SIZE: usize = 1000;
+const SIZE: usize = 1100;
 const PER_MM: f64 = 9.0;
 
 /// Photographs of fields that show `values`: the coupon turned by so much, a little from one side, unevenly lit.
@@ -130,7 +130,7 @@ fn photographs(folder: &Path, coupon: &Coupon, values: &[f64], degrees: f64, mir
 
 /// Fields of another number each, so that none can be taken for another.
 fn ramp(coupon: &Coupon) -> Vec<f64> {
-    (0..coupon.fields.len()).map(|field| 0.08 + 0.025 * field as f64).collect()
+    (0..coupon.fields.len()).map(|field| 0.08 + 0.012 * field as f64).collect()
 }
 
 #[test]
@@ -160,7 +160,7 @@ fn pictures_that_show_no_coupon_are_refused() {
     refused(&photographs(folder.path(), &coupon, &values, 20.0, true), "found a coupon in a mirror");
     let sound = photographs(folder.path(), &coupon, &values, 20.0, false);
     refused(&Photographs { coupon: vec![sound.card.clone()], ..sound.clone() }, "expected the 5 marks of the coupon");
-    let bright: Vec<f64> = values.iter().map(|value| value * 3.0).collect();
+    let bright: Vec<f64> = values.iter().map(|value| value * 4.0).collect();
     refused(&photographs(folder.path(), &coupon, &bright, 20.0, false), "full");
 }
 
@@ -189,7 +189,7 @@ fn a_coupon_is_its_file_again() {
 #[test]
 fn a_coupon_is_whole() {
     let coupon = coupon();
-    assert_eq!((coupon.resins.len(), coupon.fields.len()), (3, 24));
+    assert_eq!((coupon.resins.len(), coupon.fields.len()), (3, 48));
     let slices = |mm: f64| (mm / 0.027 - (mm / 0.027).round()).abs() < 1e-6;
     for field in &coupon.fields {
         assert!((field.stack.thickness_mm() - coupon.size_mm[2]).abs() < 1e-9, "{}", coupon.named(field));
