@@ -11,6 +11,7 @@ use serde_json::json;
 
 use super::{
     Answer, Result,
+    coupon::{self, CouponArgs},
     fit::{self, FitArgs},
     materials::Materials,
     measure::{self, MeasureArgs},
@@ -21,7 +22,7 @@ use super::{
     table::{number, table},
 };
 
-/// Resins: list the built-in sets, show one, simulate profiles, measure photographs or sheets in a sphere.
+/// Resins: list the built-in sets, show one, simulate profiles, measure photographs, sheets in a sphere or a coupon.
 #[derive(Debug, Args)]
 #[command(arg_required_else_help = true)]
 pub struct MaterialArgs {
@@ -36,6 +37,7 @@ enum MaterialCommand {
     Simulate(SimulateArgs),
     Measure(MeasureArgs),
     Fit(FitArgs),
+    Coupon(CouponArgs),
 }
 
 /// List the built-in sets of resins.
@@ -68,6 +70,7 @@ pub fn run(args: &MaterialArgs) -> Result<Answer> {
         MaterialCommand::Simulate(args) => simulate::run(args),
         MaterialCommand::Measure(args) => measure::run(args),
         MaterialCommand::Fit(args) => fit::run(args),
+        MaterialCommand::Coupon(args) => coupon::run(args),
     }
 }
 

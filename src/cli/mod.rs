@@ -6,6 +6,7 @@
 mod cache;
 mod compare;
 mod convert;
+mod coupon;
 mod factor;
 mod failure;
 mod fit;

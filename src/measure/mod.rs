@@ -18,7 +18,8 @@
 //!                     └─► material   TOML and CSV
 //! ```
 //!
-//! Without a projector, [`Totals`] of sheets in an integrating sphere become coefficients (`totals`).
+//! Without a projector, a printed [`Coupon`] and two photographs tell the coefficients of all resins of a set
+//! (`coupon`), and [`Totals`] of sheets in an integrating sphere become coefficients (`totals`).
 //!
 //! Radiance is in DN/s of the camera until the last step; only its shape counts. Pictures are read one at a time.
 
@@ -28,6 +29,7 @@ mod background;
 mod bracket;
 mod capture;
 mod centre;
+mod coupon;
 mod error;
 mod evenness;
 mod figures;
@@ -43,6 +45,7 @@ mod totals;
 
 pub use albedo::MeasuredAlbedo;
 pub use capture::{Albedo, Aperture, Camera, Capture, Exposure, Rect, ResinFacts, Series};
+pub use coupon::{Coupon, CouponFit, CouponResin, NamedResin, Photographs, Reading, fit_coupon};
 pub use error::MeasureError;
 pub use figures::plus_minus;
 pub use finding::Finding;

@@ -3,7 +3,9 @@
 //! What is interpolated is g(r) = r·f(r), the energy per mm of radius over 2π: it stays finite where f grows like 1/r,
 //! so no energy is lost at the centre (a discrete Hankel transform of the point samples loses 5% at 78 µm spacing).
 //! Between samples g is a polynomial of degree 3 or less: a cubic Hermite curve through point samples, with parabolic
-//! slopes, or a line per ring that keeps the ring's energy exactly. Every integral of g against a smooth kernel is then
+//! slopes, or a line per ring that keeps the ring's energy exactly. Where a radius *within* a ring is asked for, a line
+//! is too coarse: a thin dark slab returns half of its light within the first ring of 44 µm, and there g falls like an
+//! exponential; by a line through the means the half-energy radius is 6% too large, by the exponential 1.6%. Every integral of g against a smooth kernel is then
 //! a sum over Gauss–Legendre nodes.
 
 use std::f64::consts::TAU;
@@ -41,6 +43,8 @@ impl Piece {
 #[derive(Debug, Clone)]
 pub(super) struct Density {
     pieces: Vec<Piece>,
+    /// Whether the pieces are rings, of which only the energies are known.
+    rings: bool,
 }
 
 impl Density {
@@ -71,7 +75,7 @@ impl Density {
             let c3 = (from + to - 2.0 * mean) / (width * width);
             pieces.push(Piece { start: r[i], end: r[i + 1], coefficients: [g[i], from, c2, c3] });
         }
-        Self { pieces }
+        Self { pieces, rings: false }
     }
 
     /// Over rings: g's mean in each is its energy over 2π and its width; the slope comes from the neighbours' means,
@@ -92,7 +96,7 @@ impl Density {
                 Piece { start: edges[i], end: edges[i + 1], coefficients }
             })
             .collect();
-        Self { pieces }
+        Self { pieces, rings: true }
     }
 
     /// 2π∫ g dr from 0 to r.
@@ -107,9 +111,36 @@ impl Density {
         if !(total > 0.0 && (0.0..=1.0).contains(&share)) {
             return None;
         }
-        Some(bisect(0.0, end, |r| self.energy_within(r) < share * total))
+        let straight = bisect(0.0, end, |r| self.energy_within(r) < share * total);
+        let ring = self.pieces.iter().position(|piece| straight <= piece.end)?;
+        let bent = self.falling(ring).map(|fall| {
+            let Piece { start, end, .. } = self.pieces[ring];
+            let [before, upto] = [start, end].map(|r| self.energy_within(r));
+            let within = ((share * total - before) / (upto - before)).clamp(0.0, 1.0);
+            start + (end - start) * libm::log1p(within * libm::expm1(-fall)) / -fall
+        });
+        Some(bent.unwrap_or(straight))
+    }
+
+    /// How fast g falls over a ring of which the next is known, as the exponent of e over its width: that of the
+    /// exponential whose means over the neighbours have this ring's line between them. `None` where it does not fall.
+    fn falling(&self, ring: usize) -> Option<f64> {
+        if !self.rings || ring + 1 >= self.pieces.len() {
+            return None;
+        }
+        let Piece { start, end, coefficients: [at_start, slope, ..] } = self.pieces[ring];
+        let width = end - start;
+        let change = slope * width / (at_start + 0.5 * slope * width);
+        // From the middle of the first ring to that of the second; else from that before to that after.
+        let fall = if ring == 0 { -libm::log1p(change.max(STEEPEST)) } else { -libm::asinh(change) };
+        (change.is_finite() && fall > FLAT).then_some(fall)
     }
 }
+
+/// A second ring with less than a hundredth of the first one's g says nothing of how it falls within the first.
+const STEEPEST: f64 = -0.99;
+/// Falls by less than this share are lines.
+const FLAT: f64 = 1e-3;
 
 /// The point in [low, high] where `below` turns from true to false, to the last bit but a few.
 pub(super) fn bisect(mut low: f64, mut high: f64, below: impl Fn(f64) -> bool) -> f64 {
@@ -154,5 +185,30 @@ impl Nodes {
 
     pub(super) fn integrate(&self, kernel: impl Fn(f64) -> f64) -> f64 {
         self.0.iter().map(|(r, energy)| energy * kernel(*r)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rings of so many times the length over which r f falls by e: energies are exact, and so is the radius within
+    /// which half of the light lies, in the first ring or in a later one.
+    #[test]
+    fn half_of_what_falls_within_a_ring_is_found() {
+        for width in [0.1, 0.5, 1.0, 1.4, 2.0] {
+            let edges: Vec<f64> = (0..200).map(|i| f64::from(i) * width).collect();
+            let energy = |r: f64| -libm::expm1(-r);
+            let mean = |pair: &[f64]| {
+                (energy(pair[1]) - energy(pair[0])) / (0.5 * TAU * (pair[1] * pair[1] - pair[0] * pair[0]))
+            };
+            let means: Vec<f64> = edges.windows(2).map(mean).collect();
+            let density = Density::from_rings(&edges, &means);
+            for share in [0.2, 0.5, 0.8] {
+                let found = density.radius_of_energy(share).unwrap();
+                let exact = -libm::log1p(-share);
+                assert!((found / exact - 1.0).abs() < 1e-6, "{width}, {share}: {found} instead of {exact}");
+            }
+        }
     }
 }

@@ -127,3 +127,34 @@ fn sheets_become_a_material_file() {
     bench.write("sheets.toml", file.replace("refractive-index = 1\n", "").as_bytes());
     bench.run(fit.into_iter().chain(["--overwrite"])).refuses(2, &["sheets.toml", "refractive-index"]);
 }
+
+#[test]
+fn a_coupon_is_written_and_its_slices_with_it() {
+    let bench = Bench::new();
+    let coupon = ["material", "coupon", "--materials", "synthetic", "-o", "coupon"];
+    let ran = bench.run(coupon).exits(0);
+    // Support is what holes are filled with: no field shows it.
+    assert!(ran.stderr.contains("resin support is what the printer fills holes with"), "{}", ran.stderr);
+    assert!(ran.stdout.contains("32 fields of 8 mm: white, black"), "{}", ran.stdout);
+    let text = fs::read_to_string(bench.path("coupon/coupon.json")).unwrap();
+    let written: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(written["fields"].as_array().unwrap().len(), 32);
+    let manifest = fs::read_to_string(bench.path("coupon/print/manifest.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+    let [x, y, z] = [0, 1, 2].map(|axis| manifest["lattice"]["dims"][axis].as_f64().unwrap());
+    let pitch = [25.4 / 600.0, 25.4 / 300.0, 0.027];
+    for (axis, (voxels, pitch)) in [x, y, z].into_iter().zip(pitch).enumerate() {
+        let size = written["size_mm"][axis].as_f64().unwrap();
+        assert!((voxels * pitch - size).abs() < 1.01 * pitch, "{axis}: {voxels} voxels for {size} mm");
+    }
+    bench.run(coupon).refuses(2, &["coupon", "--overwrite"]);
+    bench.run(coupon.into_iter().chain(["--overwrite", "--no-slices"])).exits(0);
+    let near = ["material", "coupon", "--materials", "synthetic", "--spacing-mm", "5", "-o", "near"];
+    bench.run(near).refuses(2, &["spacing: found 5 mm, expected 8 to 40 mm"]);
+    bench.run(["material", "fit", "--coupon", "coupon/coupon.json", "-o", "fitted.toml"]).exits(2);
+    bench.run(["material", "fit", "-o", "fitted.toml"]).exits(2);
+    bench.write("photo.png", b"no picture");
+    let fit = ["material", "fit", "--coupon", "coupon/coupon.json", "--photo", "photo.png", "--card", "photo.png"];
+    bench.run(fit.into_iter().chain(["--card-albedo", "0.9", "-o", "fitted.toml"])).refuses(2, &["photo.png: found"]);
+    assert!(!bench.path("fitted.toml").exists());
+}

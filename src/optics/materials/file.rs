@@ -284,6 +284,11 @@ impl MaterialFile {
         self.resins.iter().find(|draft| draft.name == resin)?.volume.as_deref()
     }
 
+    /// Colour in slices and density, g/cm³, of a resin.
+    pub fn colour_and_density(&self, resin: &str) -> Option<([u8; 4], f64)> {
+        self.resins.iter().find(|draft| draft.name == resin).map(|draft| (draft.rgba, draft.density))
+    }
+
     /// The coefficients of one of its resins per channel.
     pub(in crate::optics) fn needed_volumes(&self, resin: ResinId) -> Result<&[VolumeCoefficients], OpticsError> {
         let draft = &self.resins[resin.0];

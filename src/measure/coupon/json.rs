@@ -1,0 +1,167 @@
+//! `coupon.json`: what a coupon is made of and where, for whoever reads its photographs.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Coupon, CouponResin, Field};
+use crate::measure::MeasureError;
+use crate::optics::{Stack, VolumeCoefficients};
+
+/// Program and version.
+const GENERATOR: &str = concat!("lumislice ", env!("CARGO_PKG_VERSION"));
+/// Version of its form.
+const VERSION: u32 = 1;
+/// Largest file that is read, bytes; fields and resins that a coupon may have.
+const MAX_BYTES: u64 = 4 << 20;
+const MAX_FIELDS: usize = 10_000;
+
+#[derive(Debug, Serialize, Deserialize)]
+struct File {
+    generator: String,
+    version: u32,
+    materials: String,
+    printer: String,
+    channels: Vec<String>,
+    size_mm: [f64; 3],
+    spacing_mm: f64,
+    mark_mm: f64,
+    /// x to the right and y up from the lower left corner, seen from above.
+    marks_mm: [[f64; 2]; 5],
+    rim: String,
+    dark: String,
+    resins: Vec<ResinRow>,
+    fields: Vec<FieldRow>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct ResinRow {
+    name: String,
+    rgba: [u8; 4],
+    density_g_per_cm3: f64,
+    refractive_index: Vec<f64>,
+    g: Vec<f64>,
+    /// Where the fit starts.
+    scattering_per_mm: Vec<f64>,
+    absorption_per_mm: Vec<f64>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct FieldRow {
+    middle_mm: [f64; 2],
+    /// From the top down, as `--stack` has it.
+    stack: String,
+}
+
+impl Coupon {
+    /// Its file.
+    pub fn json(&self) -> Vec<u8> {
+        let row = |resin: &CouponResin| {
+            let each = |value: fn(&VolumeCoefficients) -> f64| resin.believed.iter().map(value).collect();
+            ResinRow {
+                name: resin.name.clone(),
+                rgba: resin.rgba,
+                density_g_per_cm3: resin.density_g_per_cm3,
+                refractive_index: each(|volume| volume.refractive_index),
+                g: each(|volume| volume.g),
+                scattering_per_mm: each(|volume| volume.sigma_s),
+                absorption_per_mm: each(|volume| volume.sigma_a),
+            }
+        };
+        let file = File {
+            generator: GENERATOR.to_owned(),
+            version: VERSION,
+            materials: self.materials.clone(),
+            printer: self.printer.clone(),
+            channels: self.channels.clone(),
+            size_mm: self.size_mm,
+            spacing_mm: self.spacing_mm,
+            mark_mm: self.mark_mm,
+            marks_mm: self.marks,
+            rim: self.resins[self.rim].name.clone(),
+            dark: self.resins[self.dark].name.clone(),
+            resins: self.resins.iter().map(row).collect(),
+            fields: self
+                .fields
+                .iter()
+                .map(|field| FieldRow { middle_mm: field.middle_mm, stack: self.named(field) })
+                .collect(),
+        };
+        let mut text = serde_json::to_vec_pretty(&file).unwrap_or_default();
+        text.push(b'\n');
+        text
+    }
+}
+
+pub(super) fn read(path: &Path) -> Result<Coupon, MeasureError> {
+    let wrong = |found: String, expected: String| MeasureError::frame(path, found, expected);
+    let read = |source| MeasureError::Read { file: path.to_path_buf(), source };
+    let bytes = crate::regular_file::read(path, MAX_BYTES).map_err(read)?;
+    let file: File = serde_json::from_slice(&bytes)
+        .map_err(|error| wrong(crate::words::one_line(error), "the coupon.json of `material coupon`".into()))?;
+    if file.version != VERSION {
+        return Err(wrong(format!("version {}", file.version), format!("version {VERSION}")));
+    }
+    let channels = file.channels.len();
+    let mut resins = Vec::new();
+    for row in &file.resins {
+        let lists = [&row.refractive_index, &row.g, &row.scattering_per_mm, &row.absorption_per_mm];
+        if channels == 0 || lists.iter().any(|list| list.len() != channels) {
+            let expected = format!("{channels} values each, one a channel, and a channel at least");
+            return Err(wrong(
+                format!("resin {}: other numbers of values", crate::words::excerpt(&row.name)),
+                expected,
+            ));
+        }
+        let of = |channel: usize| {
+            let (sigma_s, sigma_a) = (row.scattering_per_mm[channel], row.absorption_per_mm[channel]);
+            let volume = VolumeCoefficients {
+                sigma_s,
+                sigma_a,
+                g: row.g[channel],
+                refractive_index: row.refractive_index[channel],
+            };
+            volume.check().map(|()| volume)
+        };
+        resins.push(CouponResin {
+            name: row.name.clone(),
+            rgba: row.rgba,
+            density_g_per_cm3: row.density_g_per_cm3,
+            believed: (0..channels).map(of).collect::<Result<_, _>>()?,
+        });
+    }
+    let place = |name: &String| {
+        let found = resins.iter().position(|resin| resin.name == *name);
+        found.ok_or_else(|| wrong(format!("resin {}", crate::words::excerpt(name)), "one of its resins".into()))
+    };
+    let field = |row: &FieldRow| -> Result<Field, MeasureError> {
+        let stack: Stack<String> =
+            row.stack.parse().map_err(|error| wrong(crate::words::one_line(error), "layers".into()))?;
+        Ok(Field { middle_mm: row.middle_mm, stack: stack.try_map(place)? })
+    };
+    let lengths = file.size_mm.into_iter().chain([file.spacing_mm, file.mark_mm]);
+    if !lengths.clone().all(|mm| mm.is_finite() && mm > 0.0) {
+        return Err(wrong(format!("lengths {:?}", lengths.collect::<Vec<_>>()), "millimetres above 0".into()));
+    }
+    let places = file.marks_mm.iter().chain(file.fields.iter().map(|row| &row.middle_mm));
+    let inside = |at: &[f64; 2]| (0..2).all(|axis| (0.0..=file.size_mm[axis]).contains(&at[axis]));
+    if let Some(odd) = places.clone().find(|at| !inside(at)) {
+        return Err(wrong(format!("a place at {odd:?} mm"), "places within the coupon".into()));
+    }
+    if file.fields.is_empty() || file.fields.len() > MAX_FIELDS {
+        return Err(wrong(format!("{} fields", file.fields.len()), format!("1 to {MAX_FIELDS}")));
+    }
+    Ok(Coupon {
+        fields: file.fields.iter().map(field).collect::<Result<_, _>>()?,
+        rim: place(&file.rim)?,
+        dark: place(&file.dark)?,
+        materials: file.materials,
+        printer: file.printer,
+        spacing_mm: file.spacing_mm,
+        size_mm: file.size_mm,
+        channels: file.channels,
+        marks: file.marks_mm,
+        mark_mm: file.mark_mm,
+        resins,
+    })
+}

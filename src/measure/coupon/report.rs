@@ -1,0 +1,112 @@
+//! What is said of a coupon's fit, and the material file.
+
+use std::fmt::Write as _;
+
+use super::{Coupon, CouponFit, Reading};
+use crate::measure::figures::{percent, plus_minus};
+use crate::words::toml_string;
+
+/// Fields are missed by so many of their errors, rms, where errors are larger than stated: of a thousand sound coupons
+/// of thirty fields one is.
+const MISSED: f64 = 1.5;
+/// A field off by so many errors is named.
+const ODD: f64 = 5.0;
+/// Uncertainties from here on are said: limits, not values.
+const HARDLY_KNOWN: f64 = 0.25;
+/// Neighbours that add or take more than this share of a field are said.
+const MUCH_ASIDE: f64 = 0.02;
+
+impl Coupon {
+    /// What to know before the numbers are believed.
+    pub fn notes(&self, reading: &Reading, fits: &[CouponFit]) -> Vec<String> {
+        let mut notes = reading.notes.clone();
+        for fit in fits {
+            let channel = &fit.channel;
+            if fit.misfit > MISSED {
+                notes.push(format!(
+                    "channel {channel}: fields are missed by {:.1} times their errors, {:.4} of the light: errors are \
+                     larger than stated, or the card, the light, an index or the print is not as stated",
+                    fit.misfit, fit.residual
+                ));
+            }
+            let odd = fit.missed.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+            if let Some((number, off)) = odd.filter(|(_, off)| off.abs() > ODD) {
+                notes.push(format!(
+                    "channel {channel}: field {} ({}) is off by {:.1} of its errors, the farthest: dust, a scratch, a \
+                     reflection?",
+                    number + 1,
+                    self.named(&self.fields[number]),
+                    off.abs()
+                ));
+            }
+            for (place, resin) in self.resins.iter().enumerate() {
+                let found = fit.coefficients_with_errors(place);
+                for ((value, error), what) in found.into_iter().zip(["scattering (1 - g)", "absorption"]) {
+                    if error > HARDLY_KNOWN * value {
+                        notes.push(format!(
+                            "channel {channel}: {what} of {} is hardly known: {} per mm; fields of these thicknesses \
+                             do not show it",
+                            resin.name,
+                            plus_minus(value, error)
+                        ));
+                    }
+                }
+            }
+        }
+        let aside = fits.iter().flat_map(|fit| &fit.aside).fold(0.0, |most: f64, share| most.max(share.abs()));
+        if aside > MUCH_ASIDE {
+            notes.push(format!(
+                "light goes from field to field: up to {} of a field's, which is reckoned with; a wider spacing tells \
+                 more",
+                percent(aside)
+            ));
+        }
+        notes
+    }
+
+    /// The material file.
+    pub fn toml(&self, reading: &Reading, fits: &[CouponFit]) -> String {
+        let mut text = String::from("# Written by `lumislice material fit --coupon`.\n");
+        for note in self.notes(reading, fits) {
+            let _ = writeln!(text, "# {note}");
+        }
+        let channels: Vec<String> = self.channels.iter().map(|channel| toml_string(channel)).collect();
+        let fields = self.fields.len();
+        let provenance = format!(
+            "fitted to photographs of a coupon of {fields} fields, printed for {} ({})",
+            self.printer, self.materials
+        );
+        let _ = writeln!(text, "channels = [{}]\nprovenance = {}", channels.join(", "), toml_string(&provenance));
+        for (place, resin) in self.resins.iter().enumerate() {
+            let list = |value: &dyn Fn(usize) -> String| {
+                let all: Vec<String> = (0..fits.len()).map(value).collect();
+                if let [one] = all.as_slice() { one.clone() } else { format!("[{}]", all.join(", ")) }
+            };
+            let _ = writeln!(text);
+            for fit in fits {
+                let [(reduced, its), (absorption, error)] = fit.coefficients_with_errors(place);
+                let _ = writeln!(
+                    text,
+                    "# channel {}: scattering (1 - g) {}, absorption {} per mm",
+                    fit.channel,
+                    plus_minus(reduced, its),
+                    plus_minus(absorption, error)
+                );
+            }
+            let [r, g, b, a] = resin.rgba;
+            let index = resin.believed.first().map_or(1.0, |volume| volume.refractive_index);
+            let _ = write!(
+                text,
+                "[[resin]]\nname = {}\nrgba = [{r}, {g}, {b}, {a}]\ndensity-g-per-cm3 = {}\nscattering-per-mm = {}\n\
+                 absorption-per-mm = {}\ng = {}\nrefractive-index = {index}\nnotes = {}\n",
+                toml_string(&resin.name),
+                resin.density_g_per_cm3,
+                list(&|channel| format!("{:.6}", fits[channel].coefficients[place].sigma_s)),
+                list(&|channel| format!("{:.6}", fits[channel].coefficients[place].sigma_a)),
+                list(&|channel| fits[channel].coefficients[place].g.to_string()),
+                toml_string("g and refractive index are assumed, not fitted"),
+            );
+        }
+        text
+    }
+}
