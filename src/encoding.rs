@@ -17,8 +17,8 @@ pub(crate) fn is_utf_16(bytes: &[u8]) -> bool {
     utf_16(bytes).is_some()
 }
 
-/// How two bytes make a unit of UTF-16, and the text behind its mark. Without a mark it is known by the zeros beside its
-/// first two characters, which in every format read here are of ASCII.
+/// How two bytes make a unit of UTF-16, and the text behind its mark. Without a mark it is known by the zeros beside
+/// its first two characters, which in every format read here are of ASCII.
 fn utf_16(bytes: &[u8]) -> Option<(fn([u8; 2]) -> u16, &[u8])> {
     match bytes {
         [0xff, 0xfe, rest @ ..] => Some((u16::from_le_bytes, rest)),

@@ -207,8 +207,8 @@ pub(super) const ROWS: &[Row] = &[
             "blue",
         ],
         "text, binary of both byte orders, int64 and uint64 too; x y z, u v (s t, `texture_u` `texture_v`); colours of \
-         vertices or faces, sRGB, where there is no texture, in numbers as in OBJ; several textures, of which texels of alpha 0 take the \
-         nearest one's colour, with a warning",
+         vertices or faces, sRGB, where there is no texture, in numbers as in OBJ; several textures, of \
+         which texels of alpha 0 take the nearest one's colour, with a warning",
     ),
     row("PLY", Fate::Ignored, &[], "other elements and properties; vertex colours under a texture, with a warning"),
     row(
