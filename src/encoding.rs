@@ -4,6 +4,9 @@ use std::borrow::Cow;
 
 const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
 
+/// A unit of UTF-16 from its two bytes.
+type Unit = fn([u8; 2]) -> u16;
+
 /// The text without byte order mark; UTF-16 becomes UTF-8, what is none of it U+FFFD.
 pub(crate) fn decoded(bytes: &[u8]) -> Cow<'_, [u8]> {
     match utf_16(bytes) {
@@ -19,7 +22,7 @@ pub(crate) fn is_utf_16(bytes: &[u8]) -> bool {
 
 /// How two bytes make a unit of UTF-16, and the text behind its mark. Without a mark it is known by the zeros beside
 /// its first two characters, which in every format read here are of ASCII.
-fn utf_16(bytes: &[u8]) -> Option<(fn([u8; 2]) -> u16, &[u8])> {
+fn utf_16(bytes: &[u8]) -> Option<(Unit, &[u8])> {
     match bytes {
         [0xff, 0xfe, rest @ ..] => Some((u16::from_le_bytes, rest)),
         [0xfe, 0xff, rest @ ..] => Some((u16::from_be_bytes, rest)),
@@ -29,7 +32,7 @@ fn utf_16(bytes: &[u8]) -> Option<(fn([u8; 2]) -> u16, &[u8])> {
     }
 }
 
-fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
+fn from_utf16(bytes: &[u8], unit: Unit) -> Vec<u8> {
     let mut text = Vec::with_capacity(bytes.len() / 2);
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
     for c in char::decode_utf16(units) {
