@@ -122,6 +122,7 @@ pub mod blame;
 pub mod colour;
 pub mod container;
 mod disjoint_sets;
+mod encoding;
 pub mod job;
 pub mod look;
 mod machine;

@@ -13,6 +13,7 @@ use super::manifest::{MANIFEST_VERSION, Manifest};
 use crate::{
     blame::{Blame, Blamed},
     output::{MANIFEST, MAX_MANIFEST_BYTES},
+    regular_file,
     watch::Stopped,
     words::escaped,
 };
@@ -109,7 +110,9 @@ pub(super) fn read_manifest(folder: &Path) -> Result<Result<Manifest, Finding>, 
         Err(error) => return Err(fault(error)),
     }
     let mut bytes = Vec::new();
-    fs::File::open(&path).and_then(|file| file.take(MAX_MANIFEST_BYTES + 1).read_to_end(&mut bytes)).map_err(fault)?;
+    regular_file::open(&path)
+        .and_then(|file| file.take(MAX_MANIFEST_BYTES + 1).read_to_end(&mut bytes))
+        .map_err(fault)?;
     if bytes.len() as u64 > MAX_MANIFEST_BYTES {
         let problem = format!("found more than {MAX_MANIFEST_BYTES} bytes, expected a manifest of at most that");
         return Ok(Err(Finding::new(MANIFEST, problem)));

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::output::GENERATOR;
+use crate::regular_file;
 
 /// A look in a few numbers, as the manifest has it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -196,7 +197,7 @@ impl Rounds {
     pub(in crate::job) fn read(folder: &Path, sha256: &str) -> Option<Self> {
         let path = folder.join(ROUNDS);
         let whole = path.symlink_metadata().ok().filter(|it| it.is_file() && it.len() <= MAX_BYTES)?;
-        let bytes = std::fs::read(&path).ok().filter(|bytes| bytes.len() as u64 == whole.len())?;
+        let bytes = regular_file::read(&path, MAX_BYTES).ok().filter(|bytes| bytes.len() as u64 == whole.len())?;
         let found: Self = serde_json::from_slice(&bytes).ok()?;
         let same = found.generator == GENERATOR && found.version == ROUNDS_VERSION && found.sha256 == sha256;
         same.then_some(found)

@@ -25,7 +25,7 @@ mod read;
 use std::sync::Arc;
 
 pub use error::MeshError;
-pub use heal::{MAX_CAP_FRACTION, close, unite};
+pub use heal::{InCommon, MAX_CAP_FRACTION, close, unite};
 pub use place::{Placement, Size, place};
 pub use read::{LoadOptions, Loaded, MAX_EXTENT_MM, MAX_TRIANGLES, MIN_EXTENT_MM, Unit, extensions, load};
 

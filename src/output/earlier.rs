@@ -210,7 +210,7 @@ fn read_manifest(root: &Path) -> Result<Option<OldManifest>, OutputError> {
         }
     }
     let mut text = Vec::new();
-    let file = fs::File::open(&path).map_err(|source| io_error("reading", &path, source))?;
+    let file = regular_file::open(&path).map_err(|source| io_error("reading", &path, source))?;
     file.take(MAX_MANIFEST_BYTES).read_to_end(&mut text).map_err(|source| io_error("reading", &path, source))?;
     match serde_json::from_slice(&text) {
         Ok(manifest) => Ok(Some(manifest)),

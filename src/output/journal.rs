@@ -15,6 +15,7 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use super::{FileEntry, is_plain, lock, scratch::Scratch};
+use crate::regular_file;
 
 /// Name of the journal.
 pub const JOURNAL: &str = "journal.jsonl";
@@ -68,7 +69,7 @@ impl Recorded {
     /// Reads the journal at `path`; `None` if there is none. Lines from the first one on that is no line of a journal
     /// are left out.
     pub(super) fn read(path: &Path) -> io::Result<Option<Self>> {
-        let file = match File::open(path) {
+        let file = match regular_file::open(path) {
             Ok(file) => file,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(error),

@@ -49,6 +49,18 @@ impl SliceRuns {
             None => &[],
         }
     }
+
+    /// Adds the runs of another body in the same slice.
+    pub fn add(&mut self, other: &Self) {
+        let (mut starts, mut runs) = (vec![0], Vec::with_capacity(self.runs.len() + other.runs.len()));
+        for row in 0..self.starts.len().max(other.starts.len()).saturating_sub(1) as u32 {
+            let first = runs.len();
+            runs.extend(self.row(row).iter().chain(other.row(row)));
+            merge_runs(&mut runs, first);
+            starts.push(runs.len() as u32);
+        }
+        (self.starts, self.runs) = (starts, runs);
+    }
 }
 
 #[derive(Debug, Clone, Copy)]

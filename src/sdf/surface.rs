@@ -37,11 +37,15 @@ impl std::fmt::Debug for Surface {
 impl Surface {
     /// Builds the hierarchy; `None` for a mesh without triangles.
     pub fn new(mesh: &TriangleMesh) -> Option<Self> {
-        if mesh.triangles.is_empty() {
+        let corners = |t: &[u32; 3]| t.map(|v| mesh.positions[v as usize]);
+        Self::of_triangles(mesh.triangles.iter().map(corners).collect())
+    }
+
+    /// The same of triangles by their corners; `None` without any.
+    pub fn of_triangles(triangles: Vec<[DVec3; 3]>) -> Option<Self> {
+        if triangles.is_empty() {
             return None;
         }
-        let corners = |t: &[u32; 3]| t.map(|v| mesh.positions[v as usize]);
-        let triangles: Vec<_> = mesh.triangles.iter().map(corners).collect();
         let boxes: Vec<_> = triangles.iter().map(outward_box).collect();
         let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
         Some(Self { triangles, bvh })

@@ -12,6 +12,7 @@ use super::{
     descent::{DEPTH_MARGIN, EMPTY, Mask, is_set},
     dither::Dither,
     fill::{LeafScratch, ObjectField, Site},
+    joined::runs_of,
 };
 use crate::{
     parallel,
@@ -119,6 +120,21 @@ impl SlabField {
             self.voxels.rebuild(object.surface().triangles(), &object.lattice, slices, reach);
         }
     }
+
+    /// The same for those of `objects` that are one body; they are measured alike.
+    pub(super) fn prepare_body(&mut self, objects: &[ObjectField], members: &[usize], slices: Range<u32>) {
+        let all = members.iter().map(|&member| &objects[member]);
+        self.runs = runs_of(all.clone().map(|object| {
+            let mut runs = vec![SliceRuns::default(); slices.len()];
+            object.fill_inside(slices.start, &mut runs);
+            runs
+        }));
+        let first = &objects[members[0]];
+        if let Measure::Grid { .. } = first.measure {
+            let reach = all.map(|object| object.layers().thickness()).fold(0.0, f64::max);
+            self.voxels.rebuild(first.around().triangles(), &first.lattice, slices, reach);
+        }
+    }
 }
 
 impl ObjectField {
@@ -136,10 +152,10 @@ impl ObjectField {
 
     /// See [`Self::depth_over`].
     pub fn depth_at(&self, p: DVec3, scratch: &mut LpScratch) -> f64 {
-        let exact = self.surface().closest(p).distance;
+        let exact = self.around().closest(p).distance;
         match &self.measure {
             Measure::Exact => exact,
-            Measure::Lp { field, .. } => field.distance(self.surface().triangles(), p, exact, scratch),
+            Measure::Lp { field, .. } => field.distance(self.around().triangles(), p, exact, scratch),
             Measure::Grid { bound } => self.grid_depth(p, exact, *bound),
         }
     }
@@ -151,10 +167,10 @@ impl ObjectField {
         let within = Cells::around(&self.lattice, p - reach, p + reach);
         let best = std::cell::Cell::new(f64::INFINITY);
         let mut near = Vec::new();
-        self.surface().within(p, exact + self.measure.slack(), &mut near);
+        self.around().within(p, exact + self.measure.slack(), &mut near);
         for triangle in near {
             let nearer = |low: DVec3, high: DVec3| p.clamp(low, high).distance_squared(p) < best.get();
-            for_cells(&self.lattice, &self.surface().triangles()[triangle as usize], &within, nearer, |cell| {
+            for_cells(&self.lattice, &self.around().triangles()[triangle as usize], &within, nearer, |cell| {
                 best.set(best.get().min(cell_centre(&self.lattice, cell).distance_squared(p)));
             });
         }
@@ -179,7 +195,7 @@ impl ObjectField {
             Measure::Exact => nearest - radius,
             Measure::Grid { bound } => nearest - radius - bound,
             Measure::Lp { field, .. } => {
-                let averaged = || field.distance(self.surface().triangles(), bounds.centre, nearest, &mut scratch.lp);
+                let averaged = || field.distance(self.around().triangles(), bounds.centre, nearest, &mut scratch.lp);
                 let range = (radius < nearest).then(averaged).and_then(|a| field.range_within(a, nearest, radius));
                 range.map_or(0.0, |range| range.0)
             }
@@ -200,8 +216,8 @@ impl ObjectField {
             Measure::Grid { bound } => Some(DepthRange { min: (exact.min - bound).max(0.0), max: exact.max + bound }),
             Measure::Lp { field, .. } => {
                 // Where the exact depth has several answers, this one, wider, is not worth its price.
-                self.layers().uniform_over(candidates, exact)?;
-                let triangles = self.surface().triangles();
+                self.uniform_over(candidates, exact)?;
+                let triangles = self.around().triangles();
                 let squared = candidates.iter().map(|&t| closest_point(bounds.centre, &triangles[t as usize]));
                 let nearest = squared.map(|found| found.distance_squared).fold(f64::INFINITY, f64::min).sqrt();
                 if bounds.radius() >= nearest {
@@ -232,7 +248,14 @@ impl ObjectField {
             surface.candidate[voxel] = voxel as u32;
             // Out of reach is below all layers; the greatest number that is not infinite says so.
             surface.distance[voxel] = f32::MAX;
-            let Some(feature) = measure.window.feature(IVec3::from(at)) else { continue };
+            let feature = measure.window.feature(IVec3::from(at));
+            if self.members().is_some() {
+                // Below all layers too it matters whose the nearest face is.
+                let near = feature
+                    .map_or_else(|| self.lattice.centre(at.map(|n| n as u32)), |cell| cell_centre(&self.lattice, cell));
+                measure.triangles[voxel] = self.around().closest(near).triangle;
+            }
+            let Some(feature) = feature else { continue };
             let distance = ((feature - IVec3::from(at)).as_dvec3() * self.lattice.pitch).length();
             surface.distance[voxel] = distance as f32;
             if self.layers().needs_uv() && distance <= thickness {
@@ -266,13 +289,14 @@ impl ObjectField {
     pub(super) fn measure_lp(&self, centre: DVec3, mask: &Mask, scratch: &mut LeafScratch) {
         let Measure::Lp { field, offsets } = &self.measure else { return };
         let LeafScratch { measure, surface, .. } = scratch;
-        field.fill_brick(self.surface().triangles(), centre, offsets, mask, surface, &mut measure.lp);
+        field.fill_brick(self.around().triangles(), centre, offsets, mask, surface, &mut measure.lp);
     }
 
     /// Triangle and texture coordinates of the surface point nearest to the centre of a surface voxel.
     fn point_of(&self, feature: IVec3) -> (u32, Vec2) {
         let centre = cell_centre(&self.lattice, feature);
-        let found = self.surface().closest(centre);
-        (found.triangle, self.uv(found.triangle, centre))
+        let found = self.around().closest(centre);
+        let uv = self.own(found.triangle).map_or(Vec2::ZERO, |own| self.uv(own, centre));
+        (found.triangle, uv)
     }
 }

@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::joined::{Joined, Whose};
 use crate::{
     appearance::Filling,
     sdf::{BlockBox, CullScratch, DepthRange, SliceRuns, Surface, cull},
@@ -93,6 +94,8 @@ pub(super) trait Leaves {
 #[derive(Clone, Copy)]
 pub(super) struct Descent<'a> {
     pub surface: &'a Surface,
+    /// Where it is part of a body whose surface that is.
+    pub joined: Option<&'a Joined>,
     pub lattice: &'a Lattice,
     pub shape: BlockShape,
     /// The block's first voxel.
@@ -114,17 +117,24 @@ pub(super) struct DescentScratch {
 impl Descent<'_> {
     /// Lays the block; `slices` are the inside runs from its lowest voxels on.
     pub fn lay(&self, slices: &[SliceRuns], leaves: &mut impl Leaves, scratch: &mut DescentScratch) {
-        if !self.spread(slices, &mut scratch.masks) {
-            return;
-        }
         let all = Bricks { first: [0; 3], count: self.shape.0 };
         let bounds = self.bounds(all);
-        let nearest = self.surface.closest(bounds.centre).distance;
-        if !leaves.enter(&bounds, nearest) {
-            return leaves.fill_uniform(all, Filling::Pure(self.core), &scratch.masks);
-        }
+        let within = |nearest: f64| nearest + 2.0 * bounds.radius() + self.slack;
         let DescentScratch { candidates: list, cull, masks } = scratch;
-        self.surface.within(bounds.centre, nearest + 2.0 * bounds.radius() + self.slack, list);
+        let mut whose = Whose::Own;
+        if let Some(joined) = self.joined {
+            let nearest = self.surface.closest(bounds.centre).distance;
+            self.surface.within(bounds.centre, within(nearest), list);
+            whose = joined.whose(list);
+        }
+        if whose == Whose::Others || !self.spread(slices, masks) {
+            return;
+        }
+        let nearest = self.surface.closest(bounds.centre).distance;
+        if !leaves.enter(&bounds, nearest) && whose == Whose::Own {
+            return leaves.fill_uniform(all, Filling::Pure(self.core), masks);
+        }
+        self.surface.within(bounds.centre, within(nearest), list);
         let whole = 0..list.len();
         self.descend(all, whole, list, masks, leaves, cull);
     }
@@ -145,7 +155,14 @@ impl Descent<'_> {
         let start = list.len();
         let range = cull(self.surface.triangles(), &bounds, candidates, self.slack, list, scratch);
         let kept = start..list.len();
-        if let Some(filling) = leaves.certain(bricks, &bounds, range, &list[kept.clone()], masks) {
+        let whose = self.joined.map_or(Whose::Own, |joined| joined.whose(&list[kept.clone()]));
+        if whose == Whose::Others {
+            list.truncate(start);
+            return;
+        }
+        if whose == Whose::Own
+            && let Some(filling) = leaves.certain(bricks, &bounds, range, &list[kept.clone()], masks)
+        {
             leaves.fill_uniform(bricks, filling, masks);
         } else if bricks.count == [1; 3] {
             leaves.fill_brick(bricks.first, bounds.centre, &list[kept], masks);

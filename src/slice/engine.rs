@@ -1,6 +1,6 @@
 //! Slab after slab: the memory of a job is one slab and the objects, whatever the height.
 
-use std::ops::Range;
+use std::{collections::HashMap, ops::Range};
 
 use rayon::prelude::*;
 
@@ -61,17 +61,31 @@ impl Slicer {
             return Ok(());
         }
         let mut slab = Slab::new(self.lattice);
-        let mut field = SlabField::default();
+        let mut alone = SlabField::default();
+        // Of every body of several objects, by the first of them.
+        let mut bodies: HashMap<usize, SlabField> = HashMap::new();
         for index in slices.start / height..slices.end.div_ceil(height) {
             slab.reset(index);
             let range = slab.slices();
             if !wanted(range.clone()) {
                 continue;
             }
-            for object in &self.objects {
-                field.prepare(object, range.clone());
+            for (n, object) in self.objects.iter().enumerate() {
+                let field = match object.members() {
+                    None => {
+                        alone.prepare(object, range.clone());
+                        &alone
+                    }
+                    Some(members) => {
+                        let body = bodies.entry(members[0]).or_default();
+                        if members[0] == n {
+                            body.prepare_body(&self.objects, members, range.clone());
+                        }
+                        &*body
+                    }
+                };
                 slab.blocks_mut().for_each_init(FillScratch::default, |scratch, (first, block)| {
-                    object.fill_block(first, &field, block, scratch);
+                    object.fill_block(first, field, block, scratch);
                 });
             }
             sink(&slab)?;

@@ -1,6 +1,6 @@
 //! One object into one block of voxels: the leaves of the descent that are voxels.
 
-use std::sync::Arc;
+use std::{borrow::Cow, sync::Arc};
 
 use glam::{DVec3, Vec2};
 
@@ -8,6 +8,7 @@ use super::{
     depth::{DistanceKind, Measure, MeasureScratch, SlabField},
     descent::{Bricks, DEPTH_MARGIN, Descent, DescentScratch, EMPTY, FULL, Leaves, Mask, is_set},
     dither::Dither,
+    joined::{Joined, Whose},
 };
 use crate::{
     appearance::{BrickQuery, Filling, LayerField, SurfaceShare},
@@ -22,7 +23,10 @@ use crate::{
 /// An object on the lattice: where it is, how deep, and what its layers are.
 #[derive(Debug)]
 pub struct ObjectField {
+    /// Its own faces.
     surface: Arc<Surface>,
+    /// The body it is part of, if it touches other objects.
+    joined: Option<Joined>,
     inside: InsideRows,
     layers: Arc<LayerField>,
     offsets: BrickOffsets,
@@ -85,6 +89,7 @@ impl ObjectField {
         let shape = BlockShape::for_lattice(&lattice);
         Some(Self {
             surface: Arc::new(Surface::new(&solid.mesh)?),
+            joined: None,
             inside: InsideRows::new(solid, lattice, shape.voxels()[2]),
             uvs: if layers.needs_uv() { solid.mesh.uvs.clone().into() } else { Arc::default() },
             mask: layers.is_mixed().then(|| ThresholdMask::shared(lattice.pitch)),
@@ -102,6 +107,7 @@ impl ObjectField {
         let shape = BlockShape::for_lattice(&lattice);
         Self {
             surface: Arc::clone(&self.surface),
+            joined: self.joined.clone(),
             inside: self.inside.resampled(lattice, shape.voxels()[2]),
             uvs: Arc::clone(&self.uvs),
             layers: Arc::clone(&self.layers),
@@ -110,7 +116,7 @@ impl ObjectField {
             offsets: BrickOffsets::new(&lattice),
             measure: self.measure.resampled(&lattice),
             mask: self.mask.clone(),
-            dither: self.dither.as_ref().map(|dither| dither.resampled(&self.surface, lattice.pitch)),
+            dither: self.dither.as_ref().map(|dither| dither.resampled(self.around(), lattice.pitch)),
         }
     }
 
@@ -124,7 +130,7 @@ impl ObjectField {
 
     /// Lays the layers by another distance.
     pub fn with_distance(mut self, kind: DistanceKind) -> Self {
-        self.measure = Measure::new(kind, &self.surface, &self.lattice);
+        self.measure = Measure::new(kind, self.around(), &self.lattice);
         self
     }
 
@@ -133,14 +139,60 @@ impl ObjectField {
     pub fn with_dithered_boundaries(mut self) -> Self {
         if matches!(self.measure, Measure::Exact) {
             let mask = ThresholdMask::shared(self.lattice.pitch);
-            self.dither = Some(Dither::new(mask, &self.surface, self.lattice.pitch));
+            self.dither = Some(Dither::new(mask, self.around(), self.lattice.pitch));
         }
         self
     }
 
-    /// The closest-point structure.
+    /// Makes it part of a body; by the exact distance at whole voxels, as a new field is.
+    pub(super) fn set_joined(&mut self, joined: Joined) {
+        self.joined = Some(joined);
+    }
+
+    /// The objects that it is one body with, itself among them, by their places; `None` where it is alone.
+    pub(super) fn members(&self) -> Option<&Arc<[usize]>> {
+        self.joined.as_ref().map(|joined| &joined.members)
+    }
+
+    /// The closest-point structure of its own faces.
     pub fn surface(&self) -> &Arc<Surface> {
         &self.surface
+    }
+
+    /// The closest-point structure of all faces of the body that it is part of, which depth is measured from.
+    pub fn around(&self) -> &Arc<Surface> {
+        self.joined.as_ref().map_or(&self.surface, |joined| &joined.surface)
+    }
+
+    /// The body that it is part of, if it is of several objects.
+    pub(super) fn joined(&self) -> Option<&Joined> {
+        self.joined.as_ref()
+    }
+
+    /// The object's own number of a face [`around`](Self::around) it; `None` of another object's.
+    pub fn own(&self, face: u32) -> Option<u32> {
+        match &self.joined {
+            None => Some(face),
+            Some(Joined { own, .. }) => own.contains(&face).then(|| face - own.start),
+        }
+    }
+
+    /// Whose some faces [`around`](Self::around) it are.
+    pub(super) fn whose(&self, faces: &[u32]) -> Whose {
+        self.joined.as_ref().map_or(Whose::Own, |joined| joined.whose(faces))
+    }
+
+    /// Faces around it by its own numbers; others' are given as some of its own.
+    fn as_own<'a>(&self, faces: &'a [u32]) -> Cow<'a, [u32]> {
+        match &self.joined {
+            Some(joined) if self.layers.needs_uv() => joined.as_own(faces).into(),
+            _ => faces.into(),
+        }
+    }
+
+    /// The one filling of all depths in `range` under all of `faces`, all of them its own, if there is one for certain.
+    pub(super) fn uniform_over(&self, faces: &[u32], range: DepthRange) -> Option<Filling> {
+        self.layers.uniform_over(&self.as_own(faces), range)
     }
 
     /// The layers.
@@ -183,7 +235,8 @@ impl ObjectField {
         let FillScratch { descent, leaf } = scratch;
         let mut leaves = VoxelLeaves { field: self, site: Site { first, slab }, block, scratch: leaf };
         let whole = Descent {
-            surface: &self.surface,
+            surface: self.around(),
+            joined: self.joined(),
             lattice: &self.lattice,
             shape: self.shape,
             first,
@@ -212,7 +265,7 @@ impl ObjectField {
         let inside = *mask;
         let (mut only, mut alike) = (None, true);
         nearest_in_parts(
-            self.surface.triangles(),
+            self.around().triangles(),
             candidates,
             centre,
             &self.offsets,
@@ -221,9 +274,15 @@ impl ObjectField {
             |part, kept, range| {
                 scratch.part.clear();
                 scratch.part.extend(kept.iter().map(|&position| candidates[position as usize]));
-                let exact = matches!(self.measure, Measure::Exact);
+                let whose = self.whose(&scratch.part);
+                if whose == Whose::Others {
+                    alike = false;
+                    part.bytes().for_each(|byte| mask[byte] = 0);
+                    return true;
+                }
+                let exact = matches!(self.measure, Measure::Exact) && whose == Whose::Own;
                 let range = self.dither.as_ref().map_or(range, |dither| dither.moved(range, &scratch.part));
-                let filling = exact.then(|| self.layers.uniform_over(&scratch.part, range)).flatten();
+                let filling = exact.then(|| self.uniform_over(&scratch.part, range)).flatten();
                 alike &= filling.is_some() && (only.is_none() || only == filling);
                 only = filling;
                 let Some(filling) = filling else { return false };
@@ -260,7 +319,7 @@ impl Leaves for VoxelLeaves<'_> {
     ) -> Option<Filling> {
         let range = DepthRange { min: range.min - DEPTH_MARGIN, max: range.max + DEPTH_MARGIN };
         let range = self.field.measured(range, bounds, candidates, &mut self.scratch.measure)?;
-        self.field.layers.uniform_over(candidates, range)
+        self.field.uniform_over(candidates, range)
     }
 
     fn fill_uniform(&mut self, bricks: Bricks, filling: Filling, masks: &[Mask]) {
@@ -290,7 +349,7 @@ impl Leaves for VoxelLeaves<'_> {
 
     fn fill_brick(&mut self, at: [usize; 3], centre: DVec3, candidates: &[u32], masks: &[Mask]) {
         let field = self.field;
-        let triangles = field.surface.triangles();
+        let triangles = field.around().triangles();
         let brick = field.shape.brick_index(at);
         let mut mask = masks[brick];
         let mut ids = [0; BRICK_VOXELS];
@@ -316,6 +375,14 @@ impl Leaves for VoxelLeaves<'_> {
                 &scratch.measure.triangles
             }
         };
+        if let Some(joined) = &field.joined {
+            for voxel in 0..BRICK_VOXELS {
+                let face = is_set(&mask, voxel).then(|| candidates[scratch.surface.candidate[voxel] as usize]);
+                if face.is_some_and(|face| !joined.own.contains(&face)) {
+                    mask[voxel / 8] &= !(1 << (voxel % 8));
+                }
+            }
+        }
         let position = |voxel: usize| {
             let index = |axis: usize| site.first[axis] + (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32;
             field.lattice.centre(std::array::from_fn(index))
@@ -339,12 +406,14 @@ impl Leaves for VoxelLeaves<'_> {
             let triangle = candidates[candidate as usize];
             let face = faces[candidate as usize]
                 .get_or_insert_with(|| Face::new(&triangles[triangle as usize], centre, f64::from(radius)));
+            let own = field.own(triangle).unwrap_or(0);
             match face.weights(field.offsets.of(voxel)) {
-                Some(weights) => field.uv_at(triangle, weights),
-                None => field.uv(triangle, position(voxel)),
+                Some(weights) => field.uv_at(own, weights),
+                None => field.uv(own, position(voxel)),
             }
         };
-        let query = BrickQuery { surface: &scratch.surface, candidates, mask: &mask, ranks };
+        let own = field.as_own(candidates);
+        let query = BrickQuery { surface: &scratch.surface, candidates: &own, mask: &mask, ranks };
         field.layers.fill_brick(query, exact, uv, &mut ids);
         merge(self.block.dense_mut(brick), &masks[brick], |voxel| ids[voxel]);
         scratch.faces = faces;

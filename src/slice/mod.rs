@@ -8,6 +8,7 @@
 //! | `dither` | boundaries between layers that fall between voxels |
 //! | `descent` | one object into one block: by halves, to uniform boxes and single bricks |
 //! | `fill`   | the leaves of that descent that are voxels |
+//! | `joined` | objects that touch or overlap are one body |
 //! | `engine` | slab after slab, blocks in parallel |
 //! | `meshes` | material meshes from the same field |
 
@@ -16,6 +17,7 @@ mod descent;
 mod dither;
 mod engine;
 mod fill;
+mod joined;
 pub mod meshes;
 mod png;
 #[cfg(test)]
@@ -24,5 +26,6 @@ mod tests;
 pub use depth::{DistanceKind, SlabField};
 pub use engine::Slicer;
 pub use fill::ObjectField;
+pub use joined::join;
 pub(crate) use png::encoder;
 pub use png::{Palette, RowBuffers, count_voxels, encode_mask, encode_rgba};

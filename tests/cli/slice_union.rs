@@ -36,6 +36,31 @@ fn objects_that_touch_have_no_surface_between_them() {
     assert_eq!(rows[10][0], rows[10][39]);
 }
 
+/// Below a plate of 0.4 mm the block has the plate's layers, by their depth below the plate's top; in a material mesh
+/// too.
+#[test]
+fn below_a_thin_plate_a_block_is_layered_as_the_plate_asks() {
+    let bench = Bench::new();
+    let plate: Vec<_> = cube(2.0).into_iter().map(|t| t.map(|[x, y, z]| [x, y, 0.2 * z])).collect();
+    bench.write("plate.stl", &stl(&plate));
+    let rest = JOB[JOB.find("[printer]").unwrap()..].replace("\"masks\"", "\"stl\"").replace("white:0.5", "white:0.6");
+    let target = "[object.target]\nkind = \"stacking\"\nstack = \"black:0.2,white:0.8\"";
+    let second = format!("[[object]]\nmesh = \"plate.stl\"\nposition-mm = [1.0, 1.0, 4.0]\n{target}");
+    bench.write("job.toml", format!("[[object]]\nmesh = \"cube.stl\"\n{second}\n{rest}").as_bytes());
+    bench.slice("out");
+    // White where the first cube begins, at half of its height.
+    let white = pixels(&bench, "out", 10)[10][0];
+    let column = |slice: u32| pixels(&bench, "out", slice)[10][10] == white;
+    assert_eq!([21, 20, 19, 18, 17, 16, 15].map(column), [false, true, true, true, true, false, false]);
+    let manifest: Value = serde_json::from_slice(&fs::read(bench.path("out/manifest.json")).unwrap()).unwrap();
+    let volume = |list: &str, key: &str, name: &str| {
+        let entries = manifest[list].as_array().unwrap();
+        entries.iter().find(|entry| entry[key] == name).unwrap()["volume_mm3"].as_f64().unwrap()
+    };
+    let [voxels, mesh] = [volume("materials", "name", "white"), volume("meshes", "material", "white")];
+    assert!((mesh / voxels - 1.0).abs() < 0.05, "{mesh} {voxels}");
+}
+
 #[test]
 fn objects_that_share_space_are_refused_unless_the_job_joins_them() {
     let bench = Bench::new();

@@ -6,6 +6,7 @@ mod common;
 
 mod bunny;
 mod inside;
+mod joined;
 mod laws;
 mod shapes;
 mod support;

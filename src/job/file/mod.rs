@@ -20,7 +20,6 @@ mod target;
 mod tests;
 mod texture;
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -41,7 +40,9 @@ pub use texture::{AlbedoSource, Projection, TextureTarget};
 
 pub use crate::{mesh::Unit, toml_reader::Place};
 
+use crate::encoding::decoded;
 use crate::optics::{Mixture, SHARES};
+use crate::regular_file;
 use crate::search::{Norm, SearchCache};
 use crate::toml_reader::{Found, Places, Source};
 use crate::voxel::Printer;
@@ -133,11 +134,12 @@ impl Job {
             return Err(unreadable("something that is not a regular file".to_owned()));
         }
         let mut bytes = Vec::new();
-        File::open(path).and_then(|file| file.take(MAX_JOB_BYTES + 1).read_to_end(&mut bytes)).map_err(disk)?;
+        regular_file::open(path).and_then(|file| file.take(MAX_JOB_BYTES + 1).read_to_end(&mut bytes)).map_err(disk)?;
         if bytes.len() as u64 > MAX_JOB_BYTES {
             let found = metadata.len().max(bytes.len() as u64);
             return Err(JobError::TooLarge { file: file_name(), found, limit: MAX_JOB_BYTES });
         }
+        let bytes = decoded(&bytes);
         let text = std::str::from_utf8(&bytes)
             .map_err(|error| unreadable(format!("bytes that are not UTF-8 at offset {}", error.valid_up_to())))?;
         Self::from_toml(text, path, path.parent().unwrap_or(Path::new("")))

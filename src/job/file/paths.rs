@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::error::JobError;
 use super::read::{Result, Value};
+use crate::regular_file;
 use crate::words::{MAX_FILE_NAME, excerpt, is_device_name, path_line};
 
 /// A file or folder that the job reads. It was there when the job was loaded.
@@ -100,7 +101,7 @@ fn problem(path: &Path, kind: Kind) -> Option<String> {
         Kind::File if found.is_dir() => Some("which is a folder".to_owned()),
         // Opening a pipe would wait for its other end.
         Kind::File if !found.is_file() => Some("which is not a regular file".to_owned()),
-        Kind::File => fs::File::open(path).err().map(words),
+        Kind::File => regular_file::open(path).err().map(words),
         Kind::Folder if !found.is_dir() => Some("which is not a folder".to_owned()),
         Kind::Folder => fs::read_dir(path).err().map(words),
     }

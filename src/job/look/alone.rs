@@ -9,10 +9,7 @@
 //!
 //! Targets between those spots are not known, so pictures show the print alone.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
@@ -29,6 +26,7 @@ use crate::{
     look::{Scene, Site},
     optics::{MaterialFile, VolumeCoefficients},
     output::Existing,
+    regular_file,
     voxel::MaterialId,
     watch::Watch,
 };
@@ -152,7 +150,7 @@ impl FinishedFolder {
 
 /// The spots of the folder's `look.json`; none where there is none, or one of another form.
 fn recorded(folder: &Path, channels: usize) -> Vec<SpotRecord> {
-    let text = fs::read(folder.join(LOOK)).unwrap_or_default();
+    let text = regular_file::read(&folder.join(LOOK), regular_file::MAX_TEXT).unwrap_or_default();
     let look = serde_json::from_slice::<Look>(&text).ok().filter(|look| look.version == LOOK_VERSION);
     let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
     let sound = |spot: &SpotRecord| {

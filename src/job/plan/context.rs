@@ -4,6 +4,7 @@ use crate::{
     job::{Job, RunError},
     mesh::Solid,
     optics::{MaterialSet, ResinId},
+    sdf::Surface,
     search::{MatchOptions, ResinLimit, SearchError, SearchOptions},
     voxel::MaterialId,
     watch::Watch,
@@ -15,6 +16,8 @@ pub(super) struct TargetContext<'a> {
     pub materials: &'a MaterialSet,
     /// Texture coordinates are there, if only as zeros.
     pub solid: &'a Solid,
+    /// All faces of the body that the object is part of, where it touches others.
+    pub body: Option<&'a Surface>,
     /// Whether the mesh file has texture coordinates.
     pub has_uvs: bool,
     pub object: usize,

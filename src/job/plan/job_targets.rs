@@ -30,13 +30,14 @@ pub fn targets(job: Job, watch: &dyn Watch) -> Result<Vec<JobTarget>, RunError> 
     let mut warnings = Vec::new();
     let materials = finish_materials(read_materials(&job)?, &job, watch)?;
     let mut targets = Vec::new();
-    let loaded = load_solids(&job, &mut warnings, watch)?;
+    let (loaded, _) = load_solids(&job, &mut warnings, watch)?;
     for (index, (object, (mut solid, ..))) in job.objects.iter().zip(loaded).enumerate() {
         if object.depth_from == DepthFrom::Top {
             solid.measure_from_top();
         }
         let has_uvs = complete_uvs(&mut solid, &object.target)?;
-        let context = TargetContext { job: &job, materials: &materials, solid: &solid, has_uvs, object: index, watch };
+        let (job, materials, solid) = (&job, &materials, &solid);
+        let context = TargetContext { job, materials, solid, body: None, has_uvs, object: index, watch };
         let found = wanted(&context, &object.target, &mut warnings)?;
         for (cluster, (target, share)) in found.targets.into_iter().zip(found.shares).enumerate() {
             let name = match job.objects.len() {

@@ -162,7 +162,8 @@ impl ObjectPlan {
         context.watch.go_on()?;
         let [thinnest, thickest] = HALF_THICKNESSES_MM;
         let half = |place: &crate::appearance::PointOfSurface| {
-            libm::log(half_thickness(&closest, place.point, place.normal, thickest).max(thinnest))
+            let body = context.body.unwrap_or(&closest);
+            libm::log(half_thickness(body, place.point, place.normal, thickest).max(thinnest))
         };
         let half_ln = parallel::map_all(points.points(), half);
         context.watch.go_on()?;

@@ -28,10 +28,11 @@ use crate::{
         },
         record::Rounds,
     },
-    mesh::{self, LoadOptions, Placement, Size, Solid},
+    mesh::{self, InCommon, LoadOptions, Placement, Size, Solid},
     optics::{Grains, MaterialFile, MaterialSet, OpticsError, ResinId},
     output::digest,
-    slice::{DistanceKind, ObjectField, Palette, Slicer},
+    sdf::Surface,
+    slice::{DistanceKind, ObjectField, Palette, Slicer, join},
     voxel::{Lattice, MaterialId},
     watch::{StopOnly, Watch},
 };
@@ -91,7 +92,7 @@ impl Prepared {
     /// Any input that cannot be used; see [`RunError`].
     pub fn draft(mut job: Job, watch: &dyn Watch) -> Result<Self, RunError> {
         let started = Instant::now();
-        let Placed { inputs, draft, solids, lattice, mut warnings } = place(&job, watch)?;
+        let Placed { inputs, draft, solids, bodies, lattice, mut warnings } = place(&job, watch)?;
         watch.stage("materials", 0);
         let mut materials = finish_materials(draft, &job, watch)?;
         materials.grains = Grains::of_voxels(job.printer.pitch_mm.to_array());
@@ -119,6 +120,7 @@ impl Prepared {
         let mut objects = Vec::new();
         let mut fields = Vec::new();
         let mut plans = Vec::new();
+        let faces: Vec<_> = bodies.iter().map(|body| faces_of(body, &solids)).collect();
         for (index, ((mut solid, transform), object)) in solids.into_iter().zip(&job.objects).enumerate() {
             let bounds = bounds(&solid);
             if object.depth_from == DepthFrom::Top && !solid.measure_from_top() {
@@ -128,19 +130,25 @@ impl Prepared {
                     .into());
             }
             let has_uvs = complete_uvs(&mut solid, &object.target)?;
+            let body = bodies.iter().position(|body| body.contains(&index)).and_then(|body| faces[body].as_ref());
             let context =
-                TargetContext { job: &job, materials: &materials, solid: &solid, has_uvs, object: index, watch };
+                TargetContext { job: &job, materials: &materials, solid: &solid, body, has_uvs, object: index, watch };
             let ObjectLayers { layers, report: stackings, asked, plan } =
                 object_layers(&context, &object.target, &mut warnings)?;
             watch.go_on()?;
             let field = ObjectField::new(plan.as_ref().map_or(&solid, |plan| plan.solid()), lattice, layers)
                 .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
-            let field = field.with_distance(distance);
-            fields.push(if job.dithers(index) { field.with_dithered_boundaries() } else { field });
+            fields.push(field);
             let (mesh, health) = (object.mesh.shown(), solid.health);
             plans.extend(plan);
             objects.push(PreparedObject { mesh, transform, health, bounds, stackings, asked });
         }
+        join(&mut fields, &bodies);
+        let measured = |(index, field): (usize, ObjectField)| {
+            let field = field.with_distance(distance);
+            if job.dithers(index) { field.with_dithered_boundaries() } else { field }
+        };
+        let fields = fields.into_iter().enumerate().map(measured).collect();
         let sizes: Vec<_> = objects.iter().map(|object| (object.mesh.clone(), object.bounds)).collect();
         checks::tiny_objects(&job, &sizes, &lattice, &mut warnings)?;
         warnings.extend(checks::thin_layers(&job, &objects, &lattice));
@@ -183,6 +191,7 @@ impl Prepared {
             job: &self.job,
             materials: &self.materials,
             solid: plan.solid(),
+            body: None,
             has_uvs: plan.has_uvs(),
             object: plan.object,
             watch,
@@ -235,6 +244,8 @@ struct Placed {
     inputs: Inputs,
     draft: MaterialDraft,
     solids: Vec<(Solid, DMat4)>,
+    /// Those that are one body, by their numbers.
+    bodies: Vec<Vec<usize>>,
     lattice: Lattice,
     warnings: Vec<String>,
 }
@@ -251,7 +262,7 @@ fn place(job: &Job, watch: &dyn Watch) -> Result<Placed, RunError> {
         }
     }
     watch.stage("meshes", job.objects.len() as u64);
-    let loaded = load_solids(job, &mut warnings, watch)?;
+    let (loaded, bodies) = load_solids(job, &mut warnings, watch)?;
     let mut solids = Vec::new();
     for (object, (solid, transform, companions)) in job.objects.iter().zip(loaded) {
         for path in companions {
@@ -262,7 +273,12 @@ fn place(job: &Job, watch: &dyn Watch) -> Result<Placed, RunError> {
     let extent = solids.iter().fold(DVec3::ZERO, |extent, solid| extent.max(bounds(&solid.0)[1]));
     let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
     checks::formats(job, &lattice, &mut warnings)?;
-    Ok(Placed { inputs, draft, solids, lattice, warnings })
+    Ok(Placed { inputs, draft, solids, bodies, lattice, warnings })
+}
+
+/// The faces of all objects of a body.
+fn faces_of(body: &[usize], solids: &[(Solid, DMat4)]) -> Option<Surface> {
+    Surface::of_triangles(body.iter().flat_map(|&object| solids[object].0.mesh.corners()).collect())
 }
 
 /// Digests of files and where they lie, by their paths as shown.
@@ -335,12 +351,16 @@ pub(super) fn finish_materials(draft: MaterialDraft, job: &Job, watch: &dyn Watc
     Ok(file.into_set(&watch)?)
 }
 
-/// Reads all objects and leaves of them what is surface of their union.
+/// Objects read and placed: the solid, file coordinates to the lattice's, files read beside the mesh.
+type Loaded = Vec<(Solid, DMat4, Vec<PathBuf>)>;
+
+/// Reads all objects and leaves of them what is surface of their union; and which of them are one body that depth is
+/// measured from, by their numbers. Depth from the top is of an object by itself.
 pub(super) fn load_solids(
     job: &Job,
     warnings: &mut Vec<String>,
     watch: &dyn Watch,
-) -> Result<Vec<(Solid, DMat4, Vec<PathBuf>)>, RunError> {
+) -> Result<(Loaded, Vec<Vec<usize>>), RunError> {
     let mut loaded = Vec::new();
     for (index, object) in job.objects.iter().enumerate() {
         loaded.push(load_solid(job, index, object, warnings)?);
@@ -351,7 +371,7 @@ pub(super) fn load_solids(
         arrange(job, gap_mm, &mut loaded);
     }
     let mut solids: Vec<&mut Solid> = loaded.iter_mut().map(|(solid, ..)| solid).collect();
-    let shared = mesh::unite(&mut solids);
+    let InCommon { space: shared, mut bodies } = mesh::unite(&mut solids);
     let name = |index: usize| format!("object {} ({})", index + 1, job.objects[index].mesh.shown());
     if let (Some(&[first, second]), Overlap::Refuse) = (shared.first(), job.overlap) {
         let found = format!("{} and {} at the same place", name(first), name(second));
@@ -360,7 +380,7 @@ pub(super) fn load_solids(
     }
     for [first, second] in shared {
         warnings.push(format!(
-            "{} and {} share space: they are one, and a voxel in both is laid from the surface of the first",
+            "{} and {} share space: they are one body, and a voxel is laid by the one whose face is nearest",
             name(first),
             name(second)
         ));
@@ -370,7 +390,11 @@ pub(super) fn load_solids(
         let expected = "an object some of which can be seen";
         return Err(job.refuse(&format!("object[{buried}].mesh"), found, expected).into());
     }
-    Ok(loaded)
+    for body in &mut bodies {
+        body.retain(|&object| job.objects[object].depth_from == DepthFrom::Surface);
+    }
+    bodies.retain(|body| body.len() > 1);
+    Ok((loaded, bodies))
 }
 
 fn load_solid(

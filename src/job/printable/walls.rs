@@ -1,5 +1,6 @@
 //! Walls and wires: how thick an object is at points of its surface, and what lies there.
 
+use glam::DVec3;
 use serde::Serialize;
 
 use crate::{
@@ -79,8 +80,7 @@ struct Found {
 
 /// Length of the way from a point straight through the solid, where it is less than `limit` mm and what it meets faces
 /// the point: how thick a wall or a wire is there. The way is walked by distances, which never overleap a surface.
-fn through(surface: &Surface, point: &PointOfSurface, limit: f64) -> Option<f64> {
-    let [a, b, c] = surface.triangles()[point.triangle as usize];
+fn through(surface: &Surface, point: &PointOfSurface, [a, b, c]: [DVec3; 3], limit: f64) -> Option<f64> {
     let inward = (a + b + c) / 3.0 - point.point;
     let from = point.point + inward * INWARD.min(limit / inward.length().max(limit));
     let mut way = THERE * limit;
@@ -104,7 +104,7 @@ impl Prepared {
     /// Walls and wires of an object.
     pub(super) fn walls(&self, object: usize, watch: &dyn Watch) -> Result<Walls, RunError> {
         let field = &self.slicer().objects()[object];
-        let surface = field.surface();
+        let (surface, around) = (field.surface(), field.around());
         let report = &self.objects[object].stackings;
         let limit_mm = f64::from(VOXELS) * self.lattice.pitch.max_element();
         let thickness = |layers: &[Layer<String>]| layers.iter().map(|layer| layer.thickness_mm).sum::<f64>();
@@ -119,7 +119,7 @@ impl Prepared {
                 && found.is_some_and(|(resin, _)| self.materials[resin].print_as_background)
         };
         let look = |point: &PointOfSurface| -> Found {
-            let ball = ball_inside(surface, point.point, point.normal, most);
+            let ball = ball_inside(around, point.point, point.normal, most);
             // A point on an edge touches the face beyond it, at no distance and in no direction.
             let opposite = ball.cosine > OPPOSITE && (THERE * limit_mm..most).contains(&ball.radius);
             let shares = field.shares(point.triangle, point.point);
@@ -135,7 +135,7 @@ impl Prepared {
             };
             let void_at = |depth: f64| at(depth).is_some_and(|layer| is_void(&layer.resin));
             Found {
-                wall_mm: through(surface, point, limit_mm),
+                wall_mm: through(around, point, surface.triangles()[point.triangle as usize], limit_mm),
                 shallow: asks_depth && opposite && ball.radius < thickness(layers),
                 bare: void_at(0.0),
                 hollow: asks_depth && opposite && void_at(ball.radius),

@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 use super::{Check, Finding, Verification, VerifyError};
 use crate::{
     output::{FileEntry, MANIFEST, TIMINGS, is_plain},
-    parallel,
+    parallel, regular_file,
     words::hex,
 };
 
@@ -86,7 +86,7 @@ impl Check<'_> {
         if !resolved.starts_with(&self.root) {
             return Err("found behind a symbolic link out of the folder, expected inside".to_owned());
         }
-        File::open(&resolved).map_err(unreadable)
+        regular_file::open(&resolved).map_err(unreadable)
     }
 }
 

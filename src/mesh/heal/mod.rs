@@ -32,7 +32,7 @@ use std::ops::{Add, Mul};
 use glam::{DVec3, Vec3};
 
 use self::edges::Edges;
-pub use self::union::unite;
+pub use self::union::{InCommon, unite};
 use super::{HealthReport, MeshError, Solid, TriangleMesh};
 
 /// Largest cap area, as a fraction of the mesh area, that still counts as mending.

@@ -121,6 +121,8 @@ pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, r
                 }
                 match library.read(&library.companion(&map.file)).and_then(|bytes| texture::decode(&bytes)) {
                     Ok(texture) => {
+                        let (texture, told) = texture::without_holes(texture, &format!("texture {file}"));
+                        raw.warnings.extend(told.map(|told| format!("{name}, line {number}: {told}")));
                         definition.material.base_color_texture = Some(texture);
                         definition.material.wrap = [if map.clamp { Wrap::Clamp } else { Wrap::Repeat }; 2];
                         (definition.scale, definition.offset) = (map.scale, map.offset);

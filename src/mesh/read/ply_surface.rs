@@ -16,7 +16,11 @@ pub(super) fn dress(raw: &mut RawMesh, source: &Source, files: &[String], textur
     for name in files {
         let mut material = plain(if files.len() > 1 { name } else { "texture" }, [1.0; 4]);
         match source.read(&source.companion(name)).and_then(|bytes| texture::decode(&bytes)) {
-            Ok(texture) => material.base_color_texture = Some(texture),
+            Ok(texture) => {
+                let (texture, told) = texture::without_holes(texture, &format!("texture `{name}`"));
+                raw.warnings.extend(told);
+                material.base_color_texture = Some(texture);
+            }
             Err(reason) => {
                 raw.lose_color(format!("texture `{name}` cannot be read ({reason}): the surface stays plain"))
             }

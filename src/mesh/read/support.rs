@@ -76,7 +76,8 @@ pub(super) const ROWS: &[Row] = &[
         Fate::Read,
         &["newmtl", "kd", "d", "map_kd"],
         "keywords in any case; the options -s, -o and -clamp of map_Kd; a texture that is not where it is said to be, \
-         if one of that name, in any case, lies beside the mesh (so in every format)",
+         if one of that name, in any case, lies beside the mesh (so in every format); texels of alpha 0 take the \
+         nearest one's colour, with a warning",
     ),
     row(
         "MTL",
@@ -206,7 +207,8 @@ pub(super) const ROWS: &[Row] = &[
             "blue",
         ],
         "text, binary of both byte orders, int64 and uint64 too; x y z, u v (s t, `texture_u` `texture_v`); colours of \
-         vertices or faces, sRGB, where there is no texture, in numbers as in OBJ; several textures",
+         vertices or faces, sRGB, where there is no texture, in numbers as in OBJ; several textures, of \
+         which texels of alpha 0 take the nearest one's colour, with a warning",
     ),
     row("PLY", Fate::Ignored, &[], "other elements and properties; vertex colours under a texture, with a warning"),
     row(

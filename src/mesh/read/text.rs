@@ -1,29 +1,8 @@
-//! Text as files hold it: byte order marks, line ends of three kinds, comments and continued lines.
+//! Text as files hold it: line ends of three kinds, comments and continued lines.
 
 use std::borrow::Cow;
 
-const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
-
-/// The text without byte order mark; UTF-16, which is known by its mark or by its first `<`, becomes UTF-8.
-pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, [u8]> {
-    match bytes {
-        [0xff, 0xfe, rest @ ..] => Cow::Owned(from_utf16(rest, u16::from_le_bytes)),
-        [0xfe, 0xff, rest @ ..] => Cow::Owned(from_utf16(rest, u16::from_be_bytes)),
-        [b'<', 0, ..] => Cow::Owned(from_utf16(bytes, u16::from_le_bytes)),
-        [0, b'<', ..] => Cow::Owned(from_utf16(bytes, u16::from_be_bytes)),
-        _ => Cow::Borrowed(bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes)),
-    }
-}
-
-fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
-    let mut text = Vec::with_capacity(bytes.len() / 2);
-    let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
-    for c in char::decode_utf16(units) {
-        let c = c.unwrap_or(char::REPLACEMENT_CHARACTER);
-        text.extend_from_slice(c.encode_utf8(&mut [0; 4]).as_bytes());
-    }
-    text
-}
+pub(super) use crate::encoding::{decoded, is_utf_16};
 
 /// Where the first line ends, and where the next begins: at LF, CR or both together.
 pub(super) fn line_end(bytes: &[u8]) -> Option<(usize, usize)> {
@@ -218,22 +197,6 @@ mod tests {
     fn statements(text: &str) -> Vec<(usize, String)> {
         let statements = Statements::new(text.as_bytes(), &["usemtl"]);
         statements.map(|(number, line)| (number, String::from_utf8_lossy(&line).into_owned())).collect()
-    }
-
-    #[test]
-    fn marks_are_skipped_and_utf_16_is_read() {
-        let text = "v é\u{1f407}";
-        let units: Vec<u16> = text.encode_utf16().collect();
-        let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
-        let big: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
-        for bytes in [
-            text.as_bytes().to_vec(),
-            [UTF8_MARK, text.as_bytes()].concat(),
-            [&[0xff, 0xfe][..], &little].concat(),
-            [&[0xfe, 0xff][..], &big].concat(),
-        ] {
-            assert_eq!(*decoded(&bytes), *text.as_bytes());
-        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use image::ImageReader;
 
 use crate::mesh::Texture;
-use crate::words::one_line;
+use crate::words::{counted, one_line};
 
 /// Longest side of a texture; an image header may claim any size, and 16k squared already takes 1 GiB.
 const MAX_SIDE: u32 = 16_384;
@@ -23,6 +23,25 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Arc<Texture>, String> {
     let (width, height) = image.dimensions();
     let texels = image.pixels().map(|p| p.0).collect();
     Ok(Arc::new(Texture { width, height, texels }))
+}
+
+/// The texture with what its own alpha cuts out, texels of alpha 0, in the colour of the nearest texel left: what
+/// colour they have is no viewer's. Says so in a sentence about `name`; what is cut out whole stays as it is.
+pub(super) fn without_holes(texture: Arc<Texture>, name: &str) -> (Arc<Texture>, Option<String>) {
+    let cut: Vec<bool> = texture.texels.iter().map(|texel| texel[3] == 0).collect();
+    let count = cut.iter().filter(|&&cut| cut).count();
+    if count == 0 {
+        return (texture, None);
+    }
+    if count == cut.len() {
+        let told = format!("{name} is wholly transparent; its surface is printed in its colours all the same");
+        return (texture, Some(told));
+    }
+    let (texels, verb) = (counted(count, "texel"), if count == 1 { "is" } else { "are" });
+    let told = format!(
+        "{texels} of {name} {verb} cut out (alpha 0): the surface stays, in the colour of the nearest texel left"
+    );
+    (Arc::new(filled(&texture, &cut)), Some(told))
 }
 
 /// The texture with each texel that is `cut` out replaced by the nearest one left, in steps over edges; the texture

@@ -172,6 +172,10 @@ impl<'a> Crossings<'a> {
             return (0.5, None);
         }
         let object = &self.objects[usize::from(number)];
+        // Between two objects of one body is no surface: somewhere the one's layers give way to the other's.
+        if p.0.owner != q.0.owner && object.is_body_of([p.0.owner, q.0.owner]) {
+            return (0.5, None);
+        }
         let [row_p, row_q] = &mut self.rows;
         let mut ends =
             (End::see(object, number, p, row_p, &mut self.lp), End::see(object, number, q, row_q, &mut self.lp));
@@ -186,7 +190,10 @@ impl<'a> Crossings<'a> {
             let (t, boundary) = boundary(object.labels(), self.pitch, &q, &p);
             (1.0 - t, boundary)
         };
-        let level = boundary.map(|boundary| Level { object: number, boundary: boundary as u16 });
+        // The outer surface is one of the body, whose first object stands for it.
+        let first = object.members().map_or(number, |members| members[0] as u16);
+        let level = boundary
+            .map(|boundary| Level { object: if boundary == 0 { first } else { number }, boundary: boundary as u16 });
         if t.is_finite() { (t.clamp(0.0, 1.0), level) } else { (0.5, None) }
     }
 }

@@ -21,6 +21,7 @@ use super::{
 use crate::{
     parallel,
     sdf::SliceRuns,
+    slice::joined::runs_of,
     voxel::{BRICK, BRICK_VOXELS},
     watch::Watch,
 };
@@ -131,20 +132,28 @@ impl March<'_> {
     fn fill_slab(&self, slab: usize) -> Vec<Layer> {
         let first = (slab * BLOCK_NODES) as u32;
         let height = (self.grid.lattice.dims[2] - first).min(BLOCK_NODES as u32);
-        let runs: Vec<Vec<SliceRuns>> = self
-            .objects
-            .iter()
-            .map(|object| {
-                let mut slices = vec![SliceRuns::default(); height as usize];
-                object.fill_inside(first, &mut slices);
-                slices
+        let inside = |object: &NodeObject<'_>| {
+            let mut slices = vec![SliceRuns::default(); height as usize];
+            object.fill_inside(first, &mut slices);
+            slices
+        };
+        // Of a body of several objects by the first of them.
+        let runs: Vec<Vec<SliceRuns>> = (0..)
+            .zip(self.objects)
+            .map(|(n, object)| match object.members() {
+                None => inside(object),
+                Some(members) if members[0] == n => {
+                    runs_of(members.iter().map(|&member| inside(&self.objects[member])))
+                }
+                Some(_) => Vec::new(),
             })
             .collect();
         let blocks = [0, 1].map(|axis| self.grid.bricks[axis].div_ceil(BLOCK));
         let fill = |scratch: &mut BlockScratch, block: usize| {
             let corner = [block % blocks[0], block / blocks[0]].map(|n| (n * BLOCK_NODES) as u32);
             let mut bricks = vec![NodeBrick::OUTSIDE; BLOCK_BRICKS];
-            for (object, slices) in self.objects.iter().zip(&runs) {
+            for (n, object) in self.objects.iter().enumerate() {
+                let slices = &runs[object.members().map_or(n, |members| members[0])];
                 object.fill_block([corner[0], corner[1], first], slices, &mut bricks, scratch);
             }
             bricks

@@ -141,11 +141,11 @@ impl<'a> NodeObject<'a> {
     /// `likely` are triangles that may be near.
     pub fn above_level(&self, boundary: u16, p: DVec3, likely: &[u32]) -> Option<AboveLevel> {
         let depth = *self.levels.get(usize::from(boundary))?;
-        let found = self.field.surface().closest_near(p, likely);
+        let found = self.field.around().closest_near(p, likely);
         let normal = if depth > 0.0 {
             (found.point - p) / found.distance
         } else {
-            let [a, b, c] = self.field.surface().triangles()[found.triangle as usize];
+            let [a, b, c] = self.field.around().triangles()[found.triangle as usize];
             (b - a).cross(c - a).normalize_or_zero()
         };
         let above = if depth > 0.0 { depth - found.distance } else { normal.dot(p - found.point) };
@@ -156,6 +156,17 @@ impl<'a> NodeObject<'a> {
             normal,
             triangle: found.triangle,
         })
+    }
+
+    /// The objects that it is one body with, itself among them; `None` where it is alone.
+    pub fn members(&self) -> Option<&[usize]> {
+        self.field.members().map(|members| &members[..])
+    }
+
+    /// Whether all these objects are of the body that it is part of.
+    pub fn is_body_of(&self, objects: [u16; 2]) -> bool {
+        let is_member = |members: &[usize], n: u16| members.binary_search(&usize::from(n)).is_ok();
+        self.members().is_some_and(|members| objects.iter().all(|&n| is_member(members, n)))
     }
 
     /// Label of every slot of the layers, then of the core.
@@ -170,7 +181,7 @@ impl<'a> NodeObject<'a> {
 
     /// The surface point nearest to `p`, and how far it is by the object's measure.
     pub fn nearest(&self, p: DVec3, scratch: &mut LpScratch) -> Nearest {
-        let surface = self.field.surface();
+        let surface = self.field.around();
         let found = surface.closest(p);
         let distance = match &self.averaged {
             None => found.distance,
@@ -181,12 +192,14 @@ impl<'a> NodeObject<'a> {
 
     /// The exact distance of `p`, where that is another one than [`Self::nearest`] gives.
     pub fn exact(&self, p: DVec3) -> Option<f64> {
-        self.averaged.as_ref().map(|_| self.field.surface().closest(p).distance)
+        self.averaged.as_ref().map(|_| self.field.around().closest(p).distance)
     }
 
-    /// The bottoms of the slots below the point of `triangle` nearest to `p`, as the pitch can show them.
+    /// The bottoms of the slots below the point of `triangle` nearest to `p`, as the pitch can show them; of another
+    /// object's triangle those below the nearest point of this one's.
     pub fn bottoms<'r>(&self, triangle: u32, p: DVec3, row: &'r mut Row) -> &'r [f32] {
         let layers = self.field.layers();
+        let triangle = self.field.own(triangle).unwrap_or_else(|| self.field.surface().closest(p).triangle);
         layers.bottoms(triangle, self.field.uv(triangle, p), &mut row.bottoms);
         if self.rounding > 0.0 {
             row.tapers.round(&self.labels, self.rounding as f32, &mut row.bottoms);
@@ -206,7 +219,8 @@ impl<'a> NodeObject<'a> {
         let BlockScratch { descent, leaf } = scratch;
         let mut leaves = NodeLeaves { object: self, first, bricks, scratch: leaf };
         let whole = Descent {
-            surface: self.field.surface(),
+            surface: self.field.around(),
+            joined: self.field.joined(),
             lattice: &self.lattice,
             shape: SHAPE,
             first,
@@ -245,7 +259,7 @@ impl Leaves for NodeLeaves<'_, '_> {
         };
         let margin = DEPTH_MARGIN + rounding;
         let range = DepthRange { min: range.min - margin, max: range.max + margin };
-        field.layers().uniform_over(candidates, range)
+        field.uniform_over(candidates, range)
     }
 
     fn fill_uniform(&mut self, bricks: Bricks, filling: Filling, masks: &[Mask]) {
@@ -276,7 +290,7 @@ impl Leaves for NodeLeaves<'_, '_> {
     fn fill_brick(&mut self, at: [usize; 3], centre: DVec3, candidates: &[u32], masks: &[Mask]) {
         let object = self.object;
         let LeafScratch { surface, row, lp, .. } = &mut *self.scratch;
-        let triangles = object.field.surface().triangles();
+        let triangles = object.field.around().triangles();
         nearest_in_brick(triangles, candidates, centre, &object.offsets, surface);
         if let Some((field, offsets)) = &object.averaged {
             field.fill_brick(triangles, centre, offsets, &FULL, surface, lp);
@@ -293,7 +307,7 @@ impl Leaves for NodeLeaves<'_, '_> {
             let triangle = candidates[surface.candidate[n] as usize];
             node.measured = object.number;
             node.nearest = Nearest { distance: surface.distance[n], triangle };
-            if is_set(&masks[index], n) {
+            if is_set(&masks[index], n) && object.field.own(triangle).is_some() {
                 let bottoms = object.bottoms(triangle, position(n), row);
                 node.owner = object.number;
                 node.label = object.labels[slots_passed(bottoms, node.nearest.distance)];

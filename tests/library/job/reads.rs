@@ -210,6 +210,22 @@ fn loading_is_relative_to_the_job_file() {
 }
 
 #[test]
+fn jobs_of_utf_16() {
+    let dir = inputs();
+    let path = dir.path().join("job.toml");
+    let units = |text: &str| text.encode_utf16().collect::<Vec<_>>();
+    for text in [MINIMAL.trim_start().to_owned(), format!("\u{feff}{MINIMAL}")] {
+        for bytes in [
+            units(&text).iter().flat_map(|unit| unit.to_le_bytes()).collect::<Vec<_>>(),
+            units(&text).iter().flat_map(|unit| unit.to_be_bytes()).collect(),
+        ] {
+            fs::write(&path, bytes).unwrap();
+            assert_eq!(Job::load(&path).unwrap().objects[0].mesh.path, dir.path().join("rabbit.glb"));
+        }
+    }
+}
+
+#[test]
 fn files_that_are_no_jobs() {
     let dir = tempfile::tempdir().unwrap();
     let message = |name: &str, bytes: &[u8]| {

@@ -21,13 +21,15 @@ fn volume(loaded: Loaded) -> f64 {
 /// A text in each way that editors save it.
 fn saved(text: &str) -> Vec<Vec<u8>> {
     let units: Vec<u16> = text.encode_utf16().collect();
-    let little = units.iter().flat_map(|unit| unit.to_le_bytes());
-    let big = units.iter().flat_map(|unit| unit.to_be_bytes());
+    let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+    let big: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
     vec![
         text.into(),
         [b"\xef\xbb\xbf", text.as_bytes()].concat(),
-        [0xff, 0xfe].into_iter().chain(little).collect(),
-        [0xfe, 0xff].into_iter().chain(big).collect(),
+        [&[0xff, 0xfe], &little[..]].concat(),
+        [&[0xfe, 0xff], &big[..]].concat(),
+        little,
+        big,
         text.replace("\r\n", "\n").replace('\n', "\r\n").into(),
         text.replace("\r\n", "\n").replace('\n', "\r").into(),
     ]

@@ -46,6 +46,8 @@ pub(super) struct Judge<'a> {
     pub(super) knows_neighbours: bool,
     /// Per body, whether it was met behind a face.
     pub(super) behind: Vec<AtomicBool>,
+    /// Per body, whether it was met on either side of a face.
+    pub(super) beside: Vec<AtomicBool>,
     /// Whether space was met that the surface goes round the wrong way.
     pub(super) inside_out: AtomicBool,
 }
@@ -53,14 +55,15 @@ pub(super) struct Judge<'a> {
 impl<'a> Judge<'a> {
     /// A judge of faces that are all first, and pay heed to all.
     pub(super) fn new(soup: &'a Soup, tolerance: Tolerance) -> Self {
-        let behind = (0..soup.bodies).map(|_| Default::default()).collect();
+        let none = || (0..soup.bodies).map(|_| Default::default()).collect();
         Self {
             soup,
             tolerance,
             rank: &|_| u32::MAX,
             skips: &|_, _| false,
             knows_neighbours: true,
-            behind,
+            behind: none(),
+            beside: none(),
             inside_out: AtomicBool::new(false),
         }
     }
@@ -73,6 +76,11 @@ impl<'a> Judge<'a> {
     /// Whether a body was met behind a face.
     pub(super) fn is_behind(&self, body: u16) -> bool {
         self.behind[usize::from(body)].load(Ordering::Relaxed)
+    }
+
+    /// Whether a body was met on either side of a face.
+    pub(super) fn is_beside(&self, body: u16) -> bool {
+        self.beside[usize::from(body)].load(Ordering::Relaxed)
     }
 
     /// What becomes of triangles, of which those of `mesh` come first; `rank` is theirs.
@@ -124,14 +132,24 @@ impl<'a> Judge<'a> {
         let at = point(face.corners, middle);
         // Beside a sliver rounding may have met anything.
         let is_wide = width > NARROW * touch;
-        self.soup.windings(at - off * face.frame.normal, windings);
-        if is_wide && self.soup.bodies > 1 {
-            for (seen, _) in self.behind.iter().zip(windings.iter()).filter(|(_, winding)| **winding > 0) {
+        let met = |seen: &[AtomicBool], windings: &[i32]| {
+            for (seen, _) in seen.iter().zip(windings).filter(|(_, winding)| **winding > 0) {
                 seen.store(true, Ordering::Relaxed);
             }
+        };
+        self.soup.windings(at - off * face.frame.normal, windings);
+        let several = self.soup.bodies > 1;
+        if several {
+            met(&self.beside, windings);
+        }
+        if is_wide && several {
+            met(&self.behind, windings);
         }
         let behind = windings.iter().any(|winding| *winding > 0);
         self.soup.windings(at + off * face.frame.normal, windings);
+        if several {
+            met(&self.beside, windings);
+        }
         let before = windings.iter().any(|winding| *winding > 0);
         if is_wide && !before && !behind && windings.iter().any(|winding| *winding < 0) {
             self.inside_out.store(true, Ordering::Relaxed);

@@ -71,9 +71,17 @@ pub(super) fn bare(mesh: &mut TriangleMesh, caps: &[[DVec3; 3]], health: &mut He
     Some(soup.corners)
 }
 
-/// Leaves of every solid what is surface of the union of all: faces that lie within another, or on one, go. The pairs
-/// that share space come back, by their numbers, ascending; those that only touch do not.
-pub fn unite(solids: &mut [&mut Solid]) -> Vec<[usize; 2]> {
+/// What solids have in common, by their numbers, ascending.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct InCommon {
+    /// The pairs that share space; those that only touch do not.
+    pub space: Vec<[usize; 2]>,
+    /// Those that are one body, for they touch or share space; each is in one of these at most.
+    pub bodies: Vec<Vec<usize>>,
+}
+
+/// Leaves of every solid what is surface of the union of all: faces that lie within another, or on one, go.
+pub fn unite(solids: &mut [&mut Solid]) -> InCommon {
     let boxes: Vec<_> = solids.iter().map(|solid| solid.outline_bounds()).collect();
     let extent = boxes.iter().map(|(low, high)| (*high - *low).max_element()).fold(0.0, f64::max);
     let tolerance = tolerance((DVec3::ZERO, DVec3::splat(extent)));
@@ -87,16 +95,26 @@ pub fn unite(solids: &mut [&mut Solid]) -> Vec<[usize; 2]> {
     }
     let mut groups: Vec<Vec<usize>> = vec![Vec::new(); solids.len()];
     (0..solids.len()).for_each(|object| groups[near.root(object as u32) as usize].push(object));
-    let mut shared = Vec::new();
+    let mut found = InCommon::default();
+    let mut bodies = DisjointSets::new(solids.len());
     for group in groups.iter().filter(|group| group.len() > 1) {
-        unite_group(solids, group, tolerance, &mut shared);
+        unite_group(solids, group, tolerance, &mut found.space, &mut bodies);
     }
-    shared.sort_unstable();
-    shared.dedup();
-    shared
+    found.space.sort_unstable();
+    found.space.dedup();
+    let mut of_root: Vec<Vec<usize>> = vec![Vec::new(); solids.len()];
+    (0..solids.len()).for_each(|object| of_root[bodies.root(object as u32) as usize].push(object));
+    found.bodies = of_root.into_iter().filter(|body| body.len() > 1).collect();
+    found
 }
 
-fn unite_group(solids: &mut [&mut Solid], group: &[usize], tolerance: Tolerance, shared: &mut Vec<[usize; 2]>) {
+fn unite_group(
+    solids: &mut [&mut Solid],
+    group: &[usize],
+    tolerance: Tolerance,
+    shared: &mut Vec<[usize; 2]>,
+    bodies: &mut DisjointSets,
+) {
     let mut corners = Vec::new();
     let mut body_of = Vec::new();
     for (body, &object) in (0_u16..).zip(group) {
@@ -117,6 +135,11 @@ fn unite_group(solids: &mut [&mut Solid], group: &[usize], tolerance: Tolerance,
         let verdicts = judge.verdicts(&corners, mesh, |_| u32::from(body));
         let others = (0_u16..).zip(group).filter(|(other, _)| *other != body && judge.is_behind(*other));
         shared.extend(others.map(|(_, &other)| [object.min(other), object.max(other)]));
+        for (other, &number) in (0_u16..).zip(group) {
+            if other != body && judge.is_beside(other) {
+                bodies.join(number as u32, object as u32);
+            }
+        }
         if verdicts.iter().any(|verdict| !matches!(verdict, Verdict::Stays)) {
             let solid = &mut *solids[object];
             if solid.whole.is_none() {

@@ -49,6 +49,28 @@ fn mtl_keywords_in_any_case() {
     }
 }
 
+/// Texels that cannot be seen have a colour that nobody meant: black, mostly.
+#[test]
+fn texels_of_alpha_0_do_not_count() {
+    let clear = |alpha: u8| png(4, &[opaque(RED), opaque(RED), [0, 0, 0, alpha], [0, 0, 0, alpha]].repeat(4));
+    for (alpha, shown) in [(0, &[(RED, 1.0)][..]), (1, &[(RED, 0.5), ([0; 3], 0.5)])] {
+        let of_obj = read(&[
+            ("a.obj", obj("usemtl m", |_| String::new(), Some(WHOLE))),
+            ("a.mtl", b"newmtl m\nmap_Kd half.png".into()),
+            ("half.png", clear(alpha)),
+        ]);
+        assert_eq!(said(&of_obj, "8 texels of texture `half.png` are cut out"), alpha == 0, "{:?}", of_obj.warnings);
+        assert_shares(&of_obj, shown);
+    }
+    let whole = read(&[
+        ("a.obj", obj("usemtl m", |_| String::new(), Some(WHOLE))),
+        ("a.mtl", b"newmtl m\nmap_Kd half.png".into()),
+        ("half.png", png(1, &[[RED[0], RED[1], RED[2], 0]])),
+    ]);
+    assert!(said(&whole, "texture `half.png` is wholly transparent"), "{:?}", whole.warnings);
+    assert_shares(&whole, &[(RED, 1.0)]);
+}
+
 #[test]
 fn mtl_options_place_the_texture() {
     let left = [[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [0.0, 1.0]];
