@@ -132,8 +132,8 @@ const MIXED_WHERE_THIN: f64 = 1.0;
 /// is like no part that bends. A dark red ring, asked for more than its inks have, took in 50% of it under layers of 2
 /// mm: promised 20% darker, it printed 30% lighter.
 const CLEAR_PER_MM: f64 = 0.1;
-/// Thin places that even so are too light, by this as a logarithm in every channel, are of the top layer throughout. There,
-/// as along a sharp edge, light comes in by another face below it, and what else lies there lets it through.
+/// Thin places that even so are too light, by this as a logarithm in every channel, are of the top layer throughout.
+/// There, as along a sharp edge, light comes in by another face below it, and what else lies there lets it through.
 const TOO_LIGHT: f64 = 0.02;
 /// Part of a thin place that squeezed layers take.
 const SQUEEZED: f64 = 0.85;
