@@ -27,6 +27,8 @@ mod solve;
 mod tests;
 mod tree;
 
+pub(crate) use shapes::LEAST_MIXED_MM;
+
 use serde::{Deserialize, Serialize};
 
 use self::{

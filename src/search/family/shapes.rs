@@ -7,7 +7,7 @@ use crate::{
 };
 
 /// A slot of several resins is no thinner, mm: a few voxels of any printer, so that each resin has its share.
-const LEAST_MIXED_MM: f64 = 0.2;
+pub(crate) const LEAST_MIXED_MM: f64 = 0.2;
 /// The slab that white is told by, mm.
 const SLAB_MM: f64 = 1.0;
 /// A resin in which light goes this much further than in white between two events, taken isotropically, is clear.

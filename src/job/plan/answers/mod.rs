@@ -28,7 +28,7 @@ use crate::{
         Base as Bottom, Grains, LayeredReflection, Mixture, ResinId, Stack, TransportOptions, VolumeCoefficients,
     },
     parallel,
-    search::ResinLimit,
+    search::{LEAST_MIXED_MM, ResinLimit},
     watch::{Stopped, Watch},
 };
 
@@ -341,15 +341,15 @@ impl Answers {
     /// The numbers of a cluster's stacking, squeezed into a thin part.
     fn squeezed(&self, base: &Base, below: Below) -> Vec<f64> {
         let mut numbers = base.numbers();
-        let total: f64 = numbers[..base.layers.len()].iter().sum();
-        if let Some(half) = below.middle_mm().filter(|half| SQUEEZED * half < total) {
-            numbers[..base.layers.len()].iter_mut().for_each(|mm| *mm *= SQUEEZED * half / total);
+        let room = base.room(below);
+        if room < 1.0 {
+            numbers[..base.layers.len()].iter_mut().for_each(|mm| *mm *= room);
             self.keep_limits(base, below, &mut numbers);
         }
         numbers
     }
 
-    /// No layer thinner than may be, no resin above its depth, no shares below 0 or of more than the top layer.
+    /// No layer thinner than may be or than voxels hold mixed, no resin above its depth, no shares below 0 or of more than the top layer.
     fn keep_limits(&self, base: &Base, below: Below, numbers: &mut [f64]) {
         let (thickness, shares) = numbers.split_at_mut(base.layers.len());
         let mut above = 0.0;
@@ -357,7 +357,11 @@ impl Answers {
             let limit = self.limit_of(&base.layers[n].0);
             // A layer that was found to be none may stay so.
             let free = !self.inks.is_empty() || base.layers[n].1 == 0.0;
-            let thinnest = if free { 0.0 } else { self.min_layer_mm.min(base.layers[n].1) };
+            let thinnest = match n {
+                0 if base.top.is_some() => base.room(below) * LEAST_MIXED_MM.min(base.layers[0].1),
+                _ if free => 0.0,
+                _ => self.min_layer_mm.min(base.layers[n].1),
+            };
             let least = limit.min_mm.max(thinnest);
             thickness[n] = thickness[n].max(least).min(limit.max_mm.max(least));
             let of_slot = self.slot_depths.get(n).copied().unwrap_or_default();
@@ -447,6 +451,12 @@ impl Base {
     /// The last layer that is one, not a slot that was found to be skipped.
     fn last(&self) -> Option<usize> {
         self.layers.iter().rposition(|layer| layer.1 > 0.0)
+    }
+
+    /// The share of all thicknesses that a thin part has room for.
+    fn room(&self, below: Below) -> f64 {
+        let whole: f64 = self.layers.iter().map(|layer| layer.1).sum();
+        below.middle_mm().map_or(1.0, |half| (SQUEEZED * half / whole.max(f64::MIN_POSITIVE)).min(1.0))
     }
 
     /// Thicknesses of the layers in mm, then shares of the top layer.

@@ -14,7 +14,7 @@ const STALE: f64 = 0.25;
 const STEPS: usize = 12;
 pub(super) const CLOSE: f64 = 0.004;
 /// Change of a thickness, as a logarithm, that tells what gives way to it.
-const DIFFERENCE: f64 = 0.04;
+const DIFFERENCE: f64 = 1e-6;
 /// Against slopes so flat that a step would be without end; more where a step went astray, for part of what is missing
 /// is out of reach (Levenberg and Marquardt).
 const DAMPINGS: [f64; 3] = [1e-4, 3e-3, 3e-2];

@@ -284,3 +284,19 @@ fn thin_places_that_are_too_light_are_of_the_top_throughout() {
         assert!(!filled || first.thickness_mm > 0.5 && first.resin.share(black) > 0.99, "{answer:?}");
     }
 }
+
+/// Asked to be darker than its inks can make it, a top layer over black does not shrink to a veil that voxels do not hold.
+#[test]
+fn top_layers_stay_as_thick_as_voxels_hold() {
+    let set = MaterialSet::builtin("inks-rgb-7").unwrap();
+    let [black, cyan, magenta, clear] = ["black", "cyan", "magenta", "clear"].map(|name| set.resin(name).unwrap().0);
+    let top = Mixture::new([(black, 0.61), (cyan, 0.29), (magenta, 0.1)]).unwrap();
+    let answers = answers(&set, &[(top, 0.25)], true);
+    let promised = answers.promised(0).to_vec();
+    for (half_mm, least) in [(None, 0.2), (Some(2.0), 0.2), (Some(0.2), 0.13)] {
+        let ln_albedo = promised.iter().zip([0.85, 0.88, 0.95]).map(|(albedo, by)| f64::ln(albedo * by)).collect();
+        let answer = &answers.answer(&[Question { cluster: 0, half_mm, ln_albedo }], &Unwatched).unwrap()[0];
+        let top = &answer.stacking.layers[0];
+        assert!(top.thickness_mm >= least && top.resin.share(clear) == 0.0, "{half_mm:?} {answer:?}");
+    }
+}
