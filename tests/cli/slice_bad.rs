@@ -69,7 +69,7 @@ fn bad_inputs_are_refused_in_one_line() {
 
     bench.run(["slice", "none.toml"]).refuses(2, &["none.toml", "no such file"]);
     bench.run(["slice", "."]).refuses(2, &["a folder"]);
-    bench.write("bytes.toml", b"\xff\xfe");
+    bench.write("bytes.toml", b"\xc3\x28 = 1\n");
     bench.run(["slice", "bytes.toml"]).refuses(2, &["bytes.toml", "UTF-8"]);
 }
 
