@@ -150,7 +150,7 @@ fn a_body_of_alike_objects_is_what_one_mesh_is() {
             join(&mut fields, &groups);
             voxels(&Slicer::new(lattice, fields.into_iter().map(|field| field.with_distance(kind)).collect()))
         };
-        let (one, several) = (alike(&[whole.clone()]), alike(&parts));
+        let (one, several) = (alike(std::slice::from_ref(&whole)), alike(&parts));
         let differ = one.iter().zip(&several).filter(|(a, b)| a != b).count();
         // By weight 1/r⁶ the whole's few large triangles and the parts' many are the same surface but for rounding.
         assert!(

@@ -23,7 +23,7 @@ use crate::{
     colour::byte_to_linear,
     job::file::OutputFormat,
     mesh::{LoadOptions, MeshError, load},
-    words::toml_string,
+    words::{escaped, toml_string},
 };
 
 use looks::{Looks, Source};
@@ -137,7 +137,8 @@ pub fn start(mesh: &Path, options: &StartOptions) -> Result<Start, MeshError> {
          #   lumislice slice {stem}.toml --quick      how it will look, coarsely\n\
          #   lumislice slice {stem}.toml              printer files in {stem}-out/\n\
          #\n# docs/job.md lists every key; `lumislice schema` is what editors complete them by.\n\n",
-        crate::words::escaped(&name),
+        escaped(&name),
+        stem = escaped(&stem),
     );
     line(&mut text, "[[object]]", "");
     line(&mut text, &format!("mesh = {}", toml_string(&name)), "");
@@ -242,6 +243,16 @@ mod tests {
     fn job(mesh: &Path, options: &StartOptions) -> (Job, String) {
         let toml = start(mesh, options).unwrap().toml;
         (Job::from_toml(&toml, mesh.with_extension("toml"), mesh.parent().unwrap()).unwrap(), toml)
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_name_with_control_characters_makes_a_job_that_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = folder.path().join("ev\u{1b}[31mil\u{7}.obj");
+        fs::rename(a_box(folder.path(), 12.0), &mesh).unwrap();
+        let (_, toml) = job(&mesh, &StartOptions::default());
+        assert!(!toml.contains('\u{1b}'), "{toml}");
     }
 
     #[test]
