@@ -88,8 +88,8 @@ pub fn run(args: &CouponArgs) -> Result<Answer> {
     let print_folder = args.output.join(PRINT);
     OutputFolder::check(&args.output, &OWNER, existing).map_err(RunError::from)?;
     OutputFolder::check(&print_folder, &job::OWNER, existing).map_err(RunError::from)?;
-    let output =
-        OutputFolder::create(&args.output, &OWNER, existing, &[args.materials.clone()]).map_err(RunError::from)?;
+    let output = OutputFolder::create(&args.output, &OWNER, existing, std::slice::from_ref(&args.materials))
+        .map_err(RunError::from)?;
     for (name, content) in &meshes {
         output.write(name, content).map_err(RunError::from)?;
     }
@@ -102,7 +102,7 @@ pub fn run(args: &CouponArgs) -> Result<Answer> {
         warnings.push(format!("resin {name} is what the printer fills holes with: no field shows it, it is left out"));
     }
     if !args.no_slices {
-        let job = Job::load(&args.output.join("coupon.toml")).map_err(RunError::from)?;
+        let job = Job::load(args.output.join("coupon.toml")).map_err(RunError::from)?;
         let prepared = prepared(job, &args.cache, Corrected::As(&[]), &bars);
         bars.finish();
         let prepared = prepared.map_err(Failure::before_writing)?;
