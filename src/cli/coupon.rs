@@ -78,9 +78,14 @@ pub fn run(args: &CouponArgs) -> Result<Answer> {
     let source = match materials.built_in {
         true => format!("set = \"{}\"", file.name()),
         false => {
-            let whole =
-                args.materials.canonicalize().map_err(|error| Failure::writing(args.materials.display(), error))?;
-            format!("file = {:?}", whole.to_string_lossy())
+            let whole = match args.materials.canonicalize() {
+                Ok(whole) => whole,
+                Err(error) => refuse!("{}: cannot be read: {error}", args.materials.display()),
+            };
+            let Some(whole) = whole.to_str() else {
+                refuse!("{}: found a path that is not UTF-8, expected one that a job can name", whole.display());
+            };
+            format!("file = {}", toml::Value::from(whole))
         }
     };
     let (text, meshes) = coupon.job(&source);

@@ -1,7 +1,8 @@
 //! How far single places are from what was asked for, and how that spreads.
 //!
 //! A look's walks have noise, and noise alone is a difference: squares of the two add up. So the noise that is expected
-//! is taken off each square, whose mean over places is then right; of one place it is a guess, as its printed albedo is.
+//! is taken off each square. What is above the noise is then right on the mean over places; what is below it stays too
+//! large, for no square is less than 0. Of one place it is a guess, as its printed albedo is.
 
 use super::{Differences, Fit, SpotRecord, Spread};
 use crate::{

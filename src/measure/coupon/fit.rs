@@ -133,7 +133,7 @@ impl<'a> Data<'a> {
         let misfit = self.misfit(&found);
         let off = found.residuals.iter().zip(values).map(|(off, value)| (off * value.error).powi(2));
         let residual = (off.sum::<f64>() / values.len() as f64).sqrt();
-        if residual > MOST_MISFIT {
+        if !(residual <= MOST_MISFIT) {
             let what = format!("channel {}: coefficients", self.coupon.channels[self.channel]);
             let found = format!("fields missed by {residual:.3} of the light, rms");
             let expected = "at most 0.02: are photographs, card and specular right, and was this coupon printed of \

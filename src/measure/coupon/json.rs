@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Coupon, CouponResin, Field};
+use super::{Coupon, CouponResin, Field, layout::SPACING_MM};
 use crate::measure::MeasureError;
 use crate::optics::{Stack, VolumeCoefficients};
 
@@ -12,9 +12,11 @@ use crate::optics::{Stack, VolumeCoefficients};
 const GENERATOR: &str = concat!("lumislice ", env!("CARGO_PKG_VERSION"));
 /// Version of its form.
 const VERSION: u32 = 1;
-/// Largest file that is read, bytes; fields and resins that a coupon may have.
+/// Largest file that is read, bytes; fields, resins and spacings along a side that a coupon may have.
 const MAX_BYTES: u64 = 4 << 20;
-const MAX_FIELDS: usize = 10_000;
+const MAX_FIELDS: usize = 1000;
+const MAX_RESINS: usize = 64;
+const MAX_SIDE: f64 = 200.0;
 
 #[derive(Debug, Serialize, Deserialize)]
 struct File {
@@ -103,6 +105,18 @@ pub(super) fn read(path: &Path) -> Result<Coupon, MeasureError> {
         return Err(wrong(format!("version {}", file.version), format!("version {VERSION}")));
     }
     let channels = file.channels.len();
+    if file.resins.len() > MAX_RESINS || file.fields.is_empty() || file.fields.len() > MAX_FIELDS {
+        let found = format!("{} resins in {} fields", file.resins.len(), file.fields.len());
+        return Err(wrong(found, format!("at most {MAX_RESINS} in 1 to {MAX_FIELDS}")));
+    }
+    let names = || file.resins.iter().map(|row| &row.name);
+    let is_name = |name: &String| !name.trim().is_empty() && !name.contains(|c: char| c.is_control());
+    if let Some(odd) = names().chain(&file.channels).find(|name| !is_name(name)) {
+        return Err(wrong(format!("the name {}", crate::words::excerpt(odd)), "a name on one line".into()));
+    }
+    if let Some((_, twice)) = names().enumerate().find(|(n, name)| names().take(*n).any(|other| other == *name)) {
+        return Err(wrong(format!("resin {} twice", crate::words::excerpt(twice)), "each resin once".into()));
+    }
     let mut resins = Vec::new();
     for row in &file.resins {
         let lists = [&row.refractive_index, &row.g, &row.scattering_per_mm, &row.absorption_per_mm];
@@ -143,13 +157,19 @@ pub(super) fn read(path: &Path) -> Result<Coupon, MeasureError> {
     if !lengths.clone().all(|mm| mm.is_finite() && mm > 0.0) {
         return Err(wrong(format!("lengths {:?}", lengths.collect::<Vec<_>>()), "millimetres above 0".into()));
     }
+    let sides = file.size_mm[..2].iter().map(|mm| mm / file.spacing_mm);
+    if !SPACING_MM.contains(&file.spacing_mm) || file.mark_mm >= file.spacing_mm || sides.clone().any(|n| n > MAX_SIDE)
+    {
+        let found =
+            format!("fields of {} mm and marks of {} mm on {:?} mm", file.spacing_mm, file.mark_mm, file.size_mm);
+        let (from, to) = (SPACING_MM.start(), SPACING_MM.end());
+        let expected = format!("fields of {from} to {to} mm, smaller marks, and at most {MAX_SIDE} fields a side");
+        return Err(wrong(found, expected));
+    }
     let places = file.marks_mm.iter().chain(file.fields.iter().map(|row| &row.middle_mm));
     let inside = |at: &[f64; 2]| (0..2).all(|axis| (0.0..=file.size_mm[axis]).contains(&at[axis]));
     if let Some(odd) = places.clone().find(|at| !inside(at)) {
         return Err(wrong(format!("a place at {odd:?} mm"), "places within the coupon".into()));
-    }
-    if file.fields.is_empty() || file.fields.len() > MAX_FIELDS {
-        return Err(wrong(format!("{} fields", file.fields.len()), format!("1 to {MAX_FIELDS}")));
     }
     Ok(Coupon {
         fields: file.fields.iter().map(field).collect::<Result<_, _>>()?,

@@ -51,7 +51,7 @@ const COLUMNS: usize = 2 * LADDER_MM.len();
 /// So many rows are laid twice.
 const FEW_ROWS: usize = 4;
 /// Fields nearer together than this cannot be told from their neighbours, and farther apart need no coupon.
-const SPACING_MM: std::ops::RangeInclusive<f64> = 8.0..=40.0;
+pub(super) const SPACING_MM: std::ops::RangeInclusive<f64> = 8.0..=40.0;
 
 impl Coupon {
     /// A coupon of the resins of a set for a printer whose slices are `slice_mm` thick.

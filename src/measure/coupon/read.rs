@@ -196,7 +196,7 @@ impl Ratio<'_> {
         let half = 0.5 * READ_SHARE * coupon.spacing_mm;
         let field = |number: usize| {
             let [x, y] = coupon.fields[number].middle_mm;
-            let (mut sums, mut n, mut full) = ([0.0; 2], 0, 0);
+            let (mut sums, mut n, mut full, mut no_number) = ([0.0; 2], 0, 0, 0);
             let mut shares = Vec::new();
             for pixel in view.pixels_within([x - half, y - half], [x + half, y + half], &self.card.planes[channel]) {
                 let light = self.light(channel, pixel);
@@ -204,12 +204,17 @@ impl Ratio<'_> {
                 n += 1;
                 let is_full = |picture: &Picture| !(f64::from(picture.planes[channel].values[pixel]) < picture.full);
                 full += usize::from(is_full(self.picture) || is_full(self.card));
+                no_number += usize::from(light.iter().any(|light| !light.is_finite()));
                 shares.push(light);
             }
             let name = || format!("field {} of {}", number + 1, coupon.fields.len());
             let wrong = |found: String, expected: &str| MeasureError::frame(&self.picture.file, found, expected);
             if n < MIN_PIXELS {
                 return Err(wrong(format!("{} of {n} pixels", name()), "100 pixels in the middle of each: go nearer"));
+            }
+            if no_number > 0 {
+                let found = format!("{} with {no_number} of {n} pixels that are no number", name());
+                return Err(wrong(found, "a number in every pixel"));
             }
             if full as f64 > MOST_FULL * n as f64 {
                 return Err(wrong(format!("{} with {full} of {n} pixels full", name()), "a shorter exposure"));

@@ -15,7 +15,7 @@ const RESINS: [(&str, f64, f64, f64); 3] =
 fn coupon() -> Coupon {
     let resin = |(name, sigma_s, sigma_a, g): (&str, f64, f64, f64)| NamedResin {
         name: name.to_owned(),
-        rgba: [1, 2, 3, 255],
+        rgba: [(100.0 * sigma_s.min(2.0)) as u8, (10.0 * sigma_a.min(20.0)) as u8, (100.0 * g) as u8, 255],
         density_g_per_cm3: 1.18,
         background: false,
         believed: vec![VolumeCoefficients::new(sigma_s, sigma_a, g).unwrap()],
