@@ -287,37 +287,10 @@ impl Answers {
                 }
             }
         }
-        if let Some(half) = run[0].half_mm {
-            for (answer, goal) in answers.iter_mut().zip(asked).filter(|(answer, _)| answer.is_too_light()) {
-                if let Some(filled) = self.filled_with_top(base, half, answer, goal)
-                    && filled.miss() <= answer.miss()
-                {
-                    *answer = filled;
-                }
-            }
+        if run[0].half_mm.is_some() && base.top.is_some() {
+            answers.iter_mut().filter(|answer| answer.is_too_light()).for_each(Answer::fill_with_top);
         }
         answers
-    }
-
-    /// An answer whose top layer has the place of all others, where it may be mixed and so thick.
-    fn filled_with_top(&self, base: &Base, half_mm: f64, answer: &Answer, goal: &[f64]) -> Option<Answer> {
-        let (_, others) = base.top.as_ref()?;
-        let mut stacking = answer.stacking.clone();
-        let whole = rounded(stacking.layers.iter().map(|layer| layer.thickness_mm).sum());
-        let top = stacking.layers.first()?.resin.clone();
-        if whole > self.limit_of(&top).max_mm {
-            return None;
-        }
-        for (n, layer) in stacking.layers.iter_mut().enumerate() {
-            layer.thickness_mm = if n == 0 { whole } else { 0.0 };
-        }
-        let thickness = stacking.layers.iter().map(|layer| layer.thickness_mm);
-        let numbers: Vec<f64> = thickness.chain(others.iter().map(|resin| top.share(*resin))).collect();
-        let mut albedo = self.albedo(base, &numbers, Below::CoreToMiddle(half_mm));
-        albedo.iter_mut().for_each(|value| *value = rounded(*value));
-        let short =
-            goal.iter().zip(&albedo).map(|(ln, albedo)| ln.max(libm::log(BLACK)) - libm::log(albedo.max(BLACK)));
-        Some(Answer { short: short.collect(), stacking, albedo })
     }
 
     /// The ways to seek answers, the best for the print first; the next where that misses.
@@ -463,6 +436,14 @@ impl Answer {
 
     fn is_too_light(&self) -> bool {
         self.short.iter().all(|ln| *ln < -TOO_LIGHT)
+    }
+
+    /// Gives the top layer the place of all others.
+    fn fill_with_top(&mut self) {
+        let whole: f64 = self.stacking.layers.iter().map(|layer| layer.thickness_mm).sum();
+        for (n, layer) in self.stacking.layers.iter_mut().enumerate() {
+            layer.thickness_mm = if n == 0 { rounded(whole) } else { 0.0 };
+        }
     }
 }
 
