@@ -161,13 +161,13 @@ fn leave() -> ! {
     std::process::exit(i32::from(INTERRUPTED))
 }
 
-/// The first Ctrl-C asks to stop, the third one insists.
+/// The first Ctrl-C asks to stop, the second one insists.
 fn install_interrupt() {
     static PRESSED: AtomicUsize = AtomicUsize::new(0);
     // Without a handler Ctrl-C ends the process at once, and files are whole all the same.
     let _ = ctrlc::set_handler(|| {
         INTERRUPT.request();
-        if PRESSED.fetch_add(1, Ordering::Relaxed) >= 2 || AT_ONCE.load(Ordering::Relaxed) {
+        if PRESSED.fetch_add(1, Ordering::Relaxed) >= 1 || AT_ONCE.load(Ordering::Relaxed) {
             leave();
         }
     });

@@ -10,8 +10,11 @@ use crate::regular_file;
 /// A look in a few numbers, as the manifest has it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LookSummary {
-    /// Spots that were looked at.
+    /// Spots that these numbers are of.
     pub spots: usize,
+    /// Spots that hardly see the sky ([`SpotRecord::is_lit`]), which they are not of.
+    #[serde(default)]
+    pub unlit: usize,
     /// Walks for each spot and channel.
     pub walks: u64,
     /// Printed against asked, in each channel; `None` where nothing was asked for.

@@ -42,6 +42,7 @@ impl Manifest {
             }),
             Some(look) => {
                 words.push(likeness(look));
+                words.extend(unlit(look));
                 words.extend(look.worst.first().map(|worst| self.worst_place(worst)));
             }
         }
@@ -199,7 +200,10 @@ fn likeness(look: &LookSummary) -> String {
         );
     }
     let Some(Spread { median, ninety_five_percent: most }) = look.relative else {
-        return format!("No look was asked for: the layers were given. {places} of the print were looked at.");
+        return match look.spots {
+            0 => "No place that was looked at sees enough of the sky to be judged.".to_owned(),
+            _ => format!("No look was asked for: the layers were given. {places} of the print were looked at."),
+        };
     };
     format!(
         "The print {}: of {places} looked at, half are within {} of the brightness asked for and 95% within {} (some 4% \
@@ -208,6 +212,17 @@ fn likeness(look: &LookSummary) -> String {
         share(median),
         share(most),
     )
+}
+
+/// The places that were looked at and tell nothing.
+fn unlit(look: &LookSummary) -> Option<String> {
+    (look.unlit > 0).then(|| {
+        format!(
+            "{} more hardly see the sky, as inside a vase, and were not judged: what they show is light that has come \
+             through the walls.",
+            counted(look.unlit, "place")
+        )
+    })
 }
 
 fn share(part: f64) -> String {

@@ -60,7 +60,7 @@ impl Spread {
     }
 
     /// How far spots are from what was asked for, as shares of that; `None` of no spots.
-    pub(super) fn of_spots(spots: &[SpotRecord], asked: &[Vec<f64>]) -> Option<Self> {
+    pub(super) fn of_spots(spots: &[&SpotRecord], asked: &[Vec<f64>]) -> Option<Self> {
         let mut shares: Vec<f64> = spots.iter().zip(asked).map(|(spot, asked)| share_off(spot, asked)).collect();
         shares.sort_by(f64::total_cmp);
         Self::of(&shares)
@@ -73,9 +73,9 @@ fn percentile(ascending: &[f64], percent: usize) -> Option<f64> {
 }
 
 /// Printed against expected in each channel.
-pub(super) fn fits(spots: &[SpotRecord], expected: &[Vec<f64>], channels: usize) -> Vec<Fit> {
+pub(super) fn fits(spots: &[&SpotRecord], expected: &[Vec<f64>], channels: usize) -> Vec<Fit> {
     let values = |channel: usize| {
-        let value = move |(spot, expected): (&SpotRecord, &Vec<f64>)| {
+        let value = move |(spot, expected): (&&SpotRecord, &Vec<f64>)| {
             [spot.printed[channel], spot.standard_error[channel], expected[channel]]
         };
         Fit::of(spots.iter().zip(expected).map(value))

@@ -50,8 +50,8 @@ pub(super) fn record(
     }
 }
 
-/// Printed against asked over all spots and distances, in each channel; `None` if a spot has no asked edge.
-pub(super) fn against_asked(spots: &[SpotRecord], channels: usize) -> Option<Vec<Fit>> {
+/// Printed against asked over all these spots and distances, in each channel; `None` if a spot has no asked edge.
+pub(super) fn against_asked(spots: &[&SpotRecord], channels: usize) -> Option<Vec<Fit>> {
     let edges: Vec<_> = spots
         .iter()
         .map(|spot| Some((spot.edge.as_ref()?.asked.as_ref()?, spot.edge.as_ref()?)))

@@ -119,7 +119,8 @@ pub struct Look {
     /// What the user should know.
     pub warnings: Vec<String>,
     /// Printed against asked, in each channel; `None` where nothing was asked for. Where a spot sees a share V of the
-    /// sky, against what a surface of the asked albedo ρ would show there, V ρ / (1 − (1 − V) ρ).
+    /// sky, against what a surface of the asked albedo ρ would show there, V ρ / (1 − (1 − V) ρ). Spots that hardly see
+    /// it ([`SpotRecord::is_lit`]) count in none of these numbers.
     pub against_asked: Option<Vec<Fit>>,
     /// Printed against predicted, in each channel, likewise; empty where no prediction is known.
     pub against_predicted: Vec<Fit>,
@@ -285,28 +286,33 @@ fn look_at_spots(
     };
     let spots: Vec<SpotRecord> = goals.iter().zip(printed).filter_map(record).collect();
     let channels = about.channels.to_vec();
-    let asked = spots.iter().map(|spot| Some(spot.shows(spot.asked.as_deref()?))).collect::<Option<Vec<_>>>();
-    let known = |spot: &SpotRecord| Some(spot.shows(&spot.predicted)).filter(|known| known.len() == channels.len());
-    let predicted = spots.iter().map(known).collect::<Option<Vec<_>>>();
+    let (lit, numbers): (Vec<&SpotRecord>, Vec<usize>) =
+        spots.iter().zip(0..).filter(|(spot, _)| spot.is_lit()).unzip();
+    let all = |goal: &dyn Fn(&SpotRecord) -> Option<Vec<f64>>| -> Option<Vec<Vec<f64>>> {
+        lit.iter().map(|spot| goal(spot)).collect::<Option<_>>().filter(|goals: &Vec<_>| !goals.is_empty())
+    };
+    let asked = all(&|spot| Some(spot.shows(spot.asked.as_deref()?)));
+    let predicted = all(&|spot| Some(spot.shows(&spot.predicted)).filter(|known| known.len() == channels.len()));
     let mut worst: Vec<usize> = Vec::new();
     if let Some(goal) = asked.as_ref().or(predicted.as_ref()) {
         // By what the print as a whole is judged by: colour differences, or shares of the brightness.
-        let coloured = asked.is_some() && spots.iter().all(|spot| spot.delta_e_2000.is_some());
+        let coloured = asked.is_some() && lit.iter().all(|spot| spot.delta_e_2000.is_some());
         let off = |at: usize| {
-            let seen = spots[at].delta_e_2000.filter(|_| coloured);
-            seen.unwrap_or_else(|| differences::share_off(&spots[at], &goal[at]))
+            let seen = lit[at].delta_e_2000.filter(|_| coloured);
+            seen.unwrap_or_else(|| differences::share_off(lit[at], &goal[at]))
         };
-        worst.extend(0..spots.len());
+        worst.extend(0..lit.len());
         worst.sort_by(|a, b| off(*b).total_cmp(&off(*a)));
         worst.truncate(WORST);
+        worst.iter_mut().for_each(|at| *at = numbers[*at]);
     }
-    let colours: Option<Vec<f64>> = spots.iter().map(|spot| spot.delta_e_2000).collect();
-    let against = |goal: &Vec<Vec<f64>>| differences::fits(&spots, goal, channels.len());
+    let colours: Option<Vec<f64>> = lit.iter().map(|spot| spot.delta_e_2000).collect();
+    let against = |goal: &Vec<Vec<f64>>| differences::fits(&lit, goal, channels.len());
     Ok(Look {
         delta_e_2000: colours.and_then(Differences::of),
-        relative: asked.as_ref().and_then(|asked| Spread::of_spots(&spots, asked)),
+        relative: asked.as_ref().and_then(|asked| Spread::of_spots(&lit, asked)),
         edge_mm: edge_mm.to_vec(),
-        edges_against_asked: edges::against_asked(&spots, channels.len()),
+        edges_against_asked: edges::against_asked(&lit, channels.len()),
         generator: GENERATOR.to_owned(),
         version: LOOK_VERSION,
         job: about.job.to_owned(),
@@ -326,8 +332,10 @@ fn look_at_spots(
 impl Look {
     /// Its numbers without its spots but the worst.
     pub fn summary(&self) -> LookSummary {
+        let lit = self.spots.iter().filter(|spot| spot.is_lit()).count();
         LookSummary {
-            spots: self.spots.len(),
+            spots: lit,
+            unlit: self.spots.len() - lit,
             walks: self.walks,
             against_asked: self.against_asked.clone(),
             against_predicted: self.against_predicted.clone(),

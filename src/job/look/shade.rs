@@ -4,12 +4,17 @@
 //! and brightening it would be wrong: what is asked for is the albedo. So what is held against the print is what a
 //! surface of the asked albedo ρ would show, which sees a share V of the sky and surfaces as bright as itself in the
 //! rest: ρ V / (1 − (1 − V) ρ).
+//!
+//! Deep inside a vase that is next to nothing, and what shows there has come through the wall: layers that made it dark
+//! would make the wall dark outside. Places that see less than [`LIT_SKY`] of the sky are judged by nothing.
 
 use glam::DVec3;
 
 use crate::job::record::SpotRecord;
 use crate::look::{Scene, Site};
 
+/// Share of the sky that a place must see for what it shows to tell of its own layers.
+pub(in crate::job) const LIT_SKY: f64 = 0.3;
 /// Rays that look for the sky.
 pub(in crate::job) const RAYS: usize = 64;
 /// π(3 − √5) over a turn: no two multiples of it point the same way.
@@ -46,6 +51,11 @@ fn shown(albedo: f64, sky: f64) -> f64 {
 }
 
 impl SpotRecord {
+    /// Whether it sees enough of the sky, 0.3 of it, to be held against what is asked for.
+    pub fn is_lit(&self) -> bool {
+        self.sky >= LIT_SKY
+    }
+
     /// What a surface of `albedo`, by channel, shows there, which the print is held against: less in a hollow.
     pub fn shows(&self, albedo: &[f64]) -> Vec<f64> {
         all_shown(albedo, self.sky)

@@ -351,13 +351,16 @@ fn minus(a: &[f64; CHANNELS], b: &[f64; CHANNELS]) -> [f64; CHANNELS] {
     std::array::from_fn(|channel| a[channel] - b[channel])
 }
 
-/// The factors of the next round: those reached, and most of what is `off`, as far as the print follows.
+/// The factors of the next round: those reached, as far as a place is lit, and most of what is `off`, as far as the
+/// print follows.
 fn corrected(now: &Followed<'_>, off: &Factors, responses: &[Response]) -> Factors {
     let at = |((reached, sums), off): ((&[f64; CHANNELS], &Option<Sums>), &[f64; CHANNELS])| {
         let mut factor = [0.0; CHANNELS];
         for (channel, response) in responses.iter().enumerate() {
-            let response = sums.as_ref().map_or(1.0, |sums| response.at(&sums[channel].shape));
-            let corrected = reached[channel] + DAMPING * off[channel] / response;
+            let shape = sums.as_ref().map(|sums| &sums[channel].shape);
+            let response = shape.map_or(1.0, |shape| response.at(shape));
+            let kept = shape.map_or(1.0, Shape::lit) * reached[channel];
+            let corrected = kept + DAMPING * off[channel] / response;
             factor[channel] = corrected.clamp(-GREATEST, GREATEST);
         }
         factor

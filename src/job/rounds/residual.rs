@@ -67,18 +67,19 @@ impl Looked {
         self.objects[object].iter().map(of).collect()
     }
 
-    /// How far printed is from asked at single points.
+    /// How far printed is from asked at single points, which count as far as they are lit.
     pub fn record(&self) -> RoundRecord {
         let seen: Vec<_> = self.objects.iter().flatten().flatten().collect();
-        let n = seen.len().max(1) as f64;
+        let n = seen.iter().map(|seen| seen.shape.lit()).sum::<f64>().max(f64::MIN_POSITIVE);
         let fit = |channel: usize| {
             let (mut bias, mut squared, mut noise, mut level) = (0.0, 0.0, 0.0, 0.0);
-            for Seen { asked, printed, .. } in &seen {
+            for Seen { asked, printed, shape } in &seen {
+                let weight = shape.lit() / n;
                 let apart = printed[channel].mean - asked[channel];
-                bias += apart / n;
-                squared += apart * apart / n;
-                noise += printed[channel].standard_error.powi(2) / n;
-                level += asked[channel].powi(2) / n;
+                bias += weight * apart;
+                squared += weight * apart * apart;
+                noise += weight * printed[channel].standard_error.powi(2);
+                level += weight * asked[channel].powi(2);
             }
             let rms = (squared - noise).max(0.0).sqrt();
             Fit { bias, rms, relative_rms: if level > 0.0 { rms / level.sqrt() } else { 0.0 } }
@@ -90,6 +91,7 @@ impl Looked {
 
 /// By how much the albedo must rise at each point, as logarithms by channel, as far as noise allows; and the greatest
 /// miss of means over some mm². What places of like shape miss alike comes first, and then what is left around each.
+/// Places that are hardly lit are to change by as much less.
 pub(super) fn residuals(plan: &ObjectPlan, sums: &[Option<Sums>]) -> (Vec<[f64; CHANNELS]>, f64) {
     let by_shape: Vec<ByShape> = (0..plan.factors())
         .map(|channel| ByShape::fit(&sums.iter().flatten().map(|sums| sums[channel]).collect::<Vec<_>>()))
@@ -120,7 +122,8 @@ pub(super) fn residuals(plan: &ObjectPlan, sums: &[Option<Sums>]) -> (Vec<[f64; 
             }
         }
         let factors = plan.factors();
-        (std::array::from_fn(|channel| if channel < factors { off[channel] } else { 0.0 }), whole)
+        let lit = shape.map_or(1.0, Shape::lit);
+        (std::array::from_fn(|channel| if channel < factors { lit * off[channel] } else { 0.0 }), whole)
     };
     let points = plan.points.points();
     let found = parallel::map(points.len(), |n| at((n, &points[n])));
@@ -167,7 +170,8 @@ fn miss(
             (Some(width), Some(shape), Some(there)) => shape.likeness(&there.shape, width),
             _ => 1.0,
         };
-        let weight = weight * likeness;
+        let lit = samples.first().map_or(0.0, |sample| sample.shape.lit());
+        let weight = weight * likeness * lit;
         for (channel, sample) in samples.iter().enumerate() {
             asked[channel] += weight * sample.asked;
             printed[channel] += weight * sample.printed;

@@ -72,7 +72,7 @@ impl Response {
     fn fit(steps: impl IntoIterator<Item = Step>) -> Self {
         let mut equations = NormalEquations::new(TERMS);
         for Step { shape, wanted, seen, variance } in steps {
-            let weight = 1.0 / (variance + OWN_ERROR * OWN_ERROR);
+            let weight = shape.lit() / (variance + OWN_ERROR * OWN_ERROR);
             equations.add(&terms(&shape).map(|term| wanted * term), seen - wanted, weight);
         }
         let Some(beyond) = equations.solve(|_| 1.0 / (BELIEVED * BELIEVED)) else { return Self::WHOLE };

@@ -13,6 +13,9 @@
 //! a rabbit in one colour miss before any correction, 7.1% (standard deviation) is left in hollows and 7.7% in thin
 //! parts without products of different numbers, 5.1 and 6.7% with the cubic; boosted trees of the same numbers leave
 //! 4.7 and 6.2% (red, held back points).
+//!
+//! A place that sees less than 0.3 of the sky counts less the less it sees ([`Shape::lit`], and why
+//! [`shade`](mod@super::super::look::shade)): where none is seen, layers stay as they were found.
 
 use super::super::{look::shade, plan::HALF_THICKNESSES_MM};
 use crate::{
@@ -70,6 +73,11 @@ impl Shape {
         [self.0[NEAR], self.0[FAR], self.0[SHAPE - 2]]
     }
 
+    /// How much what is printed at a place depends on its own layers, 0 to 1: little where it hardly sees the sky.
+    pub fn lit(&self) -> f64 {
+        ((1.0 - self.0[SHAPE - 2]) / shade::LIT_SKY).min(1.0)
+    }
+
     #[cfg(test)]
     pub fn with([near, far, hidden]: [f64; 3]) -> Self {
         let mut numbers = [0.0; SHAPE];
@@ -122,7 +130,8 @@ pub(super) struct ByShape {
 impl ByShape {
     /// Fitted to `samples`; 1 everywhere where they are fewer than tell.
     pub fn fit(samples: &[Sample]) -> Self {
-        let told: Vec<&Sample> = samples.iter().filter(|sample| sample.asked > 0.0).collect();
+        let told: Vec<&Sample> =
+            samples.iter().filter(|sample| sample.asked > 0.0 && sample.shape.lit() > 0.0).collect();
         let terms = |degree: usize| (1..=degree).fold(1, |terms, n| terms * (VARIABLES + n) / n);
         let degree = (1..=DEGREE).rev().find(|&degree| told.len() >= SAMPLES_A_TERM * terms(degree));
         let Some(degree) = degree else { return Self { degree: 0, coefficients: vec![0.0] } };
@@ -130,7 +139,8 @@ impl ByShape {
         let mut equations = NormalEquations::new(terms(degree));
         for sample in told {
             let missed = (sample.printed / sample.asked).clamp(least, most) - 1.0;
-            let weight = 1.0 / (sample.variance / (sample.asked * sample.asked) + OWN_ERROR * OWN_ERROR);
+            let error = sample.variance / (sample.asked * sample.asked) + OWN_ERROR * OWN_ERROR;
+            let weight = sample.shape.lit() / error;
             equations.add(&sample.shape.terms(sample.asked, degree), missed, weight);
         }
         let coefficients = equations.solve(|weight| RIDGE * weight + NO_PIVOT);
@@ -187,6 +197,23 @@ mod tests {
         assert_eq!(flat.likeness(&flat, 0.15), 1.0);
         assert!(flat.likeness(&needle, 0.15) < 1e-6 && flat.likeness(&needle, 1.0) > 0.1);
         assert_eq!(flat.likeness(&needle, 0.5), needle.likeness(&flat, 0.5));
+    }
+
+    /// What shows there has come through the wall, whatever it is fitted with.
+    #[test]
+    fn places_that_see_no_sky_say_nothing() {
+        let mut inside = sample(0.3, 0.5, 0.0);
+        inside.shape.0[SHAPE - 2] = 1.0;
+        inside.printed = 2.0;
+        let outside: Vec<Sample> = (0..3000).map(|n| sample((f64::from(n) * 0.618).fract(), 0.5, 0.0)).collect();
+        let with: Vec<Sample> = outside.iter().copied().chain([inside; 3000]).collect();
+        for thin in [0.1, 0.7] {
+            let ratio = |samples: &[Sample]| ByShape::fit(samples).ratio(&sample(thin, 0.5, 0.0).shape, 0.5);
+            assert_eq!(ratio(&with), ratio(&outside), "{thin}");
+        }
+        let half_lit = Shape::with([0.0, 0.0, 1.0 - 0.5 * shade::LIT_SKY]);
+        assert_eq!([outside[0].shape.lit(), inside.shape.lit()], [1.0, 0.0]);
+        assert!((half_lit.lit() - 0.5).abs() < 1e-12);
     }
 
     #[test]

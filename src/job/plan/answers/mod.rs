@@ -218,7 +218,7 @@ impl Answers {
     pub fn answer(&self, questions: &[Question], watch: &dyn Watch) -> Result<Vec<Answer>, Stopped> {
         let alike = |a: &Question, b: &Question| a.cluster == b.cluster && a.half_mm == b.half_mm;
         let runs: Vec<&[Question]> = questions.chunk_by(alike).collect();
-        let answer = |run: &&[Question]| if watch.stop_requested() { Vec::new() } else { self.answer_run(run) };
+        let answer = |run: &&[Question]| self.answer_run(run, watch);
         let answered: Vec<Vec<Answer>> = parallel::map_all(&runs, answer);
         watch.go_on()?;
         Ok(answered.into_iter().flatten().collect())
@@ -270,18 +270,18 @@ impl Answers {
         self.volumes.iter().all(|of| of[resin.0].sigma_a + of[resin.0].sigma_s * (1.0 - of[resin.0].g) < CLEAR_PER_MM)
     }
 
-    /// Answers to questions of one cluster and thickness.
-    fn answer_run(&self, run: &[Question]) -> Vec<Answer> {
+    /// Answers to questions of one cluster and thickness; to the first of them only where a stop is requested.
+    fn answer_run(&self, run: &[Question], watch: &dyn Watch) -> Vec<Answer> {
         let base = &self.clusters[run[0].cluster];
         let asked: Vec<&[f64]> = run.iter().map(|question| question.ln_albedo.as_slice()).collect();
         let mut ways = self.ways(base, run[0].half_mm).into_iter();
-        let mut answers = ways.next().map_or_else(Vec::new, |way| self.answer_over(base, &asked, way));
+        let mut answers = ways.next().map_or_else(Vec::new, |way| self.answer_over(base, &asked, way, watch));
         for way in ways {
             if !answers.iter().any(Answer::misses) {
                 break;
             }
             // Of all questions: those that are answered already lead to those that are not.
-            for (answer, other) in answers.iter_mut().zip(self.answer_over(base, &asked, way)) {
+            for (answer, other) in answers.iter_mut().zip(self.answer_over(base, &asked, way, watch)) {
                 if answer.misses() && other.miss() < answer.miss() {
                     *answer = other;
                 }
@@ -314,7 +314,7 @@ impl Answers {
 
     /// Answers to questions of one cluster, sought one way: from what was found for the cluster outwards, each from the
     /// nearest of those before.
-    fn answer_over(&self, base: &Base, run: &[&[f64]], way: Way) -> Vec<Answer> {
+    fn answer_over(&self, base: &Base, run: &[&[f64]], way: Way, watch: &dyn Watch) -> Vec<Answer> {
         let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
         let ln = |albedo: &[f64]| -> Vec<f64> { albedo.iter().map(|albedo| libm::log(albedo.max(BLACK))).collect() };
         let start = self.squeezed(base, way.below);
@@ -325,6 +325,10 @@ impl Answers {
         let mut solved = vec![(here, start, None)];
         let mut answers: Vec<Option<Answer>> = vec![None; run.len()];
         for (_, n) in order {
+            // There may be thousands, of milliseconds each.
+            if watch.stop_requested() {
+                break;
+            }
             let goal = run[n];
             let nearest = (0..solved.len()).map(|at| (apart(&solved[at].0, goal), at));
             let (_, nearest) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
@@ -349,7 +353,8 @@ impl Answers {
         numbers
     }
 
-    /// No layer thinner than may be or than voxels hold mixed, no resin above its depth, no shares below 0 or of more than the top layer.
+    /// No layer thinner than may be or than voxels hold mixed, no resin above its depth, no shares below 0 or of more
+    /// than the top layer.
     fn keep_limits(&self, base: &Base, below: Below, numbers: &mut [f64]) {
         let (thickness, shares) = numbers.split_at_mut(base.layers.len());
         let mut above = 0.0;

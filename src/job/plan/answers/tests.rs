@@ -1,5 +1,7 @@
 //! Answers keep what they promise, by the whole model.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use super::{newton::CLOSE, *};
 use crate::{
     optics::{FrequencyGrid, Light, MaterialSet, Transport},
@@ -232,7 +234,7 @@ fn thin_parts_of_mixtures_have_no_core() {
     let dark = [question(0.02, 0.03)];
     let found = mixing.answer(&dark, &Unwatched).unwrap();
     let filled = Way { below: Below::Middle(0.02), ease: 1.0 };
-    let without = mixing.answer_over(&mixing.clusters[0], &[&dark[0].ln_albedo], filled);
+    let without = mixing.answer_over(&mixing.clusters[0], &[&dark[0].ln_albedo], filled, &Unwatched);
     assert!(found[0].miss() < without[0].miss(), "{found:?} {without:?}");
     assert!(found[0].stacking.pairs().map(|(_, mm)| mm).sum::<f64>() < 0.02, "{found:?}");
     let pure = answers(&set, &layers[1..], false);
@@ -299,4 +301,24 @@ fn top_layers_stay_as_thick_as_voxels_hold() {
         let top = &answer.stacking.layers[0];
         assert!(top.thickness_mm >= least && top.resin.share(clear) == 0.0, "{half_mm:?} {answer:?}");
     }
+}
+
+/// Thousands of questions about one cluster and thickness are one run: a stop does not wait for all of them.
+#[test]
+fn a_stop_is_heeded_between_questions_of_one_run() {
+    #[derive(Default)]
+    struct StopsAtThird(AtomicUsize);
+    impl Watch for StopsAtThird {
+        fn stop_requested(&self) -> bool {
+            self.0.fetch_add(1, Ordering::Relaxed) >= 2
+        }
+    }
+    let set = MaterialSet::builtin("synthetic").unwrap();
+    let [white, support] = ["white", "support"].map(|name| Mixture::from(set.resin(name).unwrap().0));
+    let answers = answers(&set, &[(white.clone(), 0.3), (support, 0.8), (white, 0.5)], true);
+    let ln_albedos = (0..50).map(|n| vec![-0.5 - 0.01 * f64::from(n)]);
+    let questions: Vec<_> = ln_albedos.map(|ln_albedo| Question { cluster: 0, half_mm: None, ln_albedo }).collect();
+    let watch = StopsAtThird::default();
+    assert_eq!(answers.answer_run(&questions, &watch).len(), 2);
+    assert_eq!(answers.answer(&questions, &watch), Err(Stopped));
 }
