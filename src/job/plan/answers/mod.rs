@@ -13,12 +13,15 @@
 //! next to nothing from millimetres away; no change of the layers above makes up for that.
 //!
 //! All of these numbers move by the least change that makes up for what is missing, in each channel, by Newton's rule:
-//! shares in units of [`SHARE`], thicknesses relative to what they are. Where there are
+//! shares in units of [`SHARE`](base::SHARE), thicknesses relative to what they are. Where there are
 //! shares, thicknesses move little ([`STIFF`]); freely where what is wanted is missed so.
 
+mod base;
 mod newton;
 #[cfg(test)]
 pub(super) mod tests;
+
+use base::{Base, Below};
 
 use super::context::TargetContext;
 use crate::{
@@ -70,17 +73,6 @@ pub(in crate::job) struct Answers {
     inks: Vec<ResinId>,
 }
 
-/// What lies below the layers.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Below {
-    /// The core, without an end.
-    Core,
-    /// The core, up to the middle of a part at this depth, mm; then the mirror image of all.
-    CoreToMiddle(f64),
-    /// The last layer, up to the middle of a part at this depth, mm; then the mirror image of all.
-    Middle(f64),
-}
-
 /// How an answer is sought.
 #[derive(Debug, Clone, Copy)]
 struct Way {
@@ -98,36 +90,15 @@ struct Model {
     thin: Vec<LayeredReflection>,
 }
 
-/// What was found for a cluster.
-#[derive(Debug)]
-struct Base {
-    layers: Vec<(Mixture, f64)>,
-    /// Index of its model.
-    model: usize,
-    /// What the top layer mostly is, and what else it may be, where it may be mixed.
-    top: Option<(ResinId, Vec<ResinId>)>,
-    /// Albedo per channel that the model promises of a flat slab.
-    promised: Vec<f64>,
-}
-
 /// One azimuthal order is enough for totals.
 const TOTALS: TransportOptions = TransportOptions { polar: 6, orders: 1 };
 /// Frequency of what stands for the total, rad/mm: light that leaves 5 mm aside counts 0.998. At 0 resins that absorb
 /// nothing have no modes.
 const NEARLY_ALL: f64 = 0.02;
-/// Most that a step may change ln thickness, or shares in their unit.
-const LONGEST: f64 = 0.7;
-const MOST_SHARES: f64 = 3.0;
-/// Unit of shares of the top layer in a step.
-const SHARE: f64 = 0.05;
 /// Thicknesses make a glow wide, so that shares move first. With both free an edge on a ball in white with 13% black,
 /// 0.25 mm over support, that must print darker, was 0.7 mm wide in place of 1.3, under a top layer twice as thick; of
 /// 23% black at the same thickness it is as dark, at 1.35 mm.
 const STIFF: f64 = 0.1;
-/// Most of the top layer that may be other than what it mostly is. In thin places, which lie along sharp edges too,
-/// dark prints need all that they can get, for light comes in by another face.
-const MIXED: f64 = 0.8;
-const MIXED_WHERE_THIN: f64 = 1.0;
 /// A resin that dims light by less makes up for no albedo: it lets light go so far that a plate, which answers are for,
 /// is like no part that bends. A dark red ring, asked for more than its inks have, took in 50% of it under layers of 2
 /// mm: promised 20% darker, it printed 30% lighter.
@@ -135,8 +106,6 @@ const CLEAR_PER_MM: f64 = 0.1;
 /// Thin places that even so are too light, by this as a logarithm in every channel, are of the top layer throughout.
 /// There, as along a sharp edge, light comes in by another face below it, and what else lies there lets it through.
 const TOO_LIGHT: f64 = 0.02;
-/// Part of a thin place that squeezed layers take.
-const SQUEEZED: f64 = 0.85;
 /// Albedos below are black: no factor changes them.
 const BLACK: f64 = 1e-4;
 
@@ -414,21 +383,6 @@ impl std::fmt::Debug for Answers {
     }
 }
 
-impl Below {
-    /// Depth of the middle of a thin part, mm.
-    fn middle_mm(self) -> Option<f64> {
-        match self {
-            Self::Core => None,
-            Self::CoreToMiddle(half) | Self::Middle(half) => Some(half),
-        }
-    }
-
-    /// Most of the top layer that may be other than what it mostly is.
-    fn most_mixed(self) -> f64 {
-        if self == Self::Core { MIXED } else { MIXED_WHERE_THIN }
-    }
-}
-
 impl Answer {
     /// Sum of the squares of what is missing.
     fn miss(&self) -> f64 {
@@ -448,73 +402,6 @@ impl Answer {
         let whole: f64 = self.stacking.layers.iter().map(|layer| layer.thickness_mm).sum();
         for (n, layer) in self.stacking.layers.iter_mut().enumerate() {
             layer.thickness_mm = if n == 0 { rounded(whole) } else { 0.0 };
-        }
-    }
-}
-
-impl Base {
-    /// The last layer that is one, not a slot that was found to be skipped.
-    fn last(&self) -> Option<usize> {
-        self.layers.iter().rposition(|layer| layer.1 > 0.0)
-    }
-
-    /// The share of all thicknesses that a thin part has room for.
-    fn room(&self, below: Below) -> f64 {
-        let whole: f64 = self.layers.iter().map(|layer| layer.1).sum();
-        below.middle_mm().map_or(1.0, |half| (SQUEEZED * half / whole.max(f64::MIN_POSITIVE)).min(1.0))
-    }
-
-    /// Thicknesses of the layers in mm, then shares of the top layer.
-    fn numbers(&self) -> Vec<f64> {
-        let thickness = self.layers.iter().map(|layer| layer.1);
-        let others = self.top.iter().flat_map(|(_, others)| others);
-        thickness.chain(others.map(|resin| self.layers[0].0.share(*resin))).collect()
-    }
-
-    /// Thicknesses of what light goes through, mm: the layers, cut off at the middle of a thin part, and what lies
-    /// between the last and that.
-    fn thicknesses(&self, numbers: &[f64], below: Below) -> Vec<f64> {
-        let mut mm: Vec<f64> = numbers[..self.layers.len()].to_vec();
-        if let Some(half) = below.middle_mm() {
-            let mut left = half;
-            for mm in &mut mm {
-                *mm = mm.min(left);
-                left -= *mm;
-            }
-            if let (Below::Middle(_), Some(last)) = (below, self.last()) {
-                mm[last] += std::mem::take(&mut left);
-            }
-            mm.push(left);
-        } else if mm.is_empty() {
-            mm.push(0.0);
-        }
-        mm
-    }
-
-    /// The top layer, where it may be mixed.
-    fn mixed_top(&self, numbers: &[f64]) -> Option<Mixture> {
-        self.top.as_ref().and_then(|_| self.mixtures(numbers).next())
-    }
-
-    /// The mixtures of all layers.
-    fn mixtures<'a>(&'a self, numbers: &'a [f64]) -> impl Iterator<Item = Mixture> + 'a {
-        let shares = &numbers[self.layers.len()..];
-        let top = self.top.as_ref().and_then(|(carrier, others)| {
-            let rest = 1.0 - shares.iter().sum::<f64>();
-            Mixture::new(others.iter().copied().zip(shares.iter().copied()).chain([(*carrier, rest)]))
-        });
-        let first = top
-            .into_iter()
-            .chain(self.top.is_none().then(|| self.layers.first().map(|layer| layer.0.clone())).flatten());
-        first.chain(self.layers.iter().skip(1).map(|layer| layer.0.clone()))
-    }
-
-    /// Moves a number by `step`: a thickness by a factor, a share by so many of its unit.
-    fn shift(&self, numbers: &mut [f64], n: usize, step: f64) {
-        if n < self.layers.len() {
-            numbers[n] *= libm::exp(step.clamp(-LONGEST, LONGEST));
-        } else {
-            numbers[n] += SHARE * step.clamp(-MOST_SHARES, MOST_SHARES);
         }
     }
 }

@@ -2,7 +2,11 @@
 
 use std::ops::Range;
 
-use super::{Answer, Answers, BLACK, Base, Below, SHARE, Way, mixed_volume};
+use super::{
+    Answer, Answers, BLACK, Way,
+    base::{Base, Below, SHARE},
+    mixed_volume,
+};
 use crate::{
     numeric::{positive_definite, rounding::rounded},
     optics::{LayeredReflection, Mixed, Mixture, Stack, VolumeCoefficients},
