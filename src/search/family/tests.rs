@@ -96,7 +96,7 @@ fn limits_are_kept_and_slots_are_alike() {
 #[test]
 fn no_layer_is_thinner_than_it_may_be() {
     let targets: Vec<PartTarget> =
-        (0..12).map(|i| material(0.12 + 0.04 * f64::from(i), [0.2, 0.5, 1.1][i as usize % 3])).collect();
+        (0..12).map(|i| material(0.12 + 0.04 * f64::from(i), [0.3, 0.4, 1.1][i as usize % 3])).collect();
     let found = |any_slot: bool| {
         let layers = RefineOptions { min_layer_mm: 0.12, any_slot, ..RefineOptions::default() };
         let family = Family::new(&set(), &options(), &layers, &targets, &Unwatched).unwrap().unwrap();
