@@ -7,11 +7,47 @@ const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
 /// A unit of UTF-16 from its two bytes.
 type Unit = fn([u8; 2]) -> u16;
 
-/// The text without byte order mark; UTF-16 becomes UTF-8, what is none of it U+FFFD.
-pub(crate) fn decoded(bytes: &[u8]) -> Cow<'_, [u8]> {
+/// UTF-16 that is cut short, or holds half a character.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("half a character of UTF-16 at offset {offset}")]
+pub(crate) struct HalfCharacter {
+    /// Where, bytes from the start.
+    pub offset: usize,
+}
+
+/// The text without byte order mark; UTF-16 becomes UTF-8, and what is neither stays.
+///
+/// # Errors
+/// UTF-16 that is broken.
+pub(crate) fn decoded(bytes: &[u8]) -> Result<Cow<'_, [u8]>, HalfCharacter> {
     match utf_16(bytes) {
-        Some((unit, text)) => Cow::Owned(from_utf16(text, unit)),
-        None => Cow::Borrowed(bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes)),
+        Some((unit, text)) => {
+            let read = from_utf16(text, unit);
+            let mark = bytes.len() - text.len();
+            read.map(|text| Cow::Owned(text.into_bytes())).map_err(|offset| HalfCharacter { offset: mark + offset })
+        }
+        None => Ok(Cow::Borrowed(bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes))),
+    }
+}
+
+/// The text of bytes that must be one.
+///
+/// # Errors
+/// What is found in its place, and where.
+pub(crate) fn text(bytes: &[u8]) -> Result<String, String> {
+    let decoded = decoded(bytes).map_err(|broken| broken.to_string())?;
+    String::from_utf8(decoded.into_owned()).map_err(|error| {
+        let mark = if bytes.starts_with(UTF8_MARK) { UTF8_MARK.len() } else { 0 };
+        format!("bytes that are not UTF-8 at offset {}", mark + error.utf8_error().valid_up_to())
+    })
+}
+
+/// Text that may be of an older encoding: what is no UTF-8 is read as Latin-1, in which every byte is a character of
+/// its own, so that names which differ stay apart.
+pub(crate) fn or_latin_1(bytes: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Cow::Borrowed(text),
+        Err(_) => Cow::Owned(bytes.iter().map(|&byte| char::from(byte)).collect()),
     }
 }
 
@@ -32,14 +68,16 @@ fn utf_16(bytes: &[u8]) -> Option<(Unit, &[u8])> {
     }
 }
 
-fn from_utf16(bytes: &[u8], unit: Unit) -> Vec<u8> {
-    let mut text = Vec::with_capacity(bytes.len() / 2);
-    let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
-    for c in char::decode_utf16(units) {
-        let c = c.unwrap_or(char::REPLACEMENT_CHARACTER);
-        text.extend_from_slice(c.encode_utf8(&mut [0; 4]).as_bytes());
+/// The text, or the offset of what is no whole character.
+fn from_utf16(bytes: &[u8], unit: Unit) -> Result<String, usize> {
+    let mut text = String::with_capacity(bytes.len() / 2);
+    let mut read = 0;
+    for c in char::decode_utf16(bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]))) {
+        let c = c.map_err(|_| read)?;
+        read += 2 * c.len_utf16();
+        text.push(c);
     }
-    text
+    if read < bytes.len() { Err(read) } else { Ok(text) }
 }
 
 #[cfg(test)]
@@ -60,14 +98,37 @@ mod tests {
             little,
             big,
         ] {
-            assert_eq!(*decoded(&bytes), *text.as_bytes());
+            assert_eq!(*decoded(&bytes).unwrap(), *text.as_bytes());
+            assert_eq!(super::text(&bytes).unwrap(), text);
         }
     }
 
     #[test]
     fn other_bytes_stay() {
         for bytes in [&b"v 1"[..], b"", b"v", b"v\0", b"\0\0v\0", b"v\0\0\0", b"\x89\0P\0", b"ply\n"] {
-            assert_eq!(*decoded(bytes), *bytes);
+            assert_eq!(*decoded(bytes).unwrap(), *bytes);
         }
+    }
+
+    #[test]
+    fn half_a_character_is_refused_with_its_place() {
+        for (bytes, offset) in [
+            // Cut within a unit; after a high surrogate; a low one alone; behind a mark.
+            (&b"v\0 \01"[..], 4),
+            (b"v\0 \0\x3d\xd8", 4),
+            (b"\0v\0 \xdc\x07\0 ", 4),
+            (b"\xff\xfev\0\x3d\xd8v\0", 4),
+        ] {
+            assert_eq!(decoded(bytes), Err(HalfCharacter { offset }));
+            assert_eq!(text(bytes).unwrap_err(), format!("half a character of UTF-16 at offset {offset}"));
+        }
+        assert_eq!(text(b"wh\xff").unwrap_err(), "bytes that are not UTF-8 at offset 2");
+        assert_eq!(text(b"\xef\xbb\xbfwh\xff").unwrap_err(), "bytes that are not UTF-8 at offset 5");
+    }
+
+    #[test]
+    fn names_of_an_older_encoding_stay_apart() {
+        assert_eq!(or_latin_1("grün".as_bytes()), "grün");
+        assert_eq!([or_latin_1(b"gr\xfcn"), or_latin_1(b"gr\xf6n")], ["grün", "grön"]);
     }
 }

@@ -9,7 +9,7 @@ use std::{
     path::Path,
 };
 
-use crate::encoding::decoded;
+use crate::encoding;
 
 /// Longest text that is read, bytes: materials, profiles, tables, records.
 pub(crate) const MAX_TEXT: u64 = 64 << 20;
@@ -83,10 +83,7 @@ pub(crate) fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
 /// As [`read`], and bytes that are neither UTF-8 nor UTF-16.
 pub(crate) fn read_text(path: &Path) -> io::Result<String> {
     let bytes = read(path, MAX_TEXT)?;
-    String::from_utf8(decoded(&bytes).into_owned()).map_err(|error| {
-        let place = error.utf8_error().valid_up_to();
-        Error::new(ErrorKind::InvalidData, format!("bytes that are not UTF-8 at offset {place}"))
-    })
+    encoding::text(&bytes).map_err(|found| Error::new(ErrorKind::InvalidData, found))
 }
 
 #[cfg(test)]

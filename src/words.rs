@@ -20,6 +20,25 @@ pub fn voxels(count: u64) -> String {
     }
 }
 
+/// A number for people, as short as nine digits allow: what rounding left behind them is no news. Very large and very
+/// small ones have an exponent.
+pub fn short(value: f64) -> String {
+    let value = format!("{value:.8e}").parse().unwrap_or(value);
+    // What rounds to zero has no sign.
+    if value == 0.0 {
+        "0".to_owned()
+    } else if (1e-4..1e9).contains(&value.abs()) {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
+}
+
+/// Lengths along x, y and z: `0.1 × 0.1 × 0.027`.
+pub fn by(lengths: [f64; 3]) -> String {
+    lengths.map(short).join(" × ")
+}
+
 /// A time in the unit that it is told in: `under 1 s`, `40 s`, `5 min`, `2.5 h`.
 pub fn duration(seconds: f64) -> String {
     match seconds {
@@ -196,6 +215,23 @@ mod tests {
     fn what_rounds_to_zero_has_no_sign() {
         let words = [0.0004, -0.0004, -0.0006, 1.5].map(|value| signed(value, 3));
         assert_eq!(words, ["0.000", "0.000", "-0.001", "+1.500"]);
+    }
+
+    #[test]
+    fn numbers_have_no_rounding_behind_them() {
+        let told = [
+            (6000.0 * 25.4 - 3e-11, "152400"),
+            (0.1 + 0.2, "0.3"),
+            (25.4 / 300.0, "0.0846666667"),
+            (-0.0, "0"),
+            (1.5e-7, "1.5e-7"),
+            (1e300, "1e300"),
+            (-4.0, "-4"),
+            (f64::NAN, "NaN"),
+            (f64::INFINITY, "inf"),
+        ];
+        told.into_iter().for_each(|(value, words)| assert_eq!(short(value), words));
+        assert_eq!(by([0.1, 0.3 - 0.2, 0.027]), "0.1 × 0.1 × 0.027");
     }
 
     #[test]

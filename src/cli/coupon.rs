@@ -8,6 +8,7 @@ use lumislice::{
     measure::{Coupon, NamedResin},
     output::{Existing, OutputFolder, Owner},
     voxel::Printer,
+    words::{by, short},
 };
 use serde_json::json;
 
@@ -117,7 +118,6 @@ pub fn run(args: &CouponArgs) -> Result<Answer> {
         warnings.extend(manifest.warnings);
     }
     warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
-    let [width, height, depth] = coupon.size_mm;
     let names: Vec<_> = coupon.resins.iter().map(|resin| resin.name.as_str()).collect();
     if args.json {
         print_json(&json!({
@@ -131,9 +131,10 @@ pub fn run(args: &CouponArgs) -> Result<Answer> {
     }
     let folder = args.output.display();
     print(&format!(
-        "{width} × {height} × {depth:.2} mm, {} fields of {} mm: {}\n{folder}/coupon.toml, {folder}/coupon.json{}\n",
+        "{} mm, {} fields of {} mm: {}\n{folder}/coupon.toml, {folder}/coupon.json{}\n",
+        by(coupon.size_mm),
         coupon.fields.len(),
-        coupon.spacing_mm,
+        short(coupon.spacing_mm),
         names.join(", "),
         if args.no_slices { String::new() } else { format!(", slices in {folder}/{PRINT}") },
     ))?;

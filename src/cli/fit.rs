@@ -107,8 +107,8 @@ fn run_coupon(args: &FitArgs, file: &Path, photographs: &Photographs) -> Result<
         Reading::of(&coupon, photographs).and_then(|reading| Ok((fit_coupon(&coupon, &reading, &bars)?, reading)));
     bars.finish();
     let (fits, reading) = fits?;
-    output.finish(coupon.toml(&reading, &fits).as_bytes())?;
-    let notes = coupon.notes(&reading, &fits);
+    output.finish(coupon.toml(&reading, &fits)?.as_bytes())?;
+    let notes = coupon.notes(&reading, &fits)?;
     notes.iter().for_each(|note| say(&format!("note: {note}")));
     let resins = || coupon.resins.iter().enumerate();
     if args.json {

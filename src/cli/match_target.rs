@@ -10,7 +10,7 @@ use lumislice::{
     plot::Figure,
     search::{
         Judge, Judged, Match, MatchOptions, Matcher, Norm, Objective, RefineOptions, SearchError, SearchOptions,
-        SearchTarget, far_miss,
+        SearchTarget, far_glow, far_miss,
     },
     watch::{StopOnly, Unwatched, Watch},
 };
@@ -209,14 +209,15 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
         search: found.search.as_ref(),
         answer,
     };
-    shown.warn_of_a_far_miss();
+    let look = shown.look();
+    look.warn_of_far_misses();
     if let Some(plot) = plot {
         plot.finish(&shown.figure(traced.as_ref())?)?;
     }
     if args.json {
-        print_json(&shown.document())?;
+        print_json(&shown.document(&look))?;
     } else {
-        print(&shown.report())?;
+        print(&shown.report(&look))?;
     }
     Ok(Answer::Yes)
 }
@@ -309,6 +310,30 @@ struct Look {
     delta_e_2000: f64,
 }
 
+/// A channel returning less shows no glow.
+const GLOWS: f64 = 0.01;
+
+impl Look {
+    /// Says it where the answer comes out lighter or darker than asked, or its glow wider or narrower.
+    fn warn_of_far_misses(&self) {
+        if let Some([asked, found]) = far_miss(self.albedo.iter().copied()) {
+            say(&format!(
+                "warning: albedo {found:.2} in place of {asked:.2}: the resins reach no nearer within what is allowed, \
+                 see `lumislice gamut`"
+            ));
+        }
+        let glowing = self.edge_mm.iter().zip(&self.albedo).filter(|(_, albedo)| albedo.iter().all(|it| *it > GLOWS));
+        let widths = glowing.map(|(edge, _)| edge.map(|mm| mm.unwrap_or(EdgeResponse::WIDEST_MM)));
+        if let Some([asked, found]) = far_glow(widths) {
+            let how = if found < asked { "less far" } else { "farther" };
+            say(&format!(
+                "warning: a shadow's edge {found:.2} mm wide in place of {asked:.2}: light goes {how} inside than \
+                 asked; beside the albedo the resins reach no nearer within what is allowed, see `lumislice gamut`"
+            ));
+        }
+    }
+}
+
 /// Bytes of a colour that differ by no more pass for grey.
 const GREY: u8 = 8;
 
@@ -325,17 +350,6 @@ impl Shown<'_> {
             edge_mm: both().map(|(t, r)| [width(t), width(r)]).collect(),
             delta_e_2000: delta_e_2000(colour(0), colour(1)),
             albedo,
-        }
-    }
-
-    /// Says it where the answer comes out lighter or darker than asked.
-    fn warn_of_a_far_miss(&self) {
-        let albedos = self.target.channels.iter().zip(&self.answer.reflection).map(|(t, r)| [t[0], r[0]]);
-        if let Some([asked, found]) = far_miss(albedos) {
-            say(&format!(
-                "warning: albedo {found:.2} in place of {asked:.2}: the resins reach no nearer within what is allowed, \
-                 see `lumislice gamut`"
-            ));
         }
     }
 
@@ -369,7 +383,7 @@ impl Shown<'_> {
         layers.join(",")
     }
 
-    fn document(&self) -> serde_json::Value {
+    fn document(&self, look: &Look) -> serde_json::Value {
         let Self { answer, search, .. } = self;
         let stack = |judged: &Judged| -> Vec<_> {
             let layers = self.named(&judged.stacking).into_iter();
@@ -382,7 +396,7 @@ impl Shown<'_> {
             "proven": search.map(|search| search.proven),
             "nodes": search.map(|search| search.nodes),
         });
-        let Look { albedo, edge_mm, delta_e_2000 } = self.look();
+        let Look { albedo, edge_mm, delta_e_2000 } = look;
         document["look"] = json!({ "albedo": albedo, "edge_mm": edge_mm, "delta_e_2000": delta_e_2000 });
         if let Some(unrefined) = &self.unrefined {
             let objective = json!({ "km": unrefined.kubelka_munk, "transport": unrefined.transport });
@@ -391,7 +405,7 @@ impl Shown<'_> {
         document
     }
 
-    fn report(&self) -> String {
+    fn report(&self, look: &Look) -> String {
         let Self { answer, search, .. } = self;
         let rows: Vec<_> =
             self.named(&answer.stacking).into_iter().map(|(name, mm)| vec![name, format!("{mm:.4}")]).collect();
@@ -403,7 +417,7 @@ impl Shown<'_> {
             let squares: f64 = r.iter().zip(t).map(|(r, t)| (r - t) * (r - t)).sum();
             (squares / r.len() as f64).sqrt()
         };
-        let Look { albedo, edge_mm, delta_e_2000 } = self.look();
+        let Look { albedo, edge_mm, delta_e_2000 } = look;
         let channels = self.set.channels.iter().enumerate().map(|(channel, name)| {
             let [asked, predicted] = albedo[channel].map(|albedo| number(Some(albedo), 4));
             let [edge_asked, edge] = edge_mm[channel].map(|mm| number(mm, 3));

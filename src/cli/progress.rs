@@ -4,7 +4,7 @@
 use std::{
     fmt::Write,
     io::IsTerminal,
-    sync::Mutex,
+    sync::{Arc, Mutex},
     time::{Duration, Instant},
 };
 
@@ -19,9 +19,16 @@ use super::INTERRUPT;
 /// Draws the current stage, and stops for Ctrl-C.
 pub struct Bars {
     shown: bool,
-    quiet: bool,
     current: Mutex<ProgressBar>,
-    line: Mutex<Option<Line>>,
+    line: Arc<Mutex<Lines>>,
+}
+
+/// What is told where no bars are drawn.
+#[derive(Default)]
+struct Lines {
+    stage: Option<Line>,
+    /// What is still to come: how its first stage's name begins, and words for it.
+    ahead: Vec<(&'static str, String)>,
 }
 
 /// A stage that no bar is drawn of.
@@ -30,7 +37,17 @@ struct Line {
     steps: u64,
     done: u64,
     began: Instant,
-    told: bool,
+    /// When its first steps were done, and how many these were: what comes before them is no measure of the rest.
+    paced: Option<(Instant, u64)>,
+    told: Told,
+}
+
+/// What was told of a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
+enum Told {
+    Nothing,
+    HowFar,
+    TimeLeft,
 }
 
 /// How long a stage lasts before the time that it will take is told.
@@ -38,15 +55,53 @@ const TOLD_AFTER: Duration = Duration::from_secs(1);
 /// How long one lasts before it gets a line where no bars are drawn.
 const LONG: Duration = Duration::from_secs(10);
 
+impl Lines {
+    /// A stage begins: what was ahead up to it is so no more.
+    fn begin(&mut self, name: &str, steps: u64) {
+        if let Some(reached) = self.ahead.iter().position(|(stage, _)| name.starts_with(stage)) {
+            self.ahead.drain(..=reached);
+        }
+        let (began, name) = (Instant::now(), name.to_owned());
+        self.stage = Some(Line { name, steps, done: 0, began, paced: None, told: Told::Nothing });
+    }
+
+    /// What to say now.
+    fn told(&mut self, now: Instant) -> Option<String> {
+        let told = self.stage.as_mut()?.told(now)?;
+        let ahead: Vec<_> = self.ahead.iter().map(|(_, words)| words.as_str()).collect();
+        Some(if ahead.is_empty() { told } else { format!("{told}; then {}", ahead.join(", ")) })
+    }
+}
+
 impl Line {
-    /// What to say now that a stage has gone on for `elapsed`: once, and of one that takes long.
-    fn told(&mut self, elapsed: Duration) -> Option<String> {
-        if self.told || elapsed < LONG || self.done == 0 || self.done >= self.steps {
+    fn advance(&mut self, steps: u64, now: Instant) {
+        self.done += steps;
+        self.paced = self.paced.or(Some((now, self.done)));
+    }
+
+    /// What to say of a stage that takes long: once how far it is, where that is all that is known, and once how long
+    /// it will take.
+    fn told(&mut self, now: Instant) -> Option<String> {
+        let elapsed = now.duration_since(self.began);
+        if elapsed < LONG || self.told == Told::TimeLeft {
             return None;
         }
-        self.told = true;
-        let left = elapsed.mul_f64((self.steps - self.done) as f64 / self.done as f64);
-        Some(format!("{}: {:#} left", self.name, HumanDuration(left)))
+        let Self { name, steps, done, .. } = self;
+        if let Some((since, first)) = self.paced.filter(|(_, first)| *done > *first && *done < *steps) {
+            self.told = Told::TimeLeft;
+            let left = now.duration_since(since).mul_f64((*steps - *done) as f64 / (*done - first) as f64);
+            return Some(format!("{name}: {:#} left", HumanDuration(left)));
+        }
+        if self.told == Told::HowFar || *done >= *steps && *steps > 0 {
+            return None;
+        }
+        self.told = Told::HowFar;
+        let far = match *steps {
+            0 => String::new(),
+            Thousandths::STEPS => format!("{}% in ", *done / 10),
+            steps => format!("{done} of {steps} in "),
+        };
+        Some(format!("{name}: {far}{:#} so far", HumanDuration(elapsed)))
     }
 }
 
@@ -54,7 +109,19 @@ impl Bars {
     /// Bars on a terminal, lines for what takes long elsewhere; nothing when `quiet`.
     pub fn new(quiet: bool) -> Self {
         let shown = !quiet && std::io::stderr().is_terminal();
-        Self { shown, quiet, current: Mutex::new(ProgressBar::hidden()), line: Mutex::new(None) }
+        let line = Arc::default();
+        if !shown && !quiet {
+            tell(&line);
+        }
+        Self { shown, current: Mutex::new(ProgressBar::hidden()), line }
+    }
+
+    /// Says what follows as well, where lines are told: how the first stage of each begins, and words for it.
+    pub fn followed_by(self, ahead: Vec<(&'static str, String)>) -> Self {
+        if let Ok(mut line) = self.line.lock() {
+            line.ahead = ahead;
+        }
+        self
     }
 
     fn replace(&self, bar: ProgressBar) {
@@ -67,14 +134,32 @@ impl Bars {
     /// Takes the bar off the screen.
     pub fn finish(&self) {
         self.replace(ProgressBar::hidden());
+        if let Ok(mut line) = self.line.lock() {
+            line.stage = None;
+        }
     }
+}
+
+/// Looks at the line every second, as long as there is one, for a stage may say nothing for long.
+fn tell(line: &Arc<Mutex<Lines>>) {
+    let line = Arc::downgrade(line);
+    std::thread::spawn(move || {
+        loop {
+            std::thread::sleep(Duration::from_secs(1));
+            let Some(line) = line.upgrade() else { return };
+            let told = line.lock().ok().and_then(|mut line| line.told(Instant::now()));
+            if let Some(told) = told {
+                super::say(&told);
+            }
+        }
+    });
 }
 
 impl Watch for Bars {
     fn stage(&self, name: &str, steps: u64) {
         if !self.shown {
             if let Ok(mut line) = self.line.lock() {
-                *line = Some(Line { name: name.to_owned(), steps, done: 0, began: Instant::now(), told: false });
+                line.begin(name, steps);
             }
             return;
         }
@@ -90,7 +175,9 @@ impl Watch for Bars {
         if let Ok(style) = ProgressStyle::with_template(template) {
             let left = |state: &ProgressState, out: &mut dyn Write| {
                 // Of nothing done nothing follows.
-                if state.pos() > 0 && state.elapsed() >= TOLD_AFTER {
+                if state.pos() == 0 && state.elapsed() >= LONG {
+                    let _ = write!(out, "  {:#} so far", HumanDuration(state.elapsed()));
+                } else if state.pos() > 0 && state.elapsed() >= TOLD_AFTER {
                     let _ = write!(out, "  {:#} left", HumanDuration(state.eta()));
                 }
             };
@@ -102,15 +189,8 @@ impl Watch for Bars {
     }
 
     fn advance(&self, steps: u64) {
-        if !self.shown && !self.quiet {
-            let told = self.line.lock().ok().and_then(|mut line| {
-                let line = line.as_mut()?;
-                line.done += steps;
-                line.told(line.began.elapsed())
-            });
-            if let Some(told) = told {
-                super::say(&told);
-            }
+        if let Some(line) = self.line.lock().ok().as_mut().and_then(|line| line.stage.as_mut()) {
+            line.advance(steps, Instant::now());
         }
         if let Ok(current) = self.current.lock() {
             current.inc(steps);
@@ -127,12 +207,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_stages_are_told_once() {
-        let mut line = Line { name: "light".to_owned(), steps: 400, done: 0, began: Instant::now(), told: false };
-        assert_eq!(line.told(LONG * 2), None);
-        line.done = 100;
-        assert_eq!(line.told(LONG / 2), None);
-        assert_eq!(line.told(LONG), Some("light: 30s left".to_owned()));
-        assert_eq!(line.told(LONG), None);
+    fn long_stages_are_told_how_far_they_are_and_what_is_left() {
+        let mut lines = Lines {
+            ahead: vec![("stackings", "s".into()), ("round", "4 rounds".into()), ("slices", "slices".into())],
+            ..Lines::default()
+        };
+        lines.begin("stackings", 40);
+        let began = lines.stage.as_ref().unwrap().began;
+        assert_eq!(lines.told(began + LONG / 2), None);
+        assert_eq!(lines.told(began + LONG).unwrap(), "stackings: 0 of 40 in 10s so far; then 4 rounds, slices");
+        assert_eq!(lines.told(began + LONG), None);
+        // The first step took long, the others do not.
+        lines.stage.as_mut().unwrap().advance(1, began + 2 * LONG);
+        assert_eq!(lines.told(began + 2 * LONG), None);
+        lines.stage.as_mut().unwrap().advance(3, began + 3 * LONG);
+        assert_eq!(lines.told(began + 3 * LONG).unwrap(), "stackings: 2m left; then 4 rounds, slices");
+        assert_eq!(lines.told(began + 4 * LONG), None);
+        lines.begin("slices", 0);
+        let began = lines.stage.as_ref().unwrap().began;
+        assert_eq!(lines.told(began + LONG).unwrap(), "slices: 10s so far");
+        lines.begin("light", Thousandths::STEPS);
+        lines.stage.as_mut().unwrap().advance(Thousandths::STEPS, began);
+        assert_eq!(lines.told(began + 2 * LONG), None);
     }
 }

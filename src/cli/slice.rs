@@ -11,7 +11,7 @@ use lumislice::{
         manifest::MaterialRecord,
     },
     output::{Existing, OutputFolder},
-    words::{duration, signed, voxels},
+    words::{counted, duration, signed, voxels},
 };
 use serde_json::{Value, json};
 
@@ -98,7 +98,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
             job::refuse_another(&job, &folder)?;
         }
     }
-    let bars = Bars::new(args.json);
+    let bars = Bars::new(args.json).followed_by(ahead(&job, args.dry_run));
     let found = args.rounds_from.as_ref().unwrap_or(&folder);
     let corrected = if args.dry_run { Corrected::Draft } else { Corrected::As(std::slice::from_ref(found)) };
     let prepared = prepared(job, &args.cache, corrected, &bars);
@@ -136,6 +136,17 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     manifest.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     print(&summary(&manifest, &folder.display().to_string()))?;
     Ok(Answer::Yes)
+}
+
+/// What a job comes to after its stackings, by stages.
+fn ahead(job: &Job, dry_run: bool) -> Vec<(&'static str, String)> {
+    if dry_run {
+        return vec![("estimate", "an estimate of the rest".to_owned())];
+    }
+    let rounds = (job.rounds() > 0)
+        .then(|| ("round", format!("up to {} of correction", counted(job.rounds() as usize, "round"))));
+    let pictures = job.wants(OutputFormat::Preview).then(|| ("pictures", "pictures".to_owned()));
+    rounds.into_iter().chain([("slices", "slices".to_owned())]).chain(pictures).collect()
 }
 
 /// Where a job goes unless it is said.

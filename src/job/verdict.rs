@@ -68,17 +68,25 @@ impl Manifest {
         let (printed, wanted) = (mean(&worst.printed), mean(&goal));
         let percent = 100.0 * (printed / wanted.max(1e-3) - 1.0).abs();
         let side = if printed > wanted { "brighter" } else { "darker" };
-        let off = match worst.delta_e_2000 {
-            Some(difference) => format!("ΔE {difference:.1}, {percent:.0}% {side}"),
-            None => format!("{percent:.0}% {side}"),
-        };
         let [x, y, z] = worst.position_mm;
         let [low, high] = [0, 1].map(|end| {
             let corners = self.objects.get(worst.object).map(|object| object.bounds_mm);
             corners.map_or(0.0, |corners| corners[end][2])
         });
-        let at = (z - low) / (high - low).max(f64::MIN_POSITIVE);
-        let height = HEIGHTS.iter().find(|(end, _)| at < *end).map_or("near the top", |(_, words)| *words);
+        let up = (z - low) / (high - low).max(f64::MIN_POSITIVE);
+        let height = HEIGHTS.iter().find(|(end, _)| up < *end).map_or("near the top", |(_, words)| *words);
+        let at = |words: &str| format!("{words}, at ({x:.1}, {y:.1}, {z:.1}) mm");
+        if worst.asked.is_none() {
+            return format!(
+                "It is most unlike a flat slab of its layers {}: {percent:.0}% {side}, for light comes and goes by \
+                 other sides where a part is thin, ends or bends.",
+                at(height)
+            );
+        }
+        let off = match worst.delta_e_2000 {
+            Some(difference) => format!("ΔE {difference:.1}, {percent:.0}% {side}"),
+            None => format!("{percent:.0}% {side}"),
+        };
         let why = if worst.asked.as_deref().is_some_and(|asked| self.is_beyond(worst.object, asked)) {
             "these resins come no nearer to what is asked there".to_owned()
         } else if worst.sky < HOLLOW {
@@ -95,7 +103,7 @@ impl Manifest {
              as far as rounds and resins go"
                 .to_owned()
         };
-        format!("The worst place is {height}, at ({x:.1}, {y:.1}, {z:.1}) mm: {off} than it should be. Why: {why}.")
+        format!("The worst place is {}: {off} than it should be. Why: {why}.", at(height))
     }
 
     /// Whether the stacking for what is most like `asked` looks another way, though flat and endless.

@@ -30,6 +30,8 @@ mod bracket;
 mod capture;
 mod centre;
 mod coupon;
+#[cfg(test)]
+mod dice;
 mod error;
 mod evenness;
 mod figures;

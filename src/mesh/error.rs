@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::words::counted;
+use crate::words::{counted, short};
 
 /// Why a mesh cannot be read, placed or closed. Each message is one line with place, found and expected.
 #[derive(Debug, thiserror::Error)]
@@ -36,7 +36,10 @@ pub enum MeshError {
         expected: String,
     },
     /// The mesh is absurdly large or small, which nearly always is a matter of its unit.
-    #[error("{}: the mesh is {extent_mm:e} mm long, expected {min_mm:e} to {max_mm:e} mm: {hint}", file.display())]
+    #[error(
+        "{}: the mesh is {} mm long, expected {} to {} mm: {hint}",
+        file.display(), short(*extent_mm), short(*min_mm), short(*max_mm)
+    )]
     Extent {
         /// The mesh file.
         file: PathBuf,

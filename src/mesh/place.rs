@@ -3,6 +3,7 @@
 use glam::{DMat3, DMat4, DVec3};
 
 use super::{MAX_EXTENT_MM, MIN_EXTENT_MM, MeshError, Solid, TriangleMesh, bounds};
+use crate::words::short;
 
 /// How large an object becomes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,7 +61,7 @@ pub fn place(mut mesh: TriangleMesh, placement: &Placement) -> Result<(TriangleM
             if high - low < MIN_EXTENT_MM {
                 return fault(
                     "height-mm",
-                    format!("a mesh {} mm high", (high - low).max(0.0)),
+                    format!("a mesh {} mm high", short((high - low).max(0.0))),
                     "a mesh that is not flat in z",
                 );
             }
@@ -76,7 +77,7 @@ pub fn place(mut mesh: TriangleMesh, placement: &Placement) -> Result<(TriangleM
     let (low, high) = bounds(&mesh.positions);
     let extent = (high - low).max_element();
     if !mesh.positions.is_empty() && !(MIN_EXTENT_MM..=MAX_EXTENT_MM).contains(&extent) {
-        return fault("scale", format!("an object {extent:e} mm long"), "1e-6 to 1e6 mm");
+        return fault("scale", format!("an object {} mm long", short(extent)), "1e-6 to 1000000 mm");
     }
     let low = if mesh.positions.is_empty() { DVec3::ZERO } else { low };
     for p in &mut mesh.positions {

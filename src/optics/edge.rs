@@ -45,6 +45,9 @@ impl EdgeResponse {
         0.5 * self.total + terms.sum::<f64>() / PI
     }
 
+    /// The widest edge that is told, mm.
+    pub const WIDEST_MM: f64 = 2.0 * WIDEST_MM;
+
     /// How far apart, in mm, a tenth and nine tenths of R̂(0) leave; `None` where that is beyond 40 mm or nothing
     /// leaves.
     pub fn width_mm(&self) -> Option<f64> {

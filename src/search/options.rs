@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{Objective, ResinLimit};
 use crate::optics::{ChannelId, FrequencyGrid, Interface, OpticsError, ProfileFile, ResinId, Stack};
 use crate::watch::Stopped;
+use crate::words::short;
 
 /// The space of stackings that is searched, shared by all targets.
 #[derive(Debug, Clone, PartialEq)]
@@ -122,7 +123,7 @@ pub enum SearchError {
         expected: usize,
     },
     /// Layers of whole steps that keep the limits were not found.
-    #[error("no layers of whole steps of {step_mm} mm keep the limits, expected a finer step or wider limits")]
+    #[error("no layers of whole steps of {} mm keep the limits, expected a finer step or wider limits", short(*step_mm))]
     Steps {
         /// The step, mm.
         step_mm: f64,
@@ -154,9 +155,9 @@ pub enum SearchError {
     },
     /// The limits leave no stacking.
     #[error(
-        "no stacking of at most {units} units of {unit_mm} mm in {depth} blocks keeps the resins' limits; loosen a \
-            limit \
-         or raise depth"
+        "no stacking of at most {units} units of {} mm in {depth} blocks keeps the resins' limits; loosen a limit or \
+         raise depth",
+        short(*unit_mm)
     )]
     Infeasible {
         /// Units the stacking may be thick.
@@ -235,7 +236,7 @@ impl SearchOptions {
     fn unit_limit(&self, resin: ResinId, limit: &ResinLimit) -> Result<UnitLimit, SearchError> {
         let ResinLimit { min_depth_mm, min_mm, max_mm } = *limit;
         if !(min_depth_mm >= 0.0 && min_mm >= 0.0 && max_mm >= min_mm) {
-            let found = format!("min-depth {min_depth_mm}, min {min_mm}, max {max_mm}");
+            let found = format!("min-depth {}, min {}, max {}", short(min_depth_mm), short(min_mm), short(max_mm));
             return Err(SearchError::Limit { resin, found });
         }
         let up = |mm: f64| ((mm / self.unit_mm() - UNIT_SLACK).ceil()).clamp(0.0, 1e9) as usize;

@@ -3,6 +3,8 @@
 use glam::DVec3;
 use thiserror::Error;
 
+use crate::words::short;
+
 /// A regular lattice of voxels; the pitch differs per axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lattice {
@@ -18,7 +20,7 @@ pub struct Lattice {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum LatticeError {
     /// The pitch is not a positive length.
-    #[error("the pitch along {axis} is {found} mm, expected a positive length")]
+    #[error("the pitch along {axis} is {} mm, expected a positive length", short(*found))]
     Pitch {
         /// x, y or z.
         axis: char,
@@ -26,7 +28,10 @@ pub enum LatticeError {
         found: f64,
     },
     /// Too many voxels along one axis.
-    #[error("{extent_mm} mm along {axis} at a pitch of {pitch_mm} mm is {voxels:.0} voxels, expected at most {max}")]
+    #[error(
+        "{} mm along {axis} at a pitch of {} mm is {voxels:.0} voxels, expected at most {max}",
+        short(*extent_mm), short(*pitch_mm)
+    )]
     TooLarge {
         /// x, y or z.
         axis: char,

@@ -233,6 +233,7 @@ fn by_default_the_albedo_is_met() {
     }
     let (found, words) = wide("0.9");
     assert!(found < 0.7 && words.contains("warning: albedo"), "{found}: {words}");
+    assert!(words.contains("warning: a shadow's edge") && words.contains("less far inside than asked"), "{words}");
 }
 
 #[test]

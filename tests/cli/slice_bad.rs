@@ -57,7 +57,7 @@ fn bad_inputs_are_refused_in_one_line() {
     with_mesh(&stl(&[[[0.0; 3]; 3]; 4]), &["cube.stl"]);
     let mut huge = cube(4.0);
     huge.iter_mut().flatten().flatten().for_each(|c| *c *= 1e6);
-    with_mesh(&stl(&huge), &["cube.stl", "4e6 mm", "unit"]);
+    with_mesh(&stl(&huge), &["cube.stl", "4000000 mm", "unit"]);
     assert!(!bench.path("out").exists());
 
     // Without one of its sides the cube is an open sheet.

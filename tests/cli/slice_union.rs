@@ -26,7 +26,9 @@ fn two(second: &str, root: &str) -> String {
 fn objects_that_touch_have_no_surface_between_them() {
     let bench = Bench::new();
     bench.write("job.toml", two("position-mm = [4.0, 0.0, 0.0]", "").as_bytes());
-    bench.slice("out");
+    let ran = bench.slice("out");
+    let said = "object 1 (cube.stl) and object 2 (cube.stl) touch: they are one body";
+    assert!(ran.stderr.contains(said) && !ran.stderr.contains("nearer together"), "{}", ran.stderr);
     let rows = pixels(&bench, "out", 10);
     assert_eq!((rows.len(), rows[0].len()), (20, 40));
     let core = rows[10][10];
@@ -34,6 +36,27 @@ fn objects_that_touch_have_no_surface_between_them() {
     assert!(rows[10][10..30].iter().all(|p| *p == core), "{:?}", rows[10]);
     assert_ne!(rows[10][0], core);
     assert_eq!(rows[10][0], rows[10][39]);
+}
+
+/// Objects that do not touch, with no voxel's centre between them: in a row, across rows, across slices.
+#[test]
+fn objects_that_print_glued_are_named() {
+    let bench = Bench::new();
+    let said = "object 1 (cube.stl) and object 2 (cube.stl) lie nearer together than voxels tell: they print as one";
+    for (axis, apart, glued) in
+        [(0, 4.02, true), (1, 4.02, true), (2, 4.05, true), (0, 4.3, false), (1, 4.3, false), (2, 4.3, false)]
+    {
+        let mut at = [1.0, 1.0, 0.0];
+        at[axis] = apart;
+        bench.write("job.toml", two(&format!("position-mm = {at:?}"), "").as_bytes());
+        let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(0);
+        assert_eq!(ran.stderr.contains(said), glued, "{at:?}: {}", ran.stderr);
+        assert!(!ran.stderr.contains("one body"), "{at:?}: {}", ran.stderr);
+    }
+    bench.write("job.toml", two("position-mm = [4.02, 0.0, 0.0]", "").as_bytes());
+    assert!(bench.slice("out").stderr.contains(said));
+    let json = bench.run(["slice", "job.toml", "--dry-run", "--json"]).exits(0).json();
+    assert_eq!(json["printable"]["pieces"]["glued"], serde_json::json!([[0, 1]]));
 }
 
 /// Below a plate of 0.4 mm the block has the plate's layers, by their depth below the plate's top; in a material mesh

@@ -40,7 +40,7 @@ pub use texture::{AlbedoSource, Projection, TextureTarget};
 
 pub use crate::{mesh::Unit, toml_reader::Place};
 
-use crate::encoding::decoded;
+use crate::encoding;
 use crate::optics::{Mixture, SHARES};
 use crate::regular_file;
 use crate::search::{Norm, SearchCache};
@@ -139,10 +139,8 @@ impl Job {
             let found = metadata.len().max(bytes.len() as u64);
             return Err(JobError::TooLarge { file: file_name(), found, limit: MAX_JOB_BYTES });
         }
-        let bytes = decoded(&bytes);
-        let text = std::str::from_utf8(&bytes)
-            .map_err(|error| unreadable(format!("bytes that are not UTF-8 at offset {}", error.valid_up_to())))?;
-        Self::from_toml(text, path, path.parent().unwrap_or(Path::new("")))
+        let text = encoding::text(&bytes).map_err(unreadable)?;
+        Self::from_toml(&text, path, path.parent().unwrap_or(Path::new("")))
     }
 
     /// Checks a job's text. `path` names it in errors and gives it its name; relative paths in it start from

@@ -7,6 +7,7 @@ use super::read::{Result, Table, Value};
 use crate::appearance::{MeasuredMedium, isotropic_path_factor};
 use crate::colour::srgb_to_linear_f64;
 use crate::toml_reader::Range;
+use crate::words::short;
 
 /// A profile per texel, modelled from albedo and mean free path.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,7 +134,7 @@ fn read_subsurface(table: &Table<'_>, albedo: &AlbedoSource) -> Result<Option<[f
     let path: [f64; 3] = std::array::from_fn(|channel| radius[channel] * factor(channel));
     match path.iter().find(|mm| !MEAN_FREE_PATH.contains(**mm)) {
         None => Ok(Some(path)),
-        Some(mm) => Err(value.refuse_as(format!("{mm} mm with its scale"), MEAN_FREE_PATH.to_string())),
+        Some(mm) => Err(value.refuse_as(format!("{} mm with its scale", short(*mm)), MEAN_FREE_PATH.to_string())),
     }
 }
 

@@ -11,7 +11,7 @@ use crate::{
     container::{bmp, gcvf},
     optics::Mixture,
     voxel::Lattice,
-    words::counted,
+    words::{by, counted, short},
 };
 
 /// Refuses formats that cannot hold this lattice, before anything slow; what only may be refused is told in `warnings`.
@@ -31,10 +31,9 @@ pub(super) fn formats(job: &Job, lattice: &Lattice, warnings: &mut Vec<String>) 
             )
         }
         Err(gcvf::Unfit::Pitch) => {
-            let [x, y, z] = lattice.pitch.to_array();
             let expected =
                 "whole dots per inch in x and y and whole nanometres in z: a printer preset, as \"j750-27um\"";
-            refuse(format!("\"gcvf\" of voxels of {x} × {y} × {z} mm"), expected)
+            refuse(format!("\"gcvf\" of voxels of {} mm", by(lattice.pitch.to_array())), expected)
         }
         Ok(resolution) => {
             warnings.extend(resolution.warning());
@@ -100,7 +99,7 @@ pub(super) fn tiny_objects(
         let short: Vec<_> =
             (0..3).filter(|&axis| size[axis] < lattice.pitch[axis]).map(|axis| ["x", "y", "z"][axis]).collect();
         if short.len() == 3 {
-            let found = format!("an object of {:.3e} × {:.3e} × {:.3e} mm", size.x, size.y, size.z);
+            let found = format!("an object of {} mm", by(size.to_array()));
             let expected = "one larger than a voxel; `unit`, `scale` or `height-mm` set its size";
             return Err(job.refuse(&format!("object[{index}].mesh"), found, expected));
         }
@@ -120,7 +119,9 @@ pub(super) fn misfits(job: &Job, objects: &[(String, [DVec3; 2])]) -> Vec<String
             if high[axis] > tray[axis] * (1.0 + 1e-9) {
                 found.push(format!(
                     "{mesh} reaches {:.3} mm in {name}, the tray of {} ends at {} mm",
-                    high[axis], job.printer.name, tray[axis]
+                    high[axis],
+                    job.printer.name,
+                    short(tray[axis])
                 ));
             }
         }

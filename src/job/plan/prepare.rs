@@ -35,6 +35,7 @@ use crate::{
     slice::{DistanceKind, ObjectField, Palette, Slicer, join},
     voxel::{Lattice, MaterialId},
     watch::{StopOnly, Watch},
+    words::{counted, short},
 };
 
 /// A job with everything read, matched and placed; slicing can begin.
@@ -60,6 +61,8 @@ pub struct Prepared {
     pub(in crate::job) plans: Vec<ObjectPlan>,
     /// What preparing took.
     pub(in crate::job) took: Took,
+    /// Objects that touch or share space, by their numbers; each is in one of these at most.
+    pub(in crate::job) touching: Vec<Vec<usize>>,
     slicer: Slicer,
 }
 
@@ -92,7 +95,7 @@ impl Prepared {
     /// Any input that cannot be used; see [`RunError`].
     pub fn draft(mut job: Job, watch: &dyn Watch) -> Result<Self, RunError> {
         let started = Instant::now();
-        let Placed { inputs, draft, solids, bodies, lattice, mut warnings } = place(&job, watch)?;
+        let Placed { inputs, draft, solids, touching, bodies, lattice, mut warnings } = place(&job, watch)?;
         watch.stage("materials", 0);
         let mut materials = finish_materials(draft, &job, watch)?;
         materials.grains = Grains::of_voxels(job.printer.pitch_mm.to_array());
@@ -157,8 +160,20 @@ impl Prepared {
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);
         let took = Took { whole: started.elapsed(), rounds: Vec::new() };
-        let prepared =
-            Self { job, materials, lattice, objects, palette, inputs, warnings, rounds: None, plans, took, slicer };
+        let prepared = Self {
+            job,
+            materials,
+            lattice,
+            objects,
+            palette,
+            inputs,
+            warnings,
+            rounds: None,
+            plans,
+            took,
+            touching,
+            slicer,
+        };
         checks::resins(&prepared.job, &prepared.laid_resins())?;
         prepared.check_meshes()?;
         Ok(prepared)
@@ -244,7 +259,9 @@ struct Placed {
     inputs: Inputs,
     draft: MaterialDraft,
     solids: Vec<(Solid, DMat4)>,
-    /// Those that are one body, by their numbers.
+    /// Those that touch or share space, by their numbers.
+    touching: Vec<Vec<usize>>,
+    /// Those of them that are one body, which depth is measured from.
     bodies: Vec<Vec<usize>>,
     lattice: Lattice,
     warnings: Vec<String>,
@@ -262,7 +279,8 @@ fn place(job: &Job, watch: &dyn Watch) -> Result<Placed, RunError> {
         }
     }
     watch.stage("meshes", job.objects.len() as u64);
-    let (loaded, bodies) = load_solids(job, &mut warnings, watch)?;
+    let (loaded, touching) = load_solids(job, &mut warnings, watch)?;
+    let bodies = bodies(job, &touching);
     let mut solids = Vec::new();
     for (object, (solid, transform, companions)) in job.objects.iter().zip(loaded) {
         for path in companions {
@@ -273,7 +291,7 @@ fn place(job: &Job, watch: &dyn Watch) -> Result<Placed, RunError> {
     let extent = solids.iter().fold(DVec3::ZERO, |extent, solid| extent.max(bounds(&solid.0)[1]));
     let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
     checks::formats(job, &lattice, &mut warnings)?;
-    Ok(Placed { inputs, draft, solids, bodies, lattice, warnings })
+    Ok(Placed { inputs, draft, solids, touching, bodies, lattice, warnings })
 }
 
 /// The faces of all objects of a body.
@@ -351,11 +369,14 @@ pub(super) fn finish_materials(draft: MaterialDraft, job: &Job, watch: &dyn Watc
     Ok(file.into_set(&watch)?)
 }
 
+/// Objects of a body that are named.
+const NAMED: usize = 2;
+
 /// Objects read and placed: the solid, file coordinates to the lattice's, files read beside the mesh.
 type Loaded = Vec<(Solid, DMat4, Vec<PathBuf>)>;
 
-/// Reads all objects and leaves of them what is surface of their union; and which of them are one body that depth is
-/// measured from, by their numbers. Depth from the top is of an object by itself.
+/// Reads all objects and leaves of them what is surface of their union; and which of them touch or share space, by
+/// their numbers.
 pub(super) fn load_solids(
     job: &Job,
     warnings: &mut Vec<String>,
@@ -371,30 +392,45 @@ pub(super) fn load_solids(
         arrange(job, gap_mm, &mut loaded);
     }
     let mut solids: Vec<&mut Solid> = loaded.iter_mut().map(|(solid, ..)| solid).collect();
-    let InCommon { space: shared, mut bodies } = mesh::unite(&mut solids);
+    let InCommon { space: shared, bodies: touching } = mesh::unite(&mut solids);
     let name = |index: usize| format!("object {} ({})", index + 1, job.objects[index].mesh.shown());
     if let (Some(&[first, second]), Overlap::Refuse) = (shared.first(), job.overlap) {
         let found = format!("{} and {} at the same place", name(first), name(second));
         let expected = "objects that share no space, or overlap = \"union\"";
         return Err(job.refuse(&format!("object[{second}].position-mm"), found, expected).into());
     }
-    for [first, second] in shared {
+    for &[first, second] in &shared {
         warnings.push(format!(
             "{} and {} share space: they are one body, and a voxel is laid by the one whose face is nearest",
             name(first),
             name(second)
         ));
     }
+    for body in bodies(job, &touching) {
+        let said = |object: &usize| shared.iter().flatten().any(|other| other == object);
+        if !body.iter().all(said) {
+            let more = body.len().saturating_sub(NAMED);
+            let names: Vec<_> = body.iter().take(NAMED).map(|&object| name(object)).collect();
+            let names = if more == 0 { names.join(" and ") } else { names.join(", ") };
+            let more = if more == 0 { String::new() } else { format!(" and {}", counted(more, "other")) };
+            warnings.push(format!(
+                "{names}{more} touch: they are one body, and a voxel is laid by the one whose face is nearest"
+            ));
+        }
+    }
     if let Some(buried) = solids.iter().position(|solid| solid.mesh.triangles.is_empty()) {
         let found = format!("{}, which lies wholly within others", name(buried));
         let expected = "an object some of which can be seen";
         return Err(job.refuse(&format!("object[{buried}].mesh"), found, expected).into());
     }
-    for body in &mut bodies {
-        body.retain(|&object| job.objects[object].depth_from == DepthFrom::Surface);
-    }
-    bodies.retain(|body| body.len() > 1);
-    Ok((loaded, bodies))
+    Ok((loaded, touching))
+}
+
+/// Of objects that touch those that depth is measured from together. Depth from the top is of an object by itself.
+fn bodies(job: &Job, touching: &[Vec<usize>]) -> Vec<Vec<usize>> {
+    let from_surface = |&object: &usize| job.objects[object].depth_from == DepthFrom::Surface;
+    let bodies = touching.iter().map(|body| body.iter().copied().filter(from_surface).collect::<Vec<_>>());
+    bodies.filter(|body| body.len() > 1).collect()
 }
 
 fn load_solid(
@@ -428,7 +464,7 @@ fn load_solid(
     let low = placed.positions.iter().fold(DVec3::MAX, |low, p| low.min(*p));
     if low.min_element() < 0.0 {
         let key = format!("object[{index}].position-mm");
-        let found = format!("an object from ({}, {}, {}) mm", low.x, low.y, low.z);
+        let found = format!("an object from ({}) mm", low.to_array().map(short).join(", "));
         return Err(job.refuse(&key, found, "a position on the tray, 0 or more in x, y and z").into());
     }
     let mut solid = mesh::close(placed).map_err(in_file)?;

@@ -129,8 +129,8 @@ const FINEST_STEP_MM: f64 = 0.025;
 
 impl Job {
     /// The layers that the stackings of an object may have: by transport at least as thick as a voxel is long in any
-    /// direction that a surface faces, unless the job says otherwise; by Kubelka–Munk whole slices, though not finer
-    /// than tells anything apart.
+    /// direction that a surface faces, unless the job says otherwise or dithers their boundaries; by Kubelka–Munk whole
+    /// slices, though not finer than tells anything apart.
     pub fn layer_options(&self, object: usize) -> RefineOptions {
         let pitch = self.printer.pitch_mm;
         let from_top = self.objects.get(object).is_some_and(|object| object.depth_from == DepthFrom::Top);
@@ -144,7 +144,9 @@ impl Job {
                 (min_layer_mm.unwrap_or(voxel_mm), layer_step_mm)
             }
         };
-        RefineOptions { min_layer_mm, step_mm, ..RefineOptions::default() }
+        let stated = matches!(self.stacking.model, StackingModel::Transport { min_layer_mm: Some(_), .. });
+        let any_slot = self.dithers(object) && (self.is_coarse || !stated);
+        RefineOptions { min_layer_mm, step_mm, any_slot, ..RefineOptions::default() }
     }
 }
 

@@ -6,11 +6,13 @@
 //! | question | answered by |
 //! | --- | --- |
 //! | does it hang together? | voxels that share faces, of all objects, at the printer's own pitch: [`pieces`] |
+//! | do objects stay apart? | the same, of two objects whose meshes do not touch: [`beside`] |
 //! | is all of it there? | bodies that no voxel's centre lies in: [`shells`] |
 //! | is it strong enough? | the way straight through at points of the surface: [`walls`] |
 //! | does support lie bare, or alone between two skins? | the layers below those points |
 //! | is it thick enough for its layers? | the largest ball inside at those points that is limited from the other side, where thin parts get no stackings of their own |
 
+mod beside;
 mod picture;
 mod pieces;
 mod shells;
@@ -93,6 +95,17 @@ impl Printable {
                     0 => String::new(),
                     n => format!("; {n} of them begin above the tray, on support alone"),
                 }
+            ));
+        }
+        if let [first, others @ ..] = self.pieces.glued.as_slice() {
+            let [one, other] = first.map(|object| format!("object {} ({})", object + 1, self.walls[object].mesh));
+            let more = match others.len() {
+                0 => String::new(),
+                more => format!(", and so do {}", counted(more, "other pair")),
+            };
+            words.push(format!(
+                "{one} and {other} lie nearer together than voxels tell: they print as one piece{more}; move them a \
+                 voxel or more apart, or let them touch if they belong together"
             ));
         }
         for (lost, walls) in self.lost_shells.iter().zip(&self.walls) {

@@ -11,6 +11,7 @@
 use glam::DVec3;
 use serde::Serialize;
 
+use super::beside::Beside;
 use crate::{
     disjoint_sets::DisjointSets,
     job::{Prepared, RunError},
@@ -34,6 +35,9 @@ pub struct Pieces {
     pub first_crumb_mm: Option<[f64; 3]>,
     /// Other pieces that begin above the lowest slice.
     pub in_the_air: u64,
+    /// Pairs of objects, by their numbers from 0, whose voxels share faces though their meshes do not touch.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub glued: Vec<[usize; 2]>,
     /// Corners of the boxes around crumbs, the first [`MOST_BOXES`], for the picture.
     #[serde(skip)]
     pub(in crate::job) boxes: Vec<[DVec3; 2]>,
@@ -139,6 +143,7 @@ impl Prepared {
         let height = BlockShape::for_lattice(lattice).voxels()[2];
         let slabs: Vec<u32> = (0..lattice.dims[2]).step_by(height as usize).collect();
         let mut growing = Growing::new(lattice.dims[1]);
+        let mut beside = Beside::new(&self.objects, &self.touching, lattice);
         let mut inside = 0;
         for slabs in slabs.chunks(SLABS_AT_ONCE) {
             watch.go_on()?;
@@ -153,6 +158,7 @@ impl Prepared {
             };
             let filled: Vec<_> = parallel::map_all(slabs, fill);
             for (&first, objects) in slabs.iter().zip(&filled) {
+                beside.add(objects, lattice.dims[1]);
                 for k in 0..height.min(lattice.dims[2] - first) {
                     growing.add(first + k, |j, row| {
                         objects.iter().for_each(|slices| row.extend(slices[k as usize].row(j)));
@@ -164,7 +170,8 @@ impl Prepared {
                 }
             }
         }
-        Ok((Pieces::of(growing.finish(), lattice), inside))
+        let pieces = Pieces::of(growing.finish(), lattice);
+        Ok((Pieces { glued: beside.finish(), ..pieces }, inside))
     }
 }
 

@@ -5,6 +5,7 @@ use crate::{
     output::{OutputError, OutputFolder},
     slice::meshes::{MaterialMesher, MaterialPart, MeshingError, write_3mf, write_stl},
     watch::Watch,
+    words::short,
 };
 
 impl Prepared {
@@ -60,7 +61,7 @@ impl Prepared {
         if self.job.wants(OutputFormat::Stl) || self.job.wants(OutputFormat::ThreeMf) {
             self.mesher().check(self.slicer().objects()).map_err(|error| match error {
                 MeshingError::TooFine { pitch_mm, axis, nodes, max } => {
-                    let found = format!("{pitch_mm} mm, which makes {nodes:.0} nodes along {axis}");
+                    let found = format!("{} mm, which makes {nodes:.0} nodes along {axis}", short(pitch_mm));
                     self.job.refuse("output.mesh-pitch-mm", found, format!("at most {max} nodes")).into()
                 }
                 other => RunError::from(other),

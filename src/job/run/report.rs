@@ -240,7 +240,8 @@ fn look_words(look: &LookSummary, channels: &[String]) -> Vec<String> {
         let numbers = |values: &[f64]| values.iter().map(|v| format!("{v:.2}")).collect::<Vec<_>>().join(" ");
         let goal = worst.shows(worst.asked.as_ref().unwrap_or(&worst.predicted));
         words.push(format!(
-            "Worst at ({x:.1}, {y:.1}, {z:.1}) mm: {} in place of {}{}.",
+            "{} at ({x:.1}, {y:.1}, {z:.1}) mm: {} in place of {}{}.",
+            if worst.asked.is_some() { "Worst" } else { "Farthest apart" },
             numbers(&worst.printed),
             numbers(&goal),
             match worst.sky {

@@ -6,6 +6,7 @@ use super::{HEIGHT_MM, PRINTER, StartOptions};
 use crate::{
     mesh::{TriangleMesh, Unit, bounds},
     voxel::Printer,
+    words::by,
 };
 
 /// Longest sides that make sense, mm.
@@ -61,7 +62,7 @@ impl Sized {
             return "`lumislice printers` lists them".to_owned();
         };
         let fits = if self.printed.cmple(tray).all() { "fits" } else { "does not fit" };
-        format!("tray {} × {} × {} mm: {fits}; `lumislice printers` lists others", tray.x, tray.y, tray.z)
+        format!("tray {} mm: {fits}; `lumislice printers` lists others", by(tray.to_array()))
     }
 }
 

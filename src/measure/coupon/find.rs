@@ -7,6 +7,7 @@
 
 use super::Coupon;
 use crate::measure::frame::Plane;
+use crate::numeric::positive_definite::NormalEquations;
 
 /// The longer side of the picture that patches are looked for in, pixels.
 const SMALL: usize = 1000;
@@ -81,20 +82,20 @@ impl View {
 
     /// Through four points or more, by least squares in the pixels.
     fn through(points: &[([f64; 2], [f64; 2])]) -> Option<Self> {
-        // x, y scaled to about 1, m₂₂ = 1: 8 unknowns.
-        let scale = points.iter().flat_map(|(mm, _)| *mm).fold(1e-9, |most: f64, mm| most.max(mm.abs()));
-        let mut normal = [[0.0; 9]; 8];
+        // All scaled to about 1, m₂₂ = 1: 8 unknowns.
+        let greatest = |of: fn(&([f64; 2], [f64; 2])) -> [f64; 2]| {
+            points.iter().flat_map(of).fold(1e-9, |most: f64, value| most.max(value.abs()))
+        };
+        let (scale, size) = (greatest(|point| point.0), greatest(|point| point.1));
+        let mut equations = NormalEquations::new(8);
         for &([x, y], [u, v]) in points {
-            let (x, y) = (x / scale, y / scale);
-            for row in [[x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y, u], [0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y, v]] {
-                for i in 0..8 {
-                    (0..9).for_each(|k| normal[i][k] += row[i] * row[k]);
-                }
-            }
+            let ([x, y], [u, v]) = ([x / scale, y / scale], [u / size, v / size]);
+            equations.add(&[x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y], u, 1.0);
+            equations.add(&[0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y], v, 1.0);
         }
-        let s = solved(normal)?;
-        let row = |a: f64, b: f64, c: f64| [a / scale, b / scale, c];
-        Some(Self { m: [row(s[0], s[1], s[2]), row(s[3], s[4], s[5]), row(s[6], s[7], 1.0)] })
+        let s = equations.solve(|_| 0.0)?;
+        let row = |a: f64, b: f64, c: f64, size: f64| [size * a / scale, size * b / scale, size * c];
+        Some(Self { m: [row(s[0], s[1], s[2], size), row(s[3], s[4], s[5], size), row(s[6], s[7], 1.0, 1.0)] })
     }
 
     /// Of the area: pixels per mm², negative where the picture is right side round, as rows count downwards.
@@ -103,25 +104,6 @@ impl View {
         let [at, right, up] = [[x, y], [x + step, y], [x, y + step]].map(|at| self.pixel(at));
         ((right[0] - at[0]) * (up[1] - at[1]) - (right[1] - at[1]) * (up[0] - at[0])) / (step * step)
     }
-}
-
-/// Gauss and Jordan's elimination with pivots.
-fn solved(mut rows: [[f64; 9]; 8]) -> Option<[f64; 8]> {
-    for i in 0..8 {
-        let pivot = (i..8).max_by(|a, b| rows[*a][i].abs().total_cmp(&rows[*b][i].abs()))?;
-        rows.swap(i, pivot);
-        let head = rows[i];
-        if !(head[i].abs() > 1e-12) {
-            return None;
-        }
-        for (k, row) in rows.iter_mut().enumerate() {
-            if k != i {
-                let factor = row[i] / head[i];
-                row.iter_mut().zip(head).for_each(|(value, head)| *value -= factor * head);
-            }
-        }
-    }
-    Some(std::array::from_fn(|i| rows[i][8] / rows[i][i]))
 }
 
 /// A patch that may be a mark, in pixels of the whole picture.

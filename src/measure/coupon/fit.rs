@@ -61,6 +61,9 @@ pub struct CouponFit {
 
 impl CouponFit {
     /// σs (1 − g) and σa of a resin per mm, each with one standard deviation.
+    ///
+    /// # Panics
+    /// Where the coupon has no such resin.
     pub fn coefficients_with_errors(&self, resin: usize) -> [(f64, f64); 2] {
         let (found, [scattering, absorption]) = (self.coefficients[resin], self.shares[resin]);
         let reduced = found.sigma_s * (1.0 - found.g);
@@ -71,8 +74,11 @@ impl CouponFit {
 /// Fits every channel of a coupon's photographs. `watch` hears one stage.
 ///
 /// # Errors
-/// [`MeasureError::Scene`] for fields that no resins of these indices make; [`MeasureError::Stopped`].
+/// [`MeasureError::Scene`] for a reading of another coupon, unlike refractive indices, and fields that no resins of
+/// these indices make; [`MeasureError::Stopped`].
 pub fn fit_coupon(coupon: &Coupon, reading: &Reading, watch: &dyn Watch) -> Result<Vec<CouponFit>, MeasureError> {
+    coupon.check_reading(reading)?;
+    coupon.refractive_index()?;
     let stage = Thousandths::begin(watch, "fitting", coupon.channels.len() as u64);
     let mut fits = Vec::new();
     for channel in 0..coupon.channels.len() {

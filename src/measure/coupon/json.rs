@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{Coupon, CouponResin, Field, layout::SPACING_MM};
 use crate::measure::MeasureError;
 use crate::optics::{Stack, VolumeCoefficients};
+use crate::words::{by, excerpt, one_line, short};
 
 /// Program and version.
 const GENERATOR: &str = concat!("lumislice ", env!("CARGO_PKG_VERSION"));
@@ -100,7 +101,7 @@ pub(super) fn read(path: &Path) -> Result<Coupon, MeasureError> {
     let read = |source| MeasureError::Read { file: path.to_path_buf(), source };
     let bytes = crate::regular_file::read(path, MAX_BYTES).map_err(read)?;
     let file: File = serde_json::from_slice(&bytes)
-        .map_err(|error| wrong(crate::words::one_line(error), "the coupon.json of `material coupon`".into()))?;
+        .map_err(|error| wrong(one_line(error), "the coupon.json of `material coupon`".into()))?;
     if file.version != VERSION {
         return Err(wrong(format!("version {}", file.version), format!("version {VERSION}")));
     }
@@ -112,20 +113,17 @@ pub(super) fn read(path: &Path) -> Result<Coupon, MeasureError> {
     let names = || file.resins.iter().map(|row| &row.name);
     let is_name = |name: &String| !name.trim().is_empty() && !name.contains(|c: char| c.is_control());
     if let Some(odd) = names().chain(&file.channels).find(|name| !is_name(name)) {
-        return Err(wrong(format!("the name {}", crate::words::excerpt(odd)), "a name on one line".into()));
+        return Err(wrong(format!("the name {}", excerpt(odd)), "a name on one line".into()));
     }
     if let Some((_, twice)) = names().enumerate().find(|(n, name)| names().take(*n).any(|other| other == *name)) {
-        return Err(wrong(format!("resin {} twice", crate::words::excerpt(twice)), "each resin once".into()));
+        return Err(wrong(format!("resin {} twice", excerpt(twice)), "each resin once".into()));
     }
     let mut resins = Vec::new();
     for row in &file.resins {
         let lists = [&row.refractive_index, &row.g, &row.scattering_per_mm, &row.absorption_per_mm];
         if channels == 0 || lists.iter().any(|list| list.len() != channels) {
             let expected = format!("{channels} values each, one a channel, and a channel at least");
-            return Err(wrong(
-                format!("resin {}: other numbers of values", crate::words::excerpt(&row.name)),
-                expected,
-            ));
+            return Err(wrong(format!("resin {}: other numbers of values", excerpt(&row.name)), expected));
         }
         let of = |channel: usize| {
             let (sigma_s, sigma_a) = (row.scattering_per_mm[channel], row.absorption_per_mm[channel]);
@@ -146,22 +144,26 @@ pub(super) fn read(path: &Path) -> Result<Coupon, MeasureError> {
     }
     let place = |name: &String| {
         let found = resins.iter().position(|resin| resin.name == *name);
-        found.ok_or_else(|| wrong(format!("resin {}", crate::words::excerpt(name)), "one of its resins".into()))
+        found.ok_or_else(|| wrong(format!("resin {}", excerpt(name)), "one of its resins".into()))
     };
     let field = |row: &FieldRow| -> Result<Field, MeasureError> {
-        let stack: Stack<String> =
-            row.stack.parse().map_err(|error| wrong(crate::words::one_line(error), "layers".into()))?;
+        let stack: Stack<String> = row.stack.parse().map_err(|error| wrong(one_line(error), "layers".into()))?;
         Ok(Field { middle_mm: row.middle_mm, stack: stack.try_map(place)? })
     };
     let lengths = file.size_mm.into_iter().chain([file.spacing_mm, file.mark_mm]);
     if !lengths.clone().all(|mm| mm.is_finite() && mm > 0.0) {
-        return Err(wrong(format!("lengths {:?}", lengths.collect::<Vec<_>>()), "millimetres above 0".into()));
+        let found = lengths.map(short).collect::<Vec<_>>().join(", ");
+        return Err(wrong(format!("lengths {found}"), "millimetres above 0".into()));
     }
     let sides = file.size_mm[..2].iter().map(|mm| mm / file.spacing_mm);
     if !SPACING_MM.contains(&file.spacing_mm) || file.mark_mm >= file.spacing_mm || sides.clone().any(|n| n > MAX_SIDE)
     {
-        let found =
-            format!("fields of {} mm and marks of {} mm on {:?} mm", file.spacing_mm, file.mark_mm, file.size_mm);
+        let found = format!(
+            "fields of {} mm and marks of {} mm on {} mm",
+            short(file.spacing_mm),
+            short(file.mark_mm),
+            by(file.size_mm)
+        );
         let (from, to) = (SPACING_MM.start(), SPACING_MM.end());
         let expected = format!("fields of {from} to {to} mm, smaller marks, and at most {MAX_SIDE} fields a side");
         return Err(wrong(found, expected));
@@ -169,9 +171,9 @@ pub(super) fn read(path: &Path) -> Result<Coupon, MeasureError> {
     let places = file.marks_mm.iter().chain(file.fields.iter().map(|row| &row.middle_mm));
     let inside = |at: &[f64; 2]| (0..2).all(|axis| (0.0..=file.size_mm[axis]).contains(&at[axis]));
     if let Some(odd) = places.clone().find(|at| !inside(at)) {
-        return Err(wrong(format!("a place at {odd:?} mm"), "places within the coupon".into()));
+        return Err(wrong(format!("a place at ({}) mm", odd.map(short).join(", ")), "places within the coupon".into()));
     }
-    Ok(Coupon {
+    let coupon = Coupon {
         fields: file.fields.iter().map(field).collect::<Result<_, _>>()?,
         rim: place(&file.rim)?,
         dark: place(&file.dark)?,
@@ -183,5 +185,6 @@ pub(super) fn read(path: &Path) -> Result<Coupon, MeasureError> {
         marks: file.marks_mm,
         mark_mm: file.mark_mm,
         resins,
-    })
+    };
+    coupon.refractive_index().map(|_| coupon)
 }

@@ -9,6 +9,7 @@ use std::path::Path;
 use super::{Coupon, Field};
 use crate::measure::MeasureError;
 use crate::optics::{Stack, VolumeCoefficients};
+use crate::words::short;
 
 /// A resin of a set, as its material file has it.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,7 +58,8 @@ impl Coupon {
     /// A coupon of the resins of a set for a printer whose slices are `slice_mm` thick.
     ///
     /// # Errors
-    /// [`MeasureError::Scene`] for fewer than two resins that are printed, and a spacing out of range.
+    /// [`MeasureError::Scene`] for fewer than two resins that are printed, unlike refractive indices, and a spacing out
+    /// of range.
     pub fn new(
         materials: &str,
         channels: &[String],
@@ -67,7 +69,11 @@ impl Coupon {
     ) -> Result<Self, MeasureError> {
         if !SPACING_MM.contains(&spacing_mm) {
             let (from, to) = (SPACING_MM.start(), SPACING_MM.end());
-            return Err(MeasureError::scene("spacing", format!("{spacing_mm} mm"), format!("{from} to {to} mm")));
+            return Err(MeasureError::scene(
+                "spacing",
+                format!("{} mm", short(spacing_mm)),
+                format!("{from} to {to} mm"),
+            ));
         }
         let printed: Vec<&NamedResin> = resins.iter().filter(|resin| !resin.background).collect();
         if printed.len() < 2 {
@@ -145,7 +151,7 @@ impl Coupon {
             density_g_per_cm3: resin.density_g_per_cm3,
             believed: resin.believed.clone(),
         };
-        Ok(Self {
+        let coupon = Self {
             materials: materials.to_owned(),
             printer: printer.to_owned(),
             spacing_mm,
@@ -157,7 +163,9 @@ impl Coupon {
             marks: [[left, upper], [right, upper], [right, lower], [left, lower], [left + spacing_mm, upper]],
             mark_mm: 0.5 * spacing_mm,
             fields: rows.concat().into_iter().enumerate().map(field).collect(),
-        })
+        };
+        coupon.refractive_index()?;
+        Ok(coupon)
     }
 
     /// The same, as a file of it says.

@@ -31,7 +31,8 @@ pub use fit::{CouponFit, fit_coupon};
 pub use layout::{CouponResin, NamedResin};
 pub use read::{Photographs, Reading};
 
-use crate::optics::Stack;
+use super::MeasureError;
+use crate::{optics::Stack, words::counted};
 
 /// A printed test piece: what it is made of and where.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,6 +75,54 @@ pub struct Field {
 pub(crate) const READ_SHARE: f64 = 0.375;
 
 impl Coupon {
+    /// The refractive index of all its resins, in every channel.
+    ///
+    /// # Errors
+    /// [`MeasureError::Scene`] where it is not one: light is refracted at the coupon's surface alone, and a material
+    /// file has one for all channels.
+    fn refractive_index(&self) -> Result<f64, MeasureError> {
+        let all = || self.resins.iter().flat_map(|resin| resin.believed.iter().map(move |volume| (resin, volume)));
+        let first = all().next().map(|(resin, volume)| (resin, volume.refractive_index));
+        let (first, index) = first.ok_or_else(|| MeasureError::scene("coupon", "no resin", "two at least"))?;
+        let Some((other, unlike)) = all().find(|(_, volume)| volume.refractive_index != index) else {
+            return Ok(index);
+        };
+        let found = format!("{} of {} beside {index} of {}", unlike.refractive_index, other.name, first.name);
+        let expected =
+            "one for all resins: of others a coupon tells nothing, for light is refracted at its surface alone";
+        Err(MeasureError::scene("refractive indices", found, expected))
+    }
+
+    /// Refuses what was read of another coupon.
+    fn check_reading(&self, reading: &Reading) -> Result<(), MeasureError> {
+        let (channels, fields) = (self.channels.len(), self.fields.len());
+        let odd = reading.values.iter().map(Vec::len).find(|read| *read != fields);
+        if reading.values.len() == channels && odd.is_none() {
+            return Ok(());
+        }
+        let words = |channels, fields| format!("{} of {}", counted(channels, "channel"), counted(fields, "field"));
+        let found = words(reading.values.len(), odd.unwrap_or(fields));
+        Err(MeasureError::scene("reading", found, format!("{}: one of this coupon", words(channels, fields))))
+    }
+
+    /// Refuses what was fitted to another coupon.
+    fn check_fits(&self, fits: &[CouponFit]) -> Result<(), MeasureError> {
+        let (channels, resins, fields) = (self.channels.len(), self.resins.len(), self.fields.len());
+        let of_this =
+            |fit: &CouponFit| [fit.coefficients.len(), fit.shares.len()] == [resins; 2] && fit.missed.len() == fields;
+        if fits.len() == channels && fits.iter().all(of_this) {
+            return Ok(());
+        }
+        let words = |channels, resins, fields| {
+            let resins = counted(resins, "resin");
+            format!("{} of {resins} and {}", counted(channels, "channel"), counted(fields, "field"))
+        };
+        let odd = fits.iter().find(|fit| !of_this(fit));
+        let (its, missed) = odd.map_or((resins, fields), |fit| (fit.coefficients.len(), fit.missed.len()));
+        let expected = format!("{}: those of this coupon", words(channels, resins, fields));
+        Err(MeasureError::scene("fits", words(fits.len(), its, missed), expected))
+    }
+
     /// Names of a field's layers, as `--stack` takes them.
     pub fn named(&self, field: &Field) -> String {
         field.stack.map(|&resin| self.resins[resin].name.clone()).to_string()

@@ -143,11 +143,12 @@ impl Picture {
                 "one in colour, as the coupon has channels R, G and B",
             ));
         }
-        if let Some(like) = like.map(|like| &like.planes[0])
+        if let Some((card, like)) = like.map(|card| (card, &card.planes[0]))
             && (like.width, like.height) != (header.width, header.height)
         {
             let found = format!("{} × {} pixels", header.width, header.height);
-            return Err(MeasureError::frame(file, found, format!("{} × {} as the card", like.width, like.height)));
+            let expected = format!("{} × {} as the card, {}", like.width, like.height, card.file.display());
+            return Err(MeasureError::frame(file, found, expected));
         }
         Ok(Self {
             planes: frame::planes(file, wanted)?,
@@ -196,34 +197,40 @@ impl Ratio<'_> {
         let half = 0.5 * READ_SHARE * coupon.spacing_mm;
         let field = |number: usize| {
             let [x, y] = coupon.fields[number].middle_mm;
-            let (mut sums, mut n, mut full, mut no_number) = ([0.0; 2], 0, 0, 0);
+            let (mut sums, mut n) = ([0.0; 2], 0);
+            let [mut full, mut no_number] = [[0; 2]; 2];
+            let pictures = [self.picture, self.card];
             let mut shares = Vec::new();
             for pixel in view.pixels_within([x - half, y - half], [x + half, y + half], &self.card.planes[channel]) {
                 let light = self.light(channel, pixel);
                 sums.iter_mut().zip(light).for_each(|(sum, light)| *sum += light);
                 n += 1;
-                let is_full = |picture: &Picture| !(f64::from(picture.planes[channel].values[pixel]) < picture.full);
-                full += usize::from(is_full(self.picture) || is_full(self.card));
-                no_number += usize::from(light.iter().any(|light| !light.is_finite()));
+                for (at, picture) in pictures.into_iter().enumerate() {
+                    full[at] += usize::from(!(f64::from(picture.planes[channel].values[pixel]) < picture.full));
+                    no_number[at] += usize::from(!light[at].is_finite());
+                }
                 shares.push(light);
             }
             let name = || format!("field {} of {}", number + 1, coupon.fields.len());
-            let wrong = |found: String, expected: &str| MeasureError::frame(&self.picture.file, found, expected);
+            let wrong =
+                |picture: &Picture, found: String, expected| MeasureError::frame(&picture.file, found, expected);
             if n < MIN_PIXELS {
-                return Err(wrong(format!("{} of {n} pixels", name()), "100 pixels in the middle of each: go nearer"));
+                let found = format!("{} of {n} pixels", name());
+                return Err(wrong(self.picture, found, "100 pixels in the middle of each: go nearer"));
             }
-            if no_number > 0 {
-                let found = format!("{} with {no_number} of {n} pixels that are no number", name());
-                return Err(wrong(found, "a number in every pixel"));
-            }
-            if full as f64 > MOST_FULL * n as f64 {
-                return Err(wrong(format!("{} with {full} of {n} pixels full", name()), "a shorter exposure"));
+            for ((picture, full), no_number) in pictures.into_iter().zip(full).zip(no_number) {
+                if no_number > 0 {
+                    let found = format!("{} with {no_number} of {n} pixels that are no number", name());
+                    return Err(wrong(picture, found, "a number in every pixel"));
+                }
+                if full as f64 > MOST_FULL * n as f64 {
+                    let found = format!("{} with {full} of {n} pixels full", name());
+                    return Err(wrong(picture, found, "a shorter exposure"));
+                }
             }
             if !(sums[1] > 0.0) {
-                return Err(wrong(
-                    format!("{} where the card is dark", name()),
-                    "a card that covers the coupon's place",
-                ));
+                let found = format!("the card dark where {} was", name());
+                return Err(wrong(self.card, found, "a lit card that covers the coupon's place"));
             }
             let ratio = sums[0] / sums[1];
             let scatter: f64 = shares.iter().map(|[light, card]| (light - ratio * card).powi(2)).sum::<f64>().sqrt();

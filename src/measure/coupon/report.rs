@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Coupon, CouponFit, Reading};
+use crate::measure::MeasureError;
 use crate::measure::figures::{percent, plus_minus};
 use crate::words::toml_string;
 
@@ -18,7 +19,11 @@ const MUCH_ASIDE: f64 = 0.02;
 
 impl Coupon {
     /// What to know before the numbers are believed.
-    pub fn notes(&self, reading: &Reading, fits: &[CouponFit]) -> Vec<String> {
+    ///
+    /// # Errors
+    /// [`MeasureError::Scene`] for fits of another coupon.
+    pub fn notes(&self, reading: &Reading, fits: &[CouponFit]) -> Result<Vec<String>, MeasureError> {
+        self.check_fits(fits)?;
         let mut notes = reading.notes.clone();
         for fit in fits {
             let channel = &fit.channel;
@@ -61,13 +66,17 @@ impl Coupon {
                 percent(aside)
             ));
         }
-        notes
+        Ok(notes)
     }
 
     /// The material file.
-    pub fn toml(&self, reading: &Reading, fits: &[CouponFit]) -> String {
+    ///
+    /// # Errors
+    /// [`MeasureError::Scene`] for fits of another coupon, and unlike refractive indices.
+    pub fn toml(&self, reading: &Reading, fits: &[CouponFit]) -> Result<String, MeasureError> {
         let mut text = String::from("# Written by `lumislice material fit --coupon`.\n");
-        for note in self.notes(reading, fits) {
+        let index = self.refractive_index()?;
+        for note in self.notes(reading, fits)? {
             let _ = writeln!(text, "# {note}");
         }
         let channels: Vec<String> = self.channels.iter().map(|channel| toml_string(channel)).collect();
@@ -94,7 +103,6 @@ impl Coupon {
                 );
             }
             let [r, g, b, a] = resin.rgba;
-            let index = resin.believed.first().map_or(1.0, |volume| volume.refractive_index);
             let _ = write!(
                 text,
                 "[[resin]]\nname = {}\nrgba = [{r}, {g}, {b}, {a}]\ndensity-g-per-cm3 = {}\nscattering-per-mm = {}\n\
@@ -107,6 +115,6 @@ impl Coupon {
                 toml_string("g and refractive index are assumed, not fitted"),
             );
         }
-        text
+        Ok(text)
     }
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::look::{Pattern, Photons, Sides, TexelGrid, VoxelGrid, VoxelScene};
+use crate::measure::dice::Dice;
 use crate::optics::{Light, VolumeCoefficients};
 use crate::picture::{Pixels, fast_png};
 use crate::watch::Unwatched;
@@ -66,21 +67,8 @@ fn seen(coupon: &Coupon, scene: &VoxelScene, field: usize, count: u64) -> [f64; 
     [reflection.mean, reflection.standard_error]
 }
 
-/// Numbers from −1 to 1 with a variance of 1/3, the same everywhere.
-struct Dice(u64);
-
-impl Dice {
-    fn roll(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    /// A value with 1% noise, one standard deviation.
-    fn noisy(&mut self, value: f64) -> f64 {
-        value * (1.0 + 0.01 * 3f64.sqrt() * self.roll())
-    }
-}
-
+/// Noise of what the camera and the print make of a value.
+const NOISE: f64 = 0.01;
 /// Pixels of the square photographs, and of a millimetre.
 const SIZE: usize = 1100;
 const PER_MM: f64 = 9.0;
@@ -110,8 +98,8 @@ fn photographs(folder: &Path, coupon: &Coupon, values: &[f64], degrees: f64, mir
         // Rows count downwards.
         let at = [0.5 * width + cosine * u + sine * v, 0.5 * height + sine * u - cosine * v];
         let light = 60_000.0 * (1.0 - 0.003 * u + 0.001 * v - 5e-5 * (u * u + v * v));
-        lit.push((dice.noisy(light * shown(at)) + 250.0) as u16);
-        card.push((dice.noisy(light * 0.9) + 250.0) as u16);
+        lit.push((dice.noisy(light * shown(at), NOISE) + 250.0) as u16);
+        card.push((dice.noisy(light * 0.9, NOISE) + 250.0) as u16);
     }
     let write = |name: &str, values: &[u16]| -> PathBuf {
         let path = folder.join(name);
@@ -206,6 +194,58 @@ fn a_coupon_is_whole() {
     assert!(meshes.len() < 12 && meshes.values().all(|mesh| mesh.starts_with(b"v 0 0 0\n")));
 }
 
+/// A coupon's surface bends light, once.
+#[test]
+fn unlike_indices_are_refused() {
+    let mut coupon = coupon();
+    assert_eq!(coupon.refractive_index().unwrap(), 1.0);
+    coupon.resins[1].believed[0].refractive_index = 1.5;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("coupon.json");
+    std::fs::write(&path, coupon.json()).unwrap();
+    let error = Coupon::read(&path).unwrap_err().to_string();
+    assert!(error.starts_with("refractive indices: found 1.5 of black beside 1 of white, expected one"), "{error}");
+    let named = |resin: &CouponResin| NamedResin {
+        name: resin.name.clone(),
+        rgba: resin.rgba,
+        density_g_per_cm3: resin.density_g_per_cm3,
+        background: false,
+        believed: resin.believed.clone(),
+    };
+    let resins: Vec<_> = coupon.resins.iter().map(named).collect();
+    let error = Coupon::new("resins", &["Y".into()], &resins, ("j750-27um", 0.027), 8.0).unwrap_err().to_string();
+    assert!(error.starts_with("refractive indices: found 1.5 of black"), "{error}");
+}
+
+#[test]
+fn what_belongs_to_another_coupon_is_refused() {
+    let coupon = coupon();
+    let value = read::Value { value: 0.5, error: 0.01 };
+    let reading = Reading {
+        values: vec![vec![value; 5]],
+        specular: false,
+        pixels_per_mm: PER_MM,
+        marks_off_mm: 0.0,
+        notes: Vec::new(),
+    };
+    let error = fit_coupon(&coupon, &reading, &Unwatched).unwrap_err().to_string();
+    assert_eq!(error, "reading: found 1 channel of 5 fields, expected 1 channel of 48 fields: one of this coupon");
+    let fit = CouponFit {
+        channel: "Y".to_owned(),
+        coefficients: believed(&coupon)[..2].to_vec(),
+        shares: vec![[0.01; 2]; 2],
+        misfit: 1.0,
+        residual: 0.01,
+        aside: vec![0.0; 48],
+        missed: vec![0.0; 48],
+    };
+    let fits = [fit];
+    let expected = "fits: found 1 channel of 2 resins and 48 fields, expected 1 channel of 3 resins and 48 fields: \
+                    those of this coupon";
+    assert_eq!(coupon.notes(&reading, &fits).unwrap_err().to_string(), expected);
+    assert_eq!(coupon.toml(&reading, &fits).unwrap_err().to_string(), expected);
+}
+
 /// What photons of its own say of neighbours, against the walk through voxels.
 #[test]
 fn neighbours_count_as_voxels_have_it() {
@@ -242,7 +282,7 @@ fn coefficients_come_back() {
     let scene = voxels(&coupon, &truth);
     let mut dice = Dice(11);
     let values: Vec<f64> =
-        (0..coupon.fields.len()).map(|field| dice.noisy(seen(&coupon, &scene, field, 150_000)[0])).collect();
+        (0..coupon.fields.len()).map(|field| dice.noisy(seen(&coupon, &scene, field, 150_000)[0], NOISE)).collect();
     let folder = tempfile::tempdir().unwrap();
     let reading = Reading::of(&coupon, &photographs(folder.path(), &coupon, &values, 31.0, false)).unwrap();
     let fit = fit_coupon(&coupon, &reading, &Unwatched).unwrap().remove(0);
@@ -258,7 +298,7 @@ fn coefficients_come_back() {
             assert!(stated < 0.25, "{place}: {stated}");
         }
     }
-    let text = coupon.toml(&reading, std::slice::from_ref(&fit));
+    let text = coupon.toml(&reading, std::slice::from_ref(&fit)).unwrap();
     let path = folder.path().join("fitted.toml");
     std::fs::write(&path, text).unwrap();
     let file = crate::optics::MaterialFile::read(&path).unwrap();

@@ -15,6 +15,7 @@ mod tiff_file;
 use std::path::Path;
 
 use super::MeasureError;
+use crate::machine::{self, Shortage};
 use container::Container;
 
 /// A plane of a picture. A grey picture has one plane, whatever it is asked for.
@@ -95,18 +96,16 @@ impl Plane {
     }
 }
 
+/// Most pixels of a picture: the largest sensors of cameras have 151 million. A plane of so many takes 1 GiB.
+const MAX_PIXELS: usize = 1 << 28;
+
 /// Reads what the file says about its picture.
 ///
 /// # Errors
-/// [`MeasureError::Read`], or [`MeasureError::Frame`] for a file of another kind, a damaged one, or one of eight bits.
+/// [`MeasureError::Read`], or [`MeasureError::Frame`] for a file of another kind, a damaged one, one of eight bits, or
+/// more pixels than any camera has.
 pub fn header(path: &Path) -> Result<Header, MeasureError> {
-    let mut header = match Container::of(path)? {
-        Container::Png => png_file::header(path),
-        Container::Tiff => tiff_file::header(path),
-        Container::Exr => exr_file::header(path),
-        #[cfg(feature = "raw")]
-        Container::Raw => raw_file::header(path),
-    }?;
+    let mut header = Container::of(path)?.header(path)?;
     if header.exposure_s.is_none() {
         header.exposure_s = exif::exposure_s(path);
     }
@@ -116,14 +115,39 @@ pub fn header(path: &Path) -> Result<Header, MeasureError> {
 /// Decodes the planes asked for, in their order.
 ///
 /// # Errors
-/// As [`header`]; colours asked of a grey picture.
+/// As [`header`]; colours asked of a grey picture; more pixels than the machine has memory for.
 pub fn planes(path: &Path, wanted: &[ColourPlane]) -> Result<Vec<Plane>, MeasureError> {
-    match Container::of(path)? {
+    let container = Container::of(path)?;
+    // Before room is made for any pixel.
+    let Header { width, height, .. } = container.header(path)?;
+    if let Some(Shortage { needs, expected }) = machine::short_of((4 * wanted.len() * width * height) as u64) {
+        return Err(MeasureError::frame(path, format!("{width} × {height} pixels, {needs}"), expected));
+    }
+    match container {
         Container::Png => png_file::planes(path, wanted),
         Container::Tiff => tiff_file::planes(path, wanted),
         Container::Exr => exr_file::planes(path, wanted),
         #[cfg(feature = "raw")]
         Container::Raw => raw_file::planes(path, wanted),
+    }
+}
+
+impl Container {
+    /// What the file says itself.
+    fn header(&self, path: &Path) -> Result<Header, MeasureError> {
+        let header = match self {
+            Self::Png => png_file::header(path),
+            Self::Tiff => tiff_file::header(path),
+            Self::Exr => exr_file::header(path),
+            #[cfg(feature = "raw")]
+            Self::Raw => raw_file::header(path),
+        }?;
+        let Header { width, height, .. } = header;
+        if width.saturating_mul(height) > MAX_PIXELS {
+            let expected = format!("at most {} million", MAX_PIXELS / 1_000_000);
+            return Err(MeasureError::frame(path, format!("{width} × {height} pixels"), expected));
+        }
+        Ok(header)
     }
 }
 

@@ -88,6 +88,18 @@ fn what_is_no_measurement_is_refused() {
     refused("a.tif", b"II*\0\x08\0\0\0", "a damaged TIFF");
     refused("a.exr", b"\x76\x2f\x31\x01....", "an EXR that cannot be read");
     refused("a.txt", b"hello, world", "another kind");
+    // Files that claim pixels which nobody took, and hold none.
+    let mut vast = Vec::new();
+    let mut encoder = png::Encoder::new(&mut vast, 100_000, 90_000);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    encoder.write_header().unwrap().write_chunk(png::chunk::IDAT, b"none").unwrap();
+    refused("a.png", &vast, "100000 × 90000 pixels, expected at most 268 million");
+    let tags: [(u16, u32); 8] =
+        [(256, 100_000), (257, 90_000), (258, 16), (259, 1), (262, 1), (273, 8), (277, 1), (279, 2)];
+    let entry = |(tag, value): (u16, u32)| [&tag.to_le_bytes()[..], b"\x04\0\x01\0\0\0", &value.to_le_bytes()].concat();
+    let tags = [tags.map(entry).concat(), vec![0; 4]].concat();
+    let vast = [&b"II*\0\x08\0\0\0\x08\0"[..], &tags].concat();
+    refused("a.tif", &vast, "100000 × 90000 pixels, expected at most 268 million");
     let mut eight = Vec::new();
     let encoder = png::Encoder::new(&mut eight, 1, 1);
     encoder.write_header().unwrap().write_image_data(&[0]).unwrap();

@@ -1,6 +1,7 @@
 //! Sheets simulated by photons, with an instrument's noise, measured: the coefficients and what they predict come back.
 
 use super::*;
+use crate::measure::dice::Dice;
 use crate::optics::{MonteCarlo, RingEdges};
 use crate::watch::Unwatched;
 
@@ -20,21 +21,6 @@ const BARE: Instrument = Instrument {
     relative_error: NOISE,
     absolute_error: 5e-4,
 };
-
-/// Numbers from −1 to 1 with a variance of 1/3, the same everywhere.
-struct Dice(u64);
-
-impl Dice {
-    fn roll(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    /// A value with noise of [`NOISE`], one standard deviation.
-    fn noisy(&mut self, value: f64) -> f64 {
-        value * (1.0 + NOISE * 3f64.sqrt() * self.roll())
-    }
-}
 
 fn volume(sigma_s: f64, sigma_a: f64, g: f64) -> VolumeCoefficients {
     VolumeCoefficients::new(sigma_s, sigma_a, g).unwrap().with_refractive_index(INDEX)
@@ -76,7 +62,7 @@ fn fitted(table: &str, resin: &str, g: f64) -> Result<TotalsFit, MeasureError> {
 fn table((_, sigma_s, sigma_a, g, sheets): (&str, f64, f64, f64, [f64; 3]), dice: &mut Dice) -> String {
     let mut text = String::from("thickness_mm,reflectance,transmittance\n");
     for (seed, mm) in sheets.into_iter().enumerate() {
-        let [r, t] = photons(volume(sigma_s, sigma_a, g), mm, seed as u64).map(|value| dice.noisy(value));
+        let [r, t] = photons(volume(sigma_s, sigma_a, g), mm, seed as u64).map(|value| dice.noisy(value, NOISE));
         text += &format!("{mm},{r},{t}\n");
     }
     text

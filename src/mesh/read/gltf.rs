@@ -31,7 +31,7 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let (json, blob) = split(source.bytes)?;
     let mut raw = RawMesh::new(1000.0);
     raw.y_up = true;
-    let json = decoded(json);
+    let json = decoded(json)?;
     let document = document(&json, &mut raw)?;
     let buffers = document
         .buffers()

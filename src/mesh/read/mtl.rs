@@ -9,8 +9,9 @@ use std::path::Path;
 use glam::DVec2;
 
 use super::support::{self, Fate};
-use super::text::{Statements, decoded, expected_number, has_comma, without_comment};
+use super::text::{Statements, expected_number, has_comma, or_latin_1, without_comment};
 use super::{Source, raw::RawMesh, texture};
+use crate::encoding::decoded;
 use crate::mesh::error::quote;
 use crate::mesh::{SurfaceMaterial, Wrap};
 
@@ -55,16 +56,18 @@ pub(super) struct Definition {
 pub(super) fn read(obj: &Source, path: &Path, materials: &mut Vec<Definition>, raw: &mut RawMesh) {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let library = Source { path, bytes: &[], ..*obj };
-    let bytes = match library.read(path) {
-        Ok(bytes) => bytes,
+    let bytes = library.read(path);
+    let text = bytes.as_deref().map_err(String::clone);
+    let text = match text.and_then(|bytes| decoded(bytes).map_err(|broken| broken.to_string())) {
+        Ok(text) => text,
         Err(reason) => {
             raw.lose_color(format!("material library `{name}` cannot be read ({reason}): its materials are white"));
             return;
         }
     };
     let start = materials.len();
-    for (number, line) in Statements::new(&decoded(&bytes), &NAMED) {
-        let line = String::from_utf8_lossy(&line);
+    for (number, line) in Statements::new(&text, &NAMED) {
+        let line = or_latin_1(&line);
         let (keyword, rest) = line.trim().split_once(char::is_whitespace).unwrap_or((line.trim(), ""));
         let rest = rest.trim();
         let known = materials.len() > start;

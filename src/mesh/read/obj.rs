@@ -18,7 +18,7 @@ use super::mtl::{self, Definition};
 use super::raw::{NO_UV as NO_COORDINATE, RawMesh, WHITE, finite, plain, uv_or_zero};
 use super::support::{self, Fate};
 use super::surface::full_value;
-use super::text::{POLYPAINT, Statements, decoded, expected_number, has_comma, number, without_comment};
+use super::text::{POLYPAINT, Statements, decoded, expected_number, has_comma, number, or_latin_1, without_comment};
 use crate::colour::srgb_to_linear;
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::counted;
@@ -31,7 +31,7 @@ const NAMED: [&str; 5] = ["usemtl", "mtllib", "usemap", "maplib", "call"];
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let mut reader = Reader::new(source);
-    for (number, line) in Statements::new(&decoded(source.bytes), &NAMED) {
+    for (number, line) in Statements::new(&decoded(source.bytes)?, &NAMED) {
         reader.line(number, &line)?;
     }
     reader.finish()
@@ -452,7 +452,7 @@ fn index(word: &[u8], count: usize) -> Option<u32> {
 
 /// Everything after the keyword.
 fn argument(line: &[u8]) -> String {
-    let line = String::from_utf8_lossy(line);
+    let line = or_latin_1(line);
     let line = line.trim();
     line.split_once(char::is_whitespace).map_or("", |(_, rest)| rest).trim().to_owned()
 }

@@ -15,7 +15,7 @@ use crate::words::{counted, one_line};
 
 pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     // Only a text is UTF-16.
-    let bytes = if text::is_utf_16(source.bytes) { text::decoded(source.bytes) } else { source.bytes.into() };
+    let bytes = if text::is_utf_16(source.bytes) { text::decoded(source.bytes)? } else { source.bytes.into() };
     let header = ply_header::parse(&bytes)?;
     let mut body = Body { bytes: &bytes, at: header.bytes, line: header.lines + 1, encoding: header.encoding };
     let mut raw = RawMesh::new(1.0);

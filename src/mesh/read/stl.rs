@@ -8,7 +8,8 @@ use glam::DVec3;
 
 use super::Source;
 use super::raw::{RawMesh, finite};
-use super::text::{self, Lines, decoded, expected_number};
+use super::text::{self, Lines, expected_number};
+use crate::encoding::decoded;
 use crate::mesh::bounds;
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::counted;
@@ -26,9 +27,13 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     let count = bytes.get(80..HEADER).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
     let exact = count.is_some_and(|n| bytes.len() == HEADER + RECORD * n && n > 0);
     if !exact {
-        let decoded = decoded(bytes);
-        if is_text(&decoded) {
-            return text(&decoded);
+        match decoded(bytes) {
+            Ok(decoded) if is_text(&decoded) => return text(&decoded),
+            // The text before the place is whole.
+            Err(broken) if decoded(&bytes[..broken.offset]).is_ok_and(|start| is_text(&start)) => {
+                return Err(text::broken(broken));
+            }
+            _ => {}
         }
     }
     let Some(count) = count else {

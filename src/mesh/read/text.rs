@@ -2,7 +2,19 @@
 
 use std::borrow::Cow;
 
-pub(super) use crate::encoding::{decoded, is_utf_16};
+use crate::encoding::{self, HalfCharacter};
+pub(super) use crate::encoding::{is_utf_16, or_latin_1};
+use crate::mesh::error::{Fault, Parsed};
+
+/// The text of a file.
+pub(super) fn decoded(bytes: &[u8]) -> Parsed<Cow<'_, [u8]>> {
+    encoding::decoded(bytes).map_err(broken)
+}
+
+/// What is said of text that cannot be decoded.
+pub(super) fn broken(HalfCharacter { offset }: HalfCharacter) -> Fault {
+    Fault::new(format!("byte {offset}"), "half a character of UTF-16", "whole ones")
+}
 
 /// Where the first line ends, and where the next begins: at LF, CR or both together.
 pub(super) fn line_end(bytes: &[u8]) -> Option<(usize, usize)> {

@@ -9,9 +9,9 @@ use quick_xml::events::Event;
 use zip::ZipArchive;
 
 use super::gltf_container::percent_decode;
-use super::text::decoded;
 use super::threemf_model::{self, Model};
 use super::threemf_parts::{COMPONENTS_PART, Parts, RANGES_PART, attribute};
+use crate::encoding;
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::one_line;
 
@@ -87,15 +87,7 @@ impl<'a> Package<'a> {
 
     fn xml(&mut self, name: &str) -> Parsed<String> {
         let bytes = self.part(name)?;
-        let text = match decoded(&bytes) {
-            std::borrow::Cow::Owned(text) => text,
-            std::borrow::Cow::Borrowed(text) if text.len() == bytes.len() => bytes,
-            std::borrow::Cow::Borrowed(text) => text.to_vec(),
-        };
-        String::from_utf8(text).map_err(|error| {
-            let found = format!("byte {} in no known encoding", error.utf8_error().valid_up_to());
-            Fault::new(name, found, "UTF-8 or UTF-16")
-        })
+        encoding::text(&bytes).map_err(|found| Fault::new(name, found, "UTF-8 or UTF-16"))
     }
 
     /// The model that the package's relationships name as its start, or the customary one.

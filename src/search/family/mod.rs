@@ -66,6 +66,8 @@ impl From<SearchTarget> for PartTarget {
 pub struct Family {
     shape: Shape,
     options: SearchOptions,
+    /// No layer that is there is thinner, mm; 0 where any thickness prints.
+    min_layer_mm: f64,
     cheap: Model,
     expensive: Model,
 }
@@ -135,6 +137,7 @@ impl Family {
             cheap,
             shape,
             options: options.clone(),
+            min_layer_mm: if layers.any_slot { 0.0 } else { layers.min_layer_mm },
         }))
     }
 
@@ -200,11 +203,29 @@ impl Family {
             (found.total < DEEPER * own.total).then_some(found)
         };
         let answer = |target: usize| {
-            let deeper = again(target);
-            let found = deeper.as_ref().unwrap_or(&solved[target]);
-            self.answer(&asked[target], found)
+            let found = again(target).unwrap_or_else(|| solved[target].clone());
+            let (asked, found) = self.printable(&asked[target], found);
+            self.answer(&asked, &found)
         };
         Ok(parallel::map(targets.len(), answer))
+    }
+
+    /// The answer without layers that are too thin: each is left out or made as thick as it must be, whichever the rest
+    /// makes up for better.
+    fn printable(&self, asked: &Asked, found: Solved) -> (Asked, Solved) {
+        let solver = self.solver();
+        let least_mm = self.min_layer_mm;
+        let (mut asked, mut found) = (asked.clone(), found);
+        while let Some(thin) = self.shape.thin_slot(&found.x, least_mm) {
+            let ways = asked.without_or_with(thin, least_mm);
+            let solved = ways.into_iter().filter_map(|asked| {
+                let solved = solver.solve(&asked, &found.x, Some(&found.shift))?;
+                Some((asked, solved))
+            });
+            let Some(better) = solved.min_by(|a, b| a.1.total.total_cmp(&b.1.total)) else { break };
+            (asked, found) = better;
+        }
+        (asked, found)
     }
 
     /// The stacking of given numbers, in the order of [`FamilyAnswer::parameters`], brought within the limits.

@@ -72,6 +72,12 @@ impl Shape {
         x.iter_mut().for_each(|value| *value = if value.abs() < NOTHING { 0.0 } else { rounded(*value) });
     }
 
+    /// Of the slots that may be left out, the thinnest that is there and thinner than `least_mm`.
+    pub fn thin_slot(&self, x: &[f64], least_mm: f64) -> Option<usize> {
+        let is_thin = |&slot: &usize| self.slots[slot].least_mm == 0.0 && x[slot] > 0.0 && x[slot] < least_mm - NOTHING;
+        (0..self.slots.len()).filter(is_thin).min_by(|&a, &b| x[a].total_cmp(&x[b]))
+    }
+
     /// Coefficients of the slots of several resins in one channel, with the changes that each share makes; `resins`
     /// are all resins' coefficients in the channel.
     pub fn mixed(&self, x: &[f64], resins: &[VolumeCoefficients], grains: Grains) -> Vec<Mixed> {

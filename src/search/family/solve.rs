@@ -55,6 +55,7 @@ pub(super) struct Solved {
 }
 
 /// What is asked, in numbers.
+#[derive(Clone)]
 pub(super) struct Asked {
     goal: Goal,
     below: Below,
@@ -82,6 +83,12 @@ impl Asked {
     /// Whether an answer is off so far that its fit may have got stuck.
     pub fn is_far(&self, solved: &Solved) -> bool {
         solved.objective > FAR * self.weight
+    }
+
+    /// The same with a slot left out, and with one of `least_mm` or more.
+    pub fn without_or_with(&self, slot: usize, least_mm: f64) -> [Self; 2] {
+        [self.limits.with_fixed(slot, 0.0), self.limits.with_least(slot, least_mm)]
+            .map(|limits| Self { limits, ..self.clone() })
     }
 
     /// The nearest numbers that keep the limits.

@@ -33,6 +33,16 @@ pub fn far_miss(albedos: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
     albedos.filter(|pair| gap(pair) > MUCH_ALIKE).max_by(|a, b| gap(a).total_cmp(&gap(b)))
 }
 
+/// Glows that differ by less than this factor in width look much alike.
+const MUCH_WIDER: f64 = 1.5;
+
+/// Of widths of a glow asked for and found, mm, the two that are farthest apart by their ratio if that is far enough
+/// for a warning: 1.5.
+pub fn far_glow(widths_mm: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
+    let ratio = |[asked, found]: &[f64; 2]| (asked / found).max(found / asked);
+    widths_mm.filter(|pair| ratio(pair) > MUCH_WIDER).max_by(|a, b| ratio(a).total_cmp(&ratio(b)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -80,5 +90,7 @@ mod tests {
         assert_eq!(far_miss([[0.5, 0.54], [0.2, 0.24]].into_iter()), None);
         assert_eq!(far_miss(std::iter::empty()), None);
         assert_eq!(far_miss([[f64::NAN, 0.5], [0.5, 0.6]].into_iter()), Some([0.5, 0.6]));
+        assert_eq!(far_glow([[1.0, 1.6], [2.0, 0.9], [1.0, 1.4]].into_iter()), Some([2.0, 0.9]));
+        assert_eq!(far_glow([[1.0, 1.4], [2.0, 1.4]].into_iter()), None);
     }
 }

@@ -45,12 +45,15 @@ pub struct RefineOptions {
     pub step_mm: Option<f64>,
     /// Of the candidates, how many are fitted to the end.
     pub finalists: usize,
+    /// Whether layers of one resin below mixtures may be thinner than `min_layer_mm` all the same: where boundaries are
+    /// dithered, voxels hold layers of any thickness.
+    pub any_slot: bool,
 }
 
 impl Default for RefineOptions {
-    /// Layers of at least 27 µm, a slice of the J750; 3 finalists.
+    /// Layers of at least 27 µm, a slice of the J750, all of them; 3 finalists.
     fn default() -> Self {
-        Self { min_layer_mm: 0.027, step_mm: None, finalists: 3 }
+        Self { min_layer_mm: 0.027, step_mm: None, finalists: 3, any_slot: false }
     }
 }
 

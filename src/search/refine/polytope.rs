@@ -149,11 +149,21 @@ impl Polytope {
 
     /// The same with one layer of a given thickness.
     pub(in crate::search) fn with_fixed(&self, layer: usize, mm: f64) -> Self {
-        let n = self.constraints.first().map_or(0, |constraint| constraint.a.len());
-        let only = |sign: f64| (0..n).map(|i| if i == layer { sign } else { 0.0 }).collect();
-        let mut fixed = self.clone();
-        fixed.constraints.extend([Constraint { a: only(1.0), b: mm }, Constraint { a: only(-1.0), b: -mm }]);
+        let mut fixed = self.with_least(layer, mm);
+        fixed.constraints.push(fixed.only(layer, -1.0, -mm));
         fixed
+    }
+
+    /// The same with one layer of a given thickness or more.
+    pub(in crate::search) fn with_least(&self, layer: usize, mm: f64) -> Self {
+        let mut limited = self.clone();
+        limited.constraints.push(self.only(layer, 1.0, mm));
+        limited
+    }
+
+    fn only(&self, layer: usize, sign: f64, b: f64) -> Constraint {
+        let n = self.constraints.first().map_or(0, |constraint| constraint.a.len());
+        Constraint { a: (0..n).map(|i| if i == layer { sign } else { 0.0 }).collect(), b }
     }
 
     /// Whether `mm` keeps all constraints.

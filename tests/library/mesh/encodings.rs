@@ -81,6 +81,44 @@ fn names_may_hold_a_hash_and_data_may_be_commented() {
     }
 }
 
+/// Names in an encoding of old that differ in what is no UTF-8 only.
+#[test]
+fn names_in_latin_1_stay_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    put(folder.path(), "a.mtl", b"newmtl gr\xfcn\nKd 0.25 0.5 1\nnewmtl gr\xf6n\nKd 1 0 0\n");
+    let text = [b"mtllib a.mtl\nusemtl gr\xfcn\n", CUBE.as_bytes()].concat();
+    let loaded = load(&put(folder.path(), "a.obj", text), &LoadOptions::default()).unwrap();
+    assert_eq!(loaded.lost_color, None);
+    let used = &loaded.mesh.materials[loaded.mesh.material_of[0] as usize];
+    assert_eq!((used.name.as_str(), used.base_color), ("grün", [0.25, 0.5, 1.0, 1.0]));
+}
+
+/// UTF-16 that holds half a character is refused with its place, in every text format.
+#[test]
+fn half_a_character_is_refused() {
+    let broken = |text: &str, at: usize| {
+        let mut bytes: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+        bytes[2 * at..2 * at + 2].copy_from_slice(&0xd83d_u16.to_le_bytes());
+        bytes
+    };
+    let stl = writers::stl_text(&sample());
+    for (name, bytes, at) in [
+        ("a.obj", broken(CUBE, 20), 40),
+        ("a.stl", broken(&stl, stl.len() - 9), 2 * (stl.len() - 9)),
+        ("a.ply", broken("ply\nformat ascii 1.0\ncomment x\n", 28), 56),
+        ("a.gltf", broken("{\"asset\": {\"version\": \"2.0\"}}", 5), 10),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let error = load(&put(folder.path(), name, bytes), &LoadOptions::default()).unwrap_err().to_string();
+        assert!(error.contains(&format!("byte {at}: found half a character of UTF-16")), "{name}: {error}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    put(folder.path(), "a.mtl", broken("newmtl a\nKd 0.5 0.5 0.5\n", 7));
+    let loaded = load(&put(folder.path(), "a.obj", format!("mtllib a.mtl\nusemtl a\n{CUBE}")), &LoadOptions::default());
+    let lost = loaded.unwrap().lost_color.unwrap();
+    assert!(lost.contains("(half a character of UTF-16 at offset 14)"), "{lost}");
+}
+
 /// Coordinates in double precision as Fortran writes them.
 fn with_exponents_of_fortran(text: &str) -> String {
     let word = |word: &str| match word.trim().parse::<f64>() {
