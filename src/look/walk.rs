@@ -13,8 +13,12 @@
 use glam::DVec3;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use super::{Sides, VoxelScene, scene::Place, walker::Walker};
-use crate::optics::monte_carlo::photon::Direction;
+use super::{
+    Sides, VoxelScene,
+    scene::Place,
+    walker::{Roulette, Walker},
+};
+use crate::optics::monte_carlo::photon::{Direction, FAINT, REVIVED};
 
 /// How a walk ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +57,9 @@ impl<'a> Walk<'a> {
     pub fn new(slab: &'a VoxelScene) -> Self {
         let scene = &slab.scene;
         let dims = DVec3::from(scene.volume().lattice().dims.map(f64::from));
-        Self { walker: Walker::new(scene, &scene.media()[0]), slab, dims }
+        // What leaves far from where it entered is told by faint walks.
+        let roulette = Roulette { faint: FAINT, revived: REVIVED };
+        Self { walker: Walker { roulette, ..Walker::new(scene, &scene.media()[0]) }, slab, dims }
     }
 
     /// Follows one photon that enters the top at `at`, mm, until it leaves or dies.

@@ -9,7 +9,7 @@ use super::{
     scene::{NUDGE_MM, Place},
     strides::octant,
 };
-use crate::optics::monte_carlo::photon::{Direction, FAINT, REVIVED, azimuth, uniform};
+use crate::optics::monte_carlo::photon::{Direction, azimuth, uniform};
 use crate::voxel::BRICK;
 
 /// Light in one channel of a scene.
@@ -17,11 +17,27 @@ use crate::voxel::BRICK;
 pub(super) struct Walker<'a> {
     pub scene: &'a Scene,
     pub media: &'a Media,
+    pub roulette: Roulette,
+}
+
+/// Weights under which walks play roulette, and that survivors are raised to.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Roulette {
+    pub faint: f64,
+    pub revived: f64,
+}
+
+impl Roulette {
+    /// For what gets out anywhere. By walks through endless flat layers, (events a walk) × variance is 26% lower than
+    /// with 0.05 and 0.25 in white, 21% in white with 14% black over support, 26% in white with 30% black, 7% in black;
+    /// with 0.2 and 0.4 it is 20, 16, 21 and 12%, with 0.5 and 0.7 it is 33, 22, 28% and, in black, 26% higher. A
+    /// walk's deviation is 1.4, 3, 4 and 21% larger.
+    const LOOK: Self = Self { faint: 0.3, revived: 0.5 };
 }
 
 impl<'a> Walker<'a> {
     pub fn new(scene: &'a Scene, media: &'a Media) -> Self {
-        Self { scene, media }
+        Self { scene, media, roulette: Roulette::LOOK }
     }
 
     /// Flies from `place` to the next event, and tells in which material it is; `None` if the flight leaves the scene.
@@ -43,7 +59,7 @@ impl<'a> Walker<'a> {
         depth: &mut f64,
         rng: &mut Xoshiro256PlusPlus,
     ) -> Option<u8> {
-        let Self { scene, media } = self;
+        let Self { scene, media, .. } = self;
         let per_mm = scene.per_mm;
         // −0 + 0 = +0, so that the face ahead of a flight along it is infinitely far off, and not infinitely far
         // behind.
@@ -128,11 +144,12 @@ impl<'a> Walker<'a> {
     ) -> Option<(Direction, f64)> {
         let id = usize::from(id);
         let mut weight = weight * self.media.albedo[id];
-        if weight < FAINT {
-            if uniform(rng) * REVIVED >= weight {
+        let Roulette { faint, revived } = self.roulette;
+        if weight < faint {
+            if uniform(rng) * revived >= weight {
                 return None;
             }
-            weight = REVIVED;
+            weight = revived;
         }
         Some((direction.turned(self.media.phase[id].sample(uniform(rng)), azimuth(rng)), weight))
     }

@@ -31,6 +31,13 @@ pub const OWNER: Owner = Owner {
 
 /// Most voxels of a grid: three of 4 bytes each.
 const MAX_VOXELS: u64 = 1 << 30;
+/// Voxels of air around the print on every side: what comes in by a face of the medium's box goes on [`BEYOND`] behind
+/// it, and a print that begins at that face is entered too deep, which makes it 0.2% darker.
+const BORDER: u32 = 1;
+/// How far behind a face, in single precision, Mitsuba's rays go on: so much times 1 mm and the largest coordinate.
+const BEYOND: f64 = 9e-5;
+/// Half of the ground's edge, in distances of the camera.
+const WIDE: f64 = 100.0;
 
 /// Writes the scenes and a film of each into `folder`. Opens stages of channels and of samples.
 ///
@@ -128,23 +135,25 @@ fn write_films(
     Ok(())
 }
 
-/// A grid of Mitsuba's format 3: single precision, one channel, x fastest.
+/// A grid of Mitsuba's format 3: single precision, one channel, x fastest; around it [`BORDER`] voxels of air.
 fn grid(scene: &Scene, value: impl Fn(u8) -> f32) -> Vec<u8> {
-    let [nx, ny, nz] = scene.volume().lattice().dims;
+    let dims = scene.volume().lattice().dims;
+    let padded = dims.map(|n| n + 2 * BORDER);
     let present = scene.volume().present();
     let values: [[u8; 4]; 256] =
         std::array::from_fn(|id| if present[id] { value(id as u8).to_le_bytes() } else { [0; 4] });
-    let mut out = Vec::with_capacity(48 + 4 * scene.volume().lattice().voxels() as usize);
+    let mut out = Vec::with_capacity(48 + 4 * padded.iter().map(|n| *n as usize).product::<usize>());
     out.extend(b"VOL\x03");
-    for number in [1, nx as i32, ny as i32, nz as i32, 1] {
+    for number in [1, padded[0], padded[1], padded[2], 1] {
         out.extend(number.to_le_bytes());
     }
     for corner in [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0] {
         out.extend(corner.to_le_bytes());
     }
-    for (k, j) in (0..nz).flat_map(|k| (0..ny).map(move |j| (k, j))) {
-        for i in 0..nx {
-            out.extend(values[usize::from(scene.volume().voxel([i, j, k].map(i64::from)).0)]);
+    let [x, y, z] = dims.map(|n| -i64::from(BORDER)..i64::from(n + BORDER));
+    for (k, j) in z.flat_map(|k| y.clone().map(move |j| (k, j))) {
+        for i in x.clone() {
+            out.extend(values[usize::from(scene.volume().voxel([i, j, k]).0)]);
         }
     }
     out
@@ -165,8 +174,10 @@ fn sky() -> Vec<u8> {
 
 fn xml(stage: &Stage<'_>, channel: &str, [first, last]: [f64; 2]) -> String {
     let lattice = stage.scene.volume().lattice();
-    let size = lattice.pitch * glam::DVec3::from(lattice.dims.map(f64::from));
-    let (low, camera) = (lattice.origin, &stage.camera);
+    let size = lattice.pitch * glam::DVec3::from(lattice.dims.map(|n| f64::from(n + 2 * BORDER)));
+    let (low, camera) = (lattice.origin - lattice.pitch * f64::from(BORDER), &stage.camera);
+    // So far below what it carries that light from it begins in the air.
+    let gap = 2.0 * BEYOND * (1.0 + low.abs().max((low + size).abs()).max_element());
     let vector = |v: glam::DVec3| format!("{}, {}, {}", v.x, v.y, v.z);
     let spaced = |v: glam::DVec3| format!("{} {} {}", v.x, v.y, v.z);
     let [_, up, toward] = camera.axes;
@@ -219,9 +230,8 @@ fn xml(stage: &Stage<'_>, channel: &str, [first, last]: [f64; 2]) -> String {
         spaced(size * 0.5),
         spaced(low),
         stage.ground.albedo,
-        100.0 * far,
-        // A hair below what it carries, so that they do not share a plane.
-        spaced(glam::DVec3::new(camera.middle.x, camera.middle.y, stage.ground.z - 1e-4)),
+        WIDE * far,
+        spaced(glam::DVec3::new(camera.middle.x, camera.middle.y, stage.ground.z - gap)),
     );
     text += "<include filename=\"lamp_$lamp.xml\"/>\n</scene>\n";
     text
@@ -246,12 +256,14 @@ fn lamps(stage: &Stage<'_>) -> Vec<(String, String)> {
         );
         let lamp = match beam.lit {
             Lit::Everything => parallel,
-            // A black plate over the dark side, beyond the camera.
+            // A black plate over the dark side, beyond the camera, as wide as the ground: lit ground beyond the shadow of
+            // one as wide as the picture made the dark side of a cube four times as light.
             Lit::Side { point, normal } => {
-                let middle = point - normal * far + beam.toward * 3.0 * far;
+                let wide = WIDE * far;
+                let middle = point - normal * wide + beam.toward * 3.0 * far;
                 format!(
                     "{parallel}<shape type=\"rectangle\"><transform name=\"to_world\">\
-                     <scale x=\"{far}\" y=\"{far}\"/><lookat origin=\"{}\" target=\"{}\" up=\"{}\"/></transform>\
+                     <scale x=\"{wide}\" y=\"{wide}\"/><lookat origin=\"{}\" target=\"{}\" up=\"{}\"/></transform>\
                      <bsdf type=\"twosided\"><bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0\"/></bsdf>\
                      </bsdf></shape>",
                     at(middle),
