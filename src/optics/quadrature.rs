@@ -5,8 +5,8 @@
 //! Between samples g is a polynomial of degree 3 or less: a cubic Hermite curve through point samples, with parabolic
 //! slopes, or a line per ring that keeps the ring's energy exactly. Where a radius *within* a ring is asked for, a line
 //! is too coarse: a thin dark slab returns half of its light within the first ring of 44 µm, and there g falls like an
-//! exponential; by a line through the means the half-energy radius is 6% too large, by the exponential 1.6%. Every integral of g against a smooth kernel is then
-//! a sum over Gauss–Legendre nodes.
+//! exponential; by a line through the means the half-energy radius is 6% too large, by the exponential 1.6%. Every
+//! integral of g against a smooth kernel is then a sum over Gauss–Legendre nodes.
 
 use std::f64::consts::TAU;
 

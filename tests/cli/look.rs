@@ -52,8 +52,8 @@ fn spots_lie_evenly_over_the_surface() {
     assert!(faces.len() == 6 && faces.values().all(|count| (31..=69).contains(count)), "{faces:?}");
 }
 
-/// A spot ends at an edge, whichever face comes first in the file: beside an edge of a cube of one resin both faces show
-/// the same.
+/// A spot ends at an edge, whichever face comes first in the file: beside an edge of a cube of one resin both faces
+/// show the same.
 #[test]
 fn beside_an_edge_both_faces_show_the_same() {
     let bench = Bench::new();

@@ -161,8 +161,8 @@ fn rounds_end_where_nothing_is_left_to_reach() {
     assert!(ran.stdout.contains("no further round: "), "{}", ran.stdout);
 }
 
-/// Beside an edge light comes in by the other face. Corrections that change over half a millimetre left a dark cube half
-/// as light again there, 0.15 mm from its edges; what all of the dark resin cannot make up for is a quarter.
+/// Beside an edge light comes in by the other face. Corrections that change over half a millimetre left a dark cube
+/// half as light again there, 0.15 mm from its edges; what all of the dark resin cannot make up for is a quarter.
 #[test]
 fn dark_edges_print_dark() {
     let bench = Bench::new();

@@ -256,8 +256,8 @@ fn lamps(stage: &Stage<'_>) -> Vec<(String, String)> {
         );
         let lamp = match beam.lit {
             Lit::Everything => parallel,
-            // A black plate over the dark side, beyond the camera, as wide as the ground: lit ground beyond the shadow of
-            // one as wide as the picture made the dark side of a cube four times as light.
+            // A black plate over the dark side, beyond the camera, as wide as the ground: lit ground beyond the shadow
+            // of one as wide as the picture made the dark side of a cube four times as light.
             Lit::Side { point, normal } => {
                 let wide = WIDE * far;
                 let middle = point - normal * wide + beam.toward * 3.0 * far;

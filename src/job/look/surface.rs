@@ -18,8 +18,8 @@ use crate::{
 pub(super) const SPOT_RADIUS_MM: f64 = 0.25;
 /// Points that stand for a spot.
 const SITES: usize = 64;
-/// Cosine between the normals of a spot's middle and of a site of it, and between a site's normal and the way to it from
-/// the plane of the spot: an edge ends the spot.
+/// Cosine between the normals of a spot's middle and of a site of it, and between a site's normal and the way to it
+/// from the plane of the spot: an edge ends the spot.
 const SAME_FACE: f64 = 0.7;
 /// Distances that rounding makes, mm: a site in the plane of its spot is at none.
 const ROUNDING_MM: f64 = 1e-6;

@@ -57,8 +57,8 @@ fn sixty_sound_captures_are_not_blamed() {
             seed: 100 + number,
             file: String::new(),
         };
-        // Of what absorbs more than it scatters few do, and each ends soon: with 4 million, rings of the truth itself at
-        // a ten-thousandth of the first were ± 18%, which counted as an error of 5%.
+        // Of what absorbs more than it scatters few do, and each ends soon: with 4 million, rings of the truth itself
+        // at a ten-thousandth of the first were ± 18%, which counted as an error of 5%.
         let photons = if absorption > reduced { 16_000_000 } else { 4_000_000 };
         let profiles = plan.simulate(photons, &Unwatched).unwrap().profiles();
         let mut round = Round::new("black", 5.5);

@@ -271,7 +271,8 @@ fn slopes_are_those_of_the_albedo() {
     }
 }
 
-/// What no top layer makes dark enough in a thin place is the top layer throughout; what can be reached keeps its layers.
+/// What no top layer makes dark enough in a thin place is the top layer throughout; what can be reached keeps its
+/// layers.
 #[test]
 fn thin_places_that_are_too_light_are_of_the_top_throughout() {
     let set = MaterialSet::builtin("synthetic").unwrap();
@@ -287,7 +288,8 @@ fn thin_places_that_are_too_light_are_of_the_top_throughout() {
     }
 }
 
-/// Asked to be darker than its inks can make it, a top layer over black does not shrink to a veil that voxels do not hold.
+/// Asked to be darker than its inks can make it, a top layer over black does not shrink to a veil that voxels do not
+/// hold.
 #[test]
 fn top_layers_stay_as_thick_as_voxels_hold() {
     let set = MaterialSet::builtin("inks-rgb-7").unwrap();

@@ -2,10 +2,10 @@
 //! `docs/accuracy.md`.
 //!
 //! ```sh
-//! cargo run --release -p tools --bin figures -- stacking     # figure 5: three stackings against photons
-//! cargo run --release -p tools --bin figures -- slabs        # figure 6: five slabs of one albedo and falling translucency
-//! cargo run --release -p tools --bin figures -- thin         # thin layers: Kubelka–Munk and transport against photons
-//! cargo run --release -p tools --bin figures -- gamut-map    # targets out of reach: clipped, and brought into the gamut
+//! cargo run --release -p tools --bin figures -- stacking # figure 5: three stackings against photons cargo run
+//! --release -p tools --bin figures -- slabs # figure 6: five slabs of one albedo and falling translucency cargo run
+//! --release -p tools --bin figures -- thin # thin layers: Kubelka–Munk and transport against photons cargo run
+//! --release -p tools --bin figures -- gamut-map # targets out of reach: clipped, and brought into the gamut
 //! ```
 //!
 //! Options: `-o FOLDER` (default `./figures-out`), `--photons N` per simulation (default 4000000).
