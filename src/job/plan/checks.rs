@@ -99,7 +99,7 @@ pub(super) fn tiny_objects(
         let short: Vec<_> =
             (0..3).filter(|&axis| size[axis] < lattice.pitch[axis]).map(|axis| ["x", "y", "z"][axis]).collect();
         if short.len() == 3 {
-            let found = format!("an object of {} mm", by(size.to_array()));
+            let found = format!("an object of {:.3e} × {:.3e} × {:.3e} mm", size.x, size.y, size.z);
             let expected = "one larger than a voxel; `unit`, `scale` or `height-mm` set its size";
             return Err(job.refuse(&format!("object[{index}].mesh"), found, expected));
         }
