@@ -35,7 +35,7 @@ pub fn short(value: f64) -> String {
 }
 
 /// Lengths along x, y and z: `0.1 × 0.1 × 0.027`.
-pub fn by(lengths: [f64; 3]) -> String {
+pub fn dimensions(lengths: [f64; 3]) -> String {
     lengths.map(short).join(" × ")
 }
 

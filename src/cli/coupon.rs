@@ -8,7 +8,7 @@ use lumislice::{
     measure::{Coupon, NamedResin},
     output::{Existing, OutputFolder, Owner},
     voxel::Printer,
-    words::{by, short},
+    words::{dimensions, short},
 };
 use serde_json::json;
 
@@ -132,7 +132,7 @@ pub fn run(args: &CouponArgs) -> Result<Answer> {
     let folder = args.output.display();
     print(&format!(
         "{} mm, {} fields of {} mm: {}\n{folder}/coupon.toml, {folder}/coupon.json{}\n",
-        by(coupon.size_mm),
+        dimensions(coupon.size_mm),
         coupon.fields.len(),
         short(coupon.spacing_mm),
         names.join(", "),

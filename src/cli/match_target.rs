@@ -310,7 +310,7 @@ struct Look {
     delta_e_2000: f64,
 }
 
-/// A channel returning less shows no glow.
+/// A channel returning less shows no glow that anyone sees; a guess.
 const GLOWS: f64 = 0.01;
 
 impl Look {
@@ -326,8 +326,12 @@ impl Look {
         let widths = glowing.map(|(edge, _)| edge.map(|mm| mm.unwrap_or(EdgeResponse::WIDEST_MM)));
         if let Some([asked, found]) = far_glow(widths) {
             let how = if found < asked { "less far" } else { "farther" };
+            let [asked, found] = [asked, found].map(|mm| match mm {
+                mm if mm < EdgeResponse::WIDEST_MM => format!("{mm:.2} mm"),
+                mm => format!("{mm} mm or more"),
+            });
             say(&format!(
-                "warning: a shadow's edge {found:.2} mm wide in place of {asked:.2}: light goes {how} inside than \
+                "warning: a shadow's edge {found} wide in place of {asked}: light goes {how} inside than \
                  asked; beside the albedo the resins reach no nearer within what is allowed, see `lumislice gamut`"
             ));
         }

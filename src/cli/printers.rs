@@ -1,7 +1,7 @@
 //! `lumislice printers`: the presets a job may name.
 
 use clap::Args;
-use lumislice::{voxel::Printer, words::by};
+use lumislice::{voxel::Printer, words::dimensions};
 use serde_json::json;
 
 use super::{
@@ -44,7 +44,7 @@ pub fn run(args: &PrintersArgs) -> Result<Answer> {
             printer.name.clone(),
             format!("{px:.2} × {py:.2} × {pz:.0} µm"),
             format!("{x:.0} × {y:.0}"),
-            printer.tray_mm.map_or_else(|| "–".to_owned(), |tray| format!("{} mm", by(tray.to_array()))),
+            printer.tray_mm.map_or_else(|| "–".to_owned(), |tray| format!("{} mm", dimensions(tray.to_array()))),
             limit(printer.max_colors),
             limit(printer.min_slices),
         ]

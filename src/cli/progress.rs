@@ -43,7 +43,7 @@ struct Line {
 }
 
 /// What was told of a stage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Told {
     Nothing,
     HowFar,
@@ -52,7 +52,7 @@ enum Told {
 
 /// How long a stage lasts before the time that it will take is told.
 const TOLD_AFTER: Duration = Duration::from_secs(1);
-/// How long one lasts before it gets a line where no bars are drawn.
+/// How long one lasts before it gets a line where no bars are drawn, or says so far how long it took where they are.
 const LONG: Duration = Duration::from_secs(10);
 
 impl Lines {
@@ -87,9 +87,11 @@ impl Line {
             return None;
         }
         let Self { name, steps, done, .. } = self;
-        if let Some((since, first)) = self.paced.filter(|(_, first)| *done > *first && *done < *steps) {
+        // Workers finish their first steps together: a pace needs a while.
+        let paced = self.paced.map(|(since, first)| (now.duration_since(since), first));
+        if let Some((since, first)) = paced.filter(|(since, first)| *since >= LONG && first < done && done < steps) {
             self.told = Told::TimeLeft;
-            let left = now.duration_since(since).mul_f64((*steps - *done) as f64 / (*done - first) as f64);
+            let left = since.mul_f64((*steps - *done) as f64 / (*done - first) as f64);
             return Some(format!("{name}: {:#} left", HumanDuration(left)));
         }
         if self.told == Told::HowFar || *done >= *steps && *steps > 0 {
@@ -174,7 +176,7 @@ impl Watch for Bars {
         };
         if let Ok(style) = ProgressStyle::with_template(template) {
             let left = |state: &ProgressState, out: &mut dyn Write| {
-                // Of nothing done nothing follows.
+                // Of nothing done no time left follows.
                 if state.pos() == 0 && state.elapsed() >= LONG {
                     let _ = write!(out, "  {:#} so far", HumanDuration(state.elapsed()));
                 } else if state.pos() > 0 && state.elapsed() >= TOLD_AFTER {

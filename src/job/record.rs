@@ -10,9 +10,9 @@ use crate::regular_file;
 /// A look in a few numbers, as the manifest has it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LookSummary {
-    /// Spots that these numbers are of.
+    /// Spots that see enough of the sky, which the numbers below are of.
     pub spots: usize,
-    /// Spots that hardly see the sky ([`SpotRecord::is_lit`]), which they are not of.
+    /// Spots left out, for they hardly see the sky ([`SpotRecord::is_lit`]).
     #[serde(default)]
     pub unlit: usize,
     /// Walks for each spot and channel.
@@ -144,7 +144,8 @@ pub struct RoundRecord {
     pub points: usize,
     /// Walks for each point and channel.
     pub walks: u64,
-    /// Printed against asked in each channel, at spots of 0.25 mm around the points.
+    /// Printed against asked in each channel, at spots of 0.25 mm around the points. In this and in `worst` points that see
+    /// less than 0.3 of the sky count less, down to nothing.
     pub fit: Vec<Fit>,
     /// Greatest difference of ln albedo over any channel, of means over some mm².
     pub worst: f64,

@@ -226,7 +226,7 @@ fn likeness(look: &LookSummary) -> String {
 fn unlit(look: &LookSummary) -> Option<String> {
     (look.unlit > 0).then(|| {
         format!(
-            "{} more hardly see the sky, as inside a vase, and were not judged: what they show is light that has come \
+            "Not judged: {}, where hardly any sky is seen, as inside a vase; what shows there is light that has come \
              through the walls.",
             counted(look.unlit, "place")
         )

@@ -46,9 +46,14 @@ impl NormalEquations {
 
     /// The unknowns, each pulled to 0 by a weight that is given of the weight it has been observed with. `None` where
     /// they are not told.
-    pub fn solve(mut self, pull: impl Fn(f64) -> f64) -> Option<Vec<f64>> {
+    pub fn solve(self, pull: impl Fn(f64) -> f64) -> Option<Vec<f64>> {
+        self.solve_above(0.0, pull)
+    }
+
+    /// [`Self::solve`]; `None` too where a pivot is not above `least_pivot`.
+    pub fn solve_above(mut self, least_pivot: f64, pull: impl Fn(f64) -> f64) -> Option<Vec<f64>> {
         self.matrix.iter_mut().enumerate().for_each(|(n, row)| row[n] += pull(row[n]));
-        solve(self.matrix, self.right, 0.0)
+        solve(self.matrix, self.right, least_pivot)
     }
 }
 

@@ -18,7 +18,7 @@ const END: f64 = 400.0;
 const STEP: f64 = 0.004;
 
 /// Half of the widest edge that is told, mm: where the integral is known to 1e-3.
-const WIDEST_MM: f64 = 20.0;
+const FARTHEST_MM: f64 = 20.0;
 
 /// L(x) of one spectrum.
 #[derive(Debug, Clone)]
@@ -45,14 +45,14 @@ impl EdgeResponse {
         0.5 * self.total + terms.sum::<f64>() / PI
     }
 
-    /// The widest edge that is told, mm.
-    pub const WIDEST_MM: f64 = 2.0 * WIDEST_MM;
+    /// The widest edge that [`width_mm`](Self::width_mm) finds, mm.
+    pub const WIDEST_MM: f64 = 2.0 * FARTHEST_MM;
 
     /// How far apart, in mm, a tenth and nine tenths of R̂(0) leave; `None` where that is beyond 40 mm or nothing
     /// leaves.
     pub fn width_mm(&self) -> Option<f64> {
         let below = |x_mm: f64| self.at(x_mm) < 0.9 * self.total;
-        let (mut low, mut high) = (0.0, WIDEST_MM);
+        let (mut low, mut high) = (0.0, FARTHEST_MM);
         if !(self.total > 0.0 && below(low)) || below(high) {
             return None;
         }

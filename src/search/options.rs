@@ -123,7 +123,10 @@ pub enum SearchError {
         expected: usize,
     },
     /// Layers of whole steps that keep the limits were not found.
-    #[error("no layers of whole steps of {} mm keep the limits, expected a finer step or wider limits", short(*step_mm))]
+    #[error(
+        "no layers of whole steps of {} mm keep the limits, expected a finer step or wider limits",
+        short(*step_mm)
+    )]
     Steps {
         /// The step, mm.
         step_mm: f64,

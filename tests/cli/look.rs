@@ -2,7 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use crate::support::{Bench, keys};
+use glam::DVec3;
+
+use crate::{
+    shapes,
+    support::{Bench, keys, stl},
+};
 
 #[test]
 fn the_job_and_its_slices_look_the_same() {
@@ -50,6 +55,41 @@ fn spots_lie_evenly_over_the_surface() {
         *faces.entry(normal).or_insert(0) += 1;
     }
     assert!(faces.len() == 6 && faces.values().all(|count| (31..=69).contains(count)), "{faces:?}");
+}
+
+/// A narrow well in a block: what shows at its foot has come through the block.
+#[test]
+fn spots_that_hardly_see_the_sky_count_in_no_mean() {
+    let bench = Bench::new();
+    let block = |low: [f64; 3], high: [f64; 3]| shapes::box_triangles(DVec3::from(low), DVec3::from(high));
+    let sides = [
+        block([0.0, 0.0, 0.0], [4.0, 4.0, 1.0]),
+        block([0.0, 0.0, 0.0], [1.6, 4.0, 6.0]),
+        block([2.4, 0.0, 0.0], [4.0, 4.0, 6.0]),
+        block([0.0, 0.0, 0.0], [4.0, 1.6, 6.0]),
+        block([0.0, 2.4, 0.0], [4.0, 4.0, 6.0]),
+    ];
+    let triangles: Vec<_> = sides.concat().iter().map(|t| t.map(|p| p.as_vec3().to_array())).collect();
+    bench.write("cube.stl", &stl(&triangles));
+    let numbers = ["look", "job.toml", "--spots", "120", "--photons", "200"];
+    let look = bench.run(numbers.iter().chain(&["--json"])).exits(0).json();
+    let spots = look["spots"].as_array().unwrap();
+    let sky = |spot: usize| spots[spot]["sky"].as_f64().unwrap();
+    let unlit = (0..spots.len()).filter(|&spot| sky(spot) < 0.3).count();
+    assert!((4..40).contains(&unlit), "{unlit}");
+    let worst: Vec<usize> = look["worst"].as_array().unwrap().iter().map(|at| at.as_u64().unwrap() as usize).collect();
+    assert!(worst.len() == 5 && worst.iter().all(|&at| sky(at) >= 0.3), "{worst:?}");
+    // The mean over those that count.
+    let apart = |spot: &serde_json::Value| {
+        let [v, predicted, printed] =
+            [&spot["sky"], &spot["predicted"][0], &spot["printed"][0]].map(|value| value.as_f64().unwrap());
+        printed - v * predicted / (1.0 - (1.0 - v) * predicted)
+    };
+    let lit = || (0..spots.len()).filter(|&spot| sky(spot) >= 0.3);
+    let bias = lit().map(|spot| apart(&spots[spot])).sum::<f64>() / lit().count() as f64;
+    assert!((look["against_predicted"][0]["bias"].as_f64().unwrap() - bias).abs() < 1e-9, "{bias}");
+    let said = bench.run(numbers).exits(0).stdout;
+    assert!(said.contains(&format!("not counted: {unlit} that hardly see the sky")), "{said}");
 }
 
 /// A spot ends at an edge, whichever face comes first in the file: beside an edge of a cube of one resin both faces

@@ -110,7 +110,7 @@ impl Dataset {
         };
         if !(PITCH_MM[0]..=PITCH_MM[1]).contains(&pitch_mm) {
             let expected = format!("{} to {} mm", PITCH_MM[0], PITCH_MM[1]);
-            return Err(fault("pitch", format!("{pitch_mm} mm"), &expected));
+            return Err(fault("pitch", format!("{} mm", crate::words::short(pitch_mm)), &expected));
         }
         let shape = &header.shape;
         if !(4..=5).contains(&shape.len()) {

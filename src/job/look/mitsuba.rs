@@ -18,6 +18,7 @@ use crate::{
     look::{LAMPS, Lit, Scene, Stage},
     optics::VolumeCoefficients,
     output::{Existing, OutputFolder, Owner},
+    voxel::Lattice,
     watch::Watch,
 };
 
@@ -31,13 +32,10 @@ pub const OWNER: Owner = Owner {
 
 /// Most voxels of a grid: three of 4 bytes each.
 const MAX_VOXELS: u64 = 1 << 30;
-/// Voxels of air around the print on every side: what comes in by a face of the medium's box goes on [`BEYOND`] behind
-/// it, and a print that begins at that face is entered too deep, which makes it 0.2% darker.
-const BORDER: u32 = 1;
 /// How far behind a face, in single precision, Mitsuba's rays go on: so much times 1 mm and the largest coordinate.
-const BEYOND: f64 = 9e-5;
+const RAY_EPSILON: f64 = 9e-5;
 /// Half of the ground's edge, in distances of the camera.
-const WIDE: f64 = 100.0;
+const GROUND_HALF_EDGE: f64 = 100.0;
 
 /// Writes the scenes and a film of each into `folder`. Opens stages of channels and of samples.
 ///
@@ -78,8 +76,9 @@ pub(super) fn write_scenes(
     };
     // Its grids have no refractive indices.
     let stage = Stage { surface: false, ..stage };
-    if scene.volume().lattice().voxels() > MAX_VOXELS {
-        return Err(fault(format!("{} voxels", scene.volume().lattice().voxels()), "at most 1 G for Mitsuba's grids"));
+    let voxels = padded(scene.volume().lattice()).voxels();
+    if voxels > MAX_VOXELS {
+        return Err(fault(format!("{voxels} voxels, air around them too"), "at most 1 G for Mitsuba's grids"));
     }
     let output = OutputFolder::create(folder, &OWNER, existing, inputs)?;
     watch.stage("Mitsuba", channels.len() as u64);
@@ -135,10 +134,31 @@ fn write_films(
     Ok(())
 }
 
-/// A grid of Mitsuba's format 3: single precision, one channel, x fastest; around it [`BORDER`] voxels of air.
+/// The lattice with air around it: what comes in by a face of the medium's box goes on behind it, and a print that
+/// begins at that face is entered too deep, which makes it 0.2% darker.
+fn padded(lattice: &Lattice) -> Lattice {
+    let reach = behind(lattice.origin, lattice.origin + size(lattice));
+    let border = lattice.pitch.to_array().map(|pitch| (reach / pitch).ceil().max(1.0));
+    Lattice {
+        origin: lattice.origin - lattice.pitch * glam::DVec3::from(border),
+        pitch: lattice.pitch,
+        dims: std::array::from_fn(|axis| lattice.dims[axis] + 2 * border[axis] as u32),
+    }
+}
+
+/// How far behind the faces of a box rays go on, mm.
+fn behind(low: glam::DVec3, high: glam::DVec3) -> f64 {
+    RAY_EPSILON * (1.0 + low.abs().max(high.abs()).max_element())
+}
+
+fn size(lattice: &Lattice) -> glam::DVec3 {
+    lattice.pitch * glam::DVec3::from(lattice.dims.map(f64::from))
+}
+
+/// A grid of Mitsuba's format 3: single precision, one channel, x fastest; of the [`padded`] lattice.
 fn grid(scene: &Scene, value: impl Fn(u8) -> f32) -> Vec<u8> {
     let dims = scene.volume().lattice().dims;
-    let padded = dims.map(|n| n + 2 * BORDER);
+    let padded = padded(scene.volume().lattice()).dims;
     let present = scene.volume().present();
     let values: [[u8; 4]; 256] =
         std::array::from_fn(|id| if present[id] { value(id as u8).to_le_bytes() } else { [0; 4] });
@@ -150,7 +170,10 @@ fn grid(scene: &Scene, value: impl Fn(u8) -> f32) -> Vec<u8> {
     for corner in [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0] {
         out.extend(corner.to_le_bytes());
     }
-    let [x, y, z] = dims.map(|n| -i64::from(BORDER)..i64::from(n + BORDER));
+    let [x, y, z] = std::array::from_fn(|axis| {
+        let border = i64::from((padded[axis] - dims[axis]) / 2);
+        -border..i64::from(dims[axis]) + border
+    });
     for (k, j) in z.flat_map(|k| y.clone().map(move |j| (k, j))) {
         for i in x.clone() {
             out.extend(values[usize::from(scene.volume().voxel([i, j, k]).0)]);
@@ -173,11 +196,11 @@ fn sky() -> Vec<u8> {
 }
 
 fn xml(stage: &Stage<'_>, channel: &str, [first, last]: [f64; 2]) -> String {
-    let lattice = stage.scene.volume().lattice();
-    let size = lattice.pitch * glam::DVec3::from(lattice.dims.map(|n| f64::from(n + 2 * BORDER)));
-    let (low, camera) = (lattice.origin - lattice.pitch * f64::from(BORDER), &stage.camera);
+    let lattice = padded(stage.scene.volume().lattice());
+    let size = size(&lattice);
+    let (low, camera) = (lattice.origin, &stage.camera);
     // So far below what it carries that light from it begins in the air.
-    let gap = 2.0 * BEYOND * (1.0 + low.abs().max((low + size).abs()).max_element());
+    let gap = 2.0 * behind(low, low + size);
     let vector = |v: glam::DVec3| format!("{}, {}, {}", v.x, v.y, v.z);
     let spaced = |v: glam::DVec3| format!("{} {} {}", v.x, v.y, v.z);
     let [_, up, toward] = camera.axes;
@@ -230,7 +253,7 @@ fn xml(stage: &Stage<'_>, channel: &str, [first, last]: [f64; 2]) -> String {
         spaced(size * 0.5),
         spaced(low),
         stage.ground.albedo,
-        WIDE * far,
+        GROUND_HALF_EDGE * far,
         spaced(glam::DVec3::new(camera.middle.x, camera.middle.y, stage.ground.z - gap)),
     );
     text += "<include filename=\"lamp_$lamp.xml\"/>\n</scene>\n";
@@ -259,7 +282,7 @@ fn lamps(stage: &Stage<'_>) -> Vec<(String, String)> {
             // A black plate over the dark side, beyond the camera, as wide as the ground: lit ground beyond the shadow
             // of one as wide as the picture made the dark side of a cube four times as light.
             Lit::Side { point, normal } => {
-                let wide = WIDE * far;
+                let wide = GROUND_HALF_EDGE * far;
                 let middle = point - normal * wide + beam.toward * 3.0 * far;
                 format!(
                     "{parallel}<shape type=\"rectangle\"><transform name=\"to_world\">\

@@ -118,7 +118,7 @@ pub struct Look {
     pub spot_radius_mm: f64,
     /// What the user should know.
     pub warnings: Vec<String>,
-    /// Printed against asked, in each channel; `None` where nothing was asked for. Where a spot sees a share V of the
+    /// Printed against asked, in each channel; `None` where nothing was asked for, or no spot is lit. Where a spot sees a share V of the
     /// sky, against what a surface of the asked albedo ρ would show there, V ρ / (1 − (1 − V) ρ). Spots that hardly see
     /// it ([`SpotRecord::is_lit`]) count in none of these numbers.
     pub against_asked: Option<Vec<Fit>>,
@@ -127,7 +127,7 @@ pub struct Look {
     /// Where colours were asked for: their differences.
     #[serde(default)]
     pub delta_e_2000: Option<Differences>,
-    /// How far single spots are from what was asked for, as shares of that; `None` where nothing was.
+    /// How far single spots are from what was asked for, as shares of that; `None` where nothing was or none is lit.
     #[serde(default)]
     pub relative: Option<Spread>,
     /// Distances from a shadow's edge at which the spots have values, mm, negative in the shadow: [`EDGE_MM`], or none.

@@ -11,7 +11,7 @@ use crate::{
     container::{bmp, gcvf},
     optics::Mixture,
     voxel::Lattice,
-    words::{by, counted, short},
+    words::{counted, dimensions, short},
 };
 
 /// Refuses formats that cannot hold this lattice, before anything slow; what only may be refused is told in `warnings`.
@@ -33,7 +33,7 @@ pub(super) fn formats(job: &Job, lattice: &Lattice, warnings: &mut Vec<String>) 
         Err(gcvf::Unfit::Pitch) => {
             let expected =
                 "whole dots per inch in x and y and whole nanometres in z: a printer preset, as \"j750-27um\"";
-            refuse(format!("\"gcvf\" of voxels of {} mm", by(lattice.pitch.to_array())), expected)
+            refuse(format!("\"gcvf\" of voxels of {} mm", dimensions(lattice.pitch.to_array())), expected)
         }
         Ok(resolution) => {
             warnings.extend(resolution.warning());

@@ -404,3 +404,21 @@ fn factors(correction: &ObjectCorrection) -> Factors {
     let points = correction.ln_factor_thousandths.first().map_or(0, Vec::len);
     (0..points).map(|at| std::array::from_fn(|channel| of(channel, at))).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What was asked for once fades where no sky is seen, and stays where it is.
+    #[test]
+    fn places_that_see_no_sky_go_back_to_what_was_found() {
+        let [dark, dim, lit] = [0.0, 0.15, 1.0].map(|sky| Shape::with([0.0, 0.0, 1.0 - sky]));
+        let sample = |shape: Shape| shape::Sample { shape, asked: 0.1, printed: 0.1, variance: 0.0 };
+        let sums: Vec<_> = [dark, dim, lit].map(|shape| Some(vec![sample(shape)])).to_vec();
+        let reached = vec![[-0.5, 0.0, 0.0]; 3];
+        let now = Followed { reached: &reached, sums };
+        let next = corrected(&now, &vec![[0.0; CHANNELS]; 3], &[Response::of(0, None, &now)]);
+        let factors: Vec<f64> = next.iter().map(|factor| factor[0]).collect();
+        assert!(factors[0] == 0.0 && (factors[1] + 0.25).abs() < 1e-9 && factors[2] == -0.5, "{factors:?}");
+    }
+}

@@ -123,7 +123,8 @@ pub(super) fn residuals(plan: &ObjectPlan, sums: &[Option<Sums>]) -> (Vec<[f64; 
         }
         let factors = plan.factors();
         let lit = shape.map_or(1.0, Shape::lit);
-        (std::array::from_fn(|channel| if channel < factors { lit * off[channel] } else { 0.0 }), whole)
+        let off = std::array::from_fn(|channel| if channel < factors { lit * off[channel] } else { 0.0 });
+        (off, whole.map(|off| lit * off))
     };
     let points = plan.points.points();
     let found = parallel::map(points.len(), |n| at((n, &points[n])));

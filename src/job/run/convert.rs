@@ -20,7 +20,7 @@ use crate::{
     preview::{SliceColours, decode_slice},
     voxel::{BRICK, MaterialId},
     watch::Watch,
-    words::by,
+    words::dimensions,
 };
 
 /// Why a finished job is not converted.
@@ -136,7 +136,7 @@ impl Source<'_> {
                         return Err(self.unfit(format!("{slices} slices"), expected));
                     }
                     Err(gcvf::Unfit::Pitch) => {
-                        let found = format!("voxels of {} mm", by(self.content.lattice.pitch.to_array()));
+                        let found = format!("voxels of {} mm", dimensions(self.content.lattice.pitch.to_array()));
                         return Err(self.unfit(found, "whole dots per inch and nanometres for gcvf"));
                     }
                     Ok(resolution) => warnings.extend(resolution.warning()),

@@ -234,7 +234,9 @@ fn look_words(look: &LookSummary, channels: &[String]) -> Vec<String> {
     });
     let mut words: Vec<_> = colour.into_iter().collect();
     words.extend(look.against_asked.iter().map(|fits| fit("asked for", fits)));
-    words.push(fit("predicted for a flat slab", &look.against_predicted));
+    if !look.against_predicted.is_empty() {
+        words.push(fit("predicted for a flat slab", &look.against_predicted));
+    }
     if let Some(worst) = look.worst.first() {
         let [x, y, z] = worst.position_mm;
         let numbers = |values: &[f64]| values.iter().map(|v| format!("{v:.2}")).collect::<Vec<_>>().join(" ");

@@ -6,7 +6,7 @@ use super::{HEIGHT_MM, PRINTER, StartOptions};
 use crate::{
     mesh::{TriangleMesh, Unit, bounds},
     voxel::Printer,
-    words::by,
+    words::dimensions,
 };
 
 /// Longest sides that make sense, mm.
@@ -62,7 +62,7 @@ impl Sized {
             return "`lumislice printers` lists them".to_owned();
         };
         let fits = if self.printed.cmple(tray).all() { "fits" } else { "does not fit" };
-        format!("tray {} mm: {fits}; `lumislice printers` lists others", by(tray.to_array()))
+        format!("tray {} mm: {fits}; `lumislice printers` lists others", dimensions(tray.to_array()))
     }
 }
 

@@ -93,7 +93,8 @@ impl View {
             equations.add(&[x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y], u, 1.0);
             equations.add(&[0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y], v, 1.0);
         }
-        let s = equations.solve(|_| 0.0)?;
+        // Points on a line tell of it to rounding only.
+        let s = equations.solve_above(1e-12, |_| 0.0)?;
         let row = |a: f64, b: f64, c: f64, size: f64| [size * a / scale, size * b / scale, size * c];
         Some(Self { m: [row(s[0], s[1], s[2], size), row(s[3], s[4], s[5], size), row(s[6], s[7], 1.0, 1.0)] })
     }
@@ -292,4 +293,19 @@ fn middle_of(plane: &Plane, view: &View, mark: [f64; 2], side_mm: f64) -> Option
         sums = [sums[0] + dark * (x as f64 + 0.5), sums[1] + dark * (y as f64 + 0.5), sums[2] + dark];
     }
     (sums[2] > 0.0).then(|| [sums[0] / sums[2], sums[1] / sums[2]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_on_a_line_tell_no_place() {
+        let square = [[0.0, 0.0], [40.0, 0.0], [0.0, 30.0], [40.0, 30.0]];
+        let line = [0.0, 13.0, 27.0, 41.0].map(|x| [x, 0.3 * x]);
+        let seen =
+            |places: [[f64; 2]; 4]| View::through(&places.map(|[x, y]| ([x, y], [10.0 * x + 100.0, 900.0 - 10.0 * y])));
+        assert!(seen(square).is_some());
+        assert!(seen(line).is_none());
+    }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{Coupon, CouponResin, Field, layout::SPACING_MM};
 use crate::measure::MeasureError;
 use crate::optics::{Stack, VolumeCoefficients};
-use crate::words::{by, excerpt, one_line, short};
+use crate::words::{dimensions, excerpt, one_line, short};
 
 /// Program and version.
 const GENERATOR: &str = concat!("lumislice ", env!("CARGO_PKG_VERSION"));
@@ -162,7 +162,7 @@ pub(super) fn read(path: &Path) -> Result<Coupon, MeasureError> {
             "fields of {} mm and marks of {} mm on {} mm",
             short(file.spacing_mm),
             short(file.mark_mm),
-            by(file.size_mm)
+            dimensions(file.size_mm)
         );
         let (from, to) = (SPACING_MM.start(), SPACING_MM.end());
         let expected = format!("fields of {from} to {to} mm, smaller marks, and at most {MAX_SIDE} fields a side");
@@ -186,5 +186,8 @@ pub(super) fn read(path: &Path) -> Result<Coupon, MeasureError> {
         mark_mm: file.mark_mm,
         resins,
     };
-    coupon.refractive_index().map(|_| coupon)
+    match coupon.refractive_index() {
+        Ok(_) => Ok(coupon),
+        Err(error) => Err(wrong(one_line(error), "the coupon.json of `material coupon`".into())),
+    }
 }

@@ -198,7 +198,7 @@ impl Ratio<'_> {
         let field = |number: usize| {
             let [x, y] = coupon.fields[number].middle_mm;
             let (mut sums, mut n) = ([0.0; 2], 0);
-            let [mut full, mut no_number] = [[0; 2]; 2];
+            let (mut full, mut no_number, mut dark) = ([0; 2], [0; 2], 0);
             let pictures = [self.picture, self.card];
             let mut shares = Vec::new();
             for pixel in view.pixels_within([x - half, y - half], [x + half, y + half], &self.card.planes[channel]) {
@@ -207,8 +207,9 @@ impl Ratio<'_> {
                 n += 1;
                 for (at, picture) in pictures.into_iter().enumerate() {
                     full[at] += usize::from(!(f64::from(picture.planes[channel].values[pixel]) < picture.full));
-                    no_number[at] += usize::from(!light[at].is_finite());
+                    no_number[at] += usize::from(!picture.planes[channel].values[pixel].is_finite());
                 }
+                dark += usize::from(self.dark.is_some_and(|dark| !dark.planes[channel].values[pixel].is_finite()));
                 shares.push(light);
             }
             let name = || format!("field {} of {}", number + 1, coupon.fields.len());
@@ -218,11 +219,12 @@ impl Ratio<'_> {
                 let found = format!("{} of {n} pixels", name());
                 return Err(wrong(self.picture, found, "100 pixels in the middle of each: go nearer"));
             }
-            for ((picture, full), no_number) in pictures.into_iter().zip(full).zip(no_number) {
-                if no_number > 0 {
-                    let found = format!("{} with {no_number} of {n} pixels that are no number", name());
-                    return Err(wrong(picture, found, "a number in every pixel"));
-                }
+            let counts = pictures.into_iter().zip(no_number).chain(self.dark.map(|picture| (picture, dark)));
+            for (picture, no_number) in counts.filter(|(_, no_number)| *no_number > 0) {
+                let found = format!("{} with {no_number} of {n} pixels that are no number", name());
+                return Err(wrong(picture, found, "a number in every pixel"));
+            }
+            for (picture, full) in pictures.into_iter().zip(full) {
                 if full as f64 > MOST_FULL * n as f64 {
                     let found = format!("{} with {full} of {n} pixels full", name());
                     return Err(wrong(picture, found, "a shorter exposure"));

@@ -137,7 +137,7 @@ impl Family {
             cheap,
             shape,
             options: options.clone(),
-            min_layer_mm: if layers.any_slot { 0.0 } else { layers.min_layer_mm },
+            min_layer_mm: if layers.thin_below_mixtures { 0.0 } else { layers.min_layer_mm },
         }))
     }
 
@@ -222,13 +222,15 @@ impl Family {
                 let solved = solver.solve(&asked, &found.x, Some(&found.shift))?;
                 Some((asked, solved))
             });
+            // Where the limits allow neither, it stays thin.
             let Some(better) = solved.min_by(|a, b| a.1.total.total_cmp(&b.1.total)) else { break };
             (asked, found) = better;
         }
         (asked, found)
     }
 
-    /// The stacking of given numbers, in the order of [`FamilyAnswer::parameters`], brought within the limits.
+    /// The stacking of given numbers, in the order of [`FamilyAnswer::parameters`], brought within the limits;
+    /// layers that are too thin are left as they are.
     ///
     /// # Errors
     /// [`SearchError::Infeasible`] where nothing keeps the limits.

@@ -97,8 +97,8 @@ fn limits_are_kept_and_slots_are_alike() {
 fn no_layer_is_thinner_than_it_may_be() {
     let targets: Vec<PartTarget> =
         (0..12).map(|i| material(0.12 + 0.04 * f64::from(i), [0.3, 0.4, 1.1][i as usize % 3])).collect();
-    let found = |any_slot: bool| {
-        let layers = RefineOptions { min_layer_mm: 0.12, any_slot, ..RefineOptions::default() };
+    let found = |thin_below_mixtures: bool| {
+        let layers = RefineOptions { min_layer_mm: 0.12, thin_below_mixtures, ..RefineOptions::default() };
         let family = Family::new(&set(), &options(), &layers, &targets, &Unwatched).unwrap().unwrap();
         family.answers(&targets, &Unwatched).unwrap()
     };
@@ -108,7 +108,6 @@ fn no_layer_is_thinner_than_it_may_be() {
     let [free, kept] = [true, false].map(found);
     assert!(free.iter().any(|answer| thin(answer) > 0), "nothing to leave out");
     for ((free, kept), part) in free.iter().zip(&kept).zip(&targets) {
-        println!("{:?}: {:.1e} {:?}, not {:.1e}", kept.parameters, kept.objective, free.parameters, free.objective);
         assert_eq!(thin(kept), 0, "{:?}", kept.parameters);
         // What was near stays near.
         let [asked, found] = [&part.target.channels, &kept.reflection].map(|spectra| spectra[0][0]);

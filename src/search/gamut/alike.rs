@@ -33,11 +33,11 @@ pub fn far_miss(albedos: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
     albedos.filter(|pair| gap(pair) > MUCH_ALIKE).max_by(|a, b| gap(a).total_cmp(&gap(b)))
 }
 
-/// Glows that differ by less than this factor in width look much alike.
+/// Glows that differ by no more than this factor in width look much alike; a guess.
 const MUCH_WIDER: f64 = 1.5;
 
 /// Of widths of a glow asked for and found, mm, the two that are farthest apart by their ratio if that is far enough
-/// for a warning: 1.5.
+/// for a warning: more than 1.5.
 pub fn far_glow(widths_mm: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
     let ratio = |[asked, found]: &[f64; 2]| (asked / found).max(found / asked);
     widths_mm.filter(|pair| ratio(pair) > MUCH_WIDER).max_by(|a, b| ratio(a).total_cmp(&ratio(b)))

@@ -46,14 +46,14 @@ pub struct RefineOptions {
     /// Of the candidates, how many are fitted to the end.
     pub finalists: usize,
     /// Whether layers of one resin below mixtures may be thinner than `min_layer_mm` all the same: where boundaries are
-    /// dithered, voxels hold layers of any thickness.
-    pub any_slot: bool,
+    /// dithered, voxels hold layers of any thickness. Of families alone.
+    pub thin_below_mixtures: bool,
 }
 
 impl Default for RefineOptions {
     /// Layers of at least 27 µm, a slice of the J750, all of them; 3 finalists.
     fn default() -> Self {
-        Self { min_layer_mm: 0.027, step_mm: None, finalists: 3, any_slot: false }
+        Self { min_layer_mm: 0.027, step_mm: None, finalists: 3, thin_below_mixtures: false }
     }
 }
 

@@ -73,7 +73,10 @@ pub enum MeshingError {
         found: f64,
     },
     /// The pitch is too fine for the objects.
-    #[error("a mesh pitch of {pitch_mm} mm makes {nodes:.0} nodes along {axis}, expected at most {max}")]
+    #[error(
+        "a mesh pitch of {} mm makes {nodes:.0} nodes along {axis}, expected at most {max}",
+        crate::words::short(*pitch_mm)
+    )]
     TooFine {
         /// What was asked for.
         pitch_mm: f64,

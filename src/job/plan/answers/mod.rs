@@ -69,6 +69,8 @@ pub(in crate::job) struct Answers {
     slot_depths: Vec<f64>,
     core: ResinId,
     min_layer_mm: f64,
+    /// Whether layers below a mixture may be thinner.
+    thin_below_mixtures: bool,
     /// Resins that the top layer may take in, but for those that have limits.
     inks: Vec<ResinId>,
 }
@@ -119,6 +121,7 @@ impl Answers {
             let of = resin.volumes().ok_or_else(|| lacking(&resin.name))?;
             volumes.iter_mut().zip(of).for_each(|(channel, volume)| channel.push(volume));
         }
+        let layers = context.job.layer_options(context.object);
         let mut answers = Self {
             clusters: Vec::new(),
             models: Vec::new(),
@@ -127,7 +130,8 @@ impl Answers {
             limits: context.limits(),
             slot_depths: Vec::new(),
             core: context.core()?,
-            min_layer_mm: context.job.layer_options(context.object).min_layer_mm,
+            min_layer_mm: layers.min_layer_mm,
+            thin_below_mixtures: context.may_mix() && layers.thin_below_mixtures,
             inks: if context.may_mix() { context.printed_resins() } else { Vec::new() },
         };
         for stacking in found {
@@ -239,7 +243,7 @@ impl Answers {
         self.volumes.iter().all(|of| of[resin.0].sigma_a + of[resin.0].sigma_s * (1.0 - of[resin.0].g) < CLEAR_PER_MM)
     }
 
-    /// Answers to questions of one cluster and thickness; to the first of them only where a stop is requested.
+    /// Answers to questions of one cluster and thickness; where a stop is requested, to those reached by then.
     fn answer_run(&self, run: &[Question], watch: &dyn Watch) -> Vec<Answer> {
         let base = &self.clusters[run[0].cluster];
         let asked: Vec<&[f64]> = run.iter().map(|question| question.ln_albedo.as_slice()).collect();
@@ -330,7 +334,7 @@ impl Answers {
         for n in 0..thickness.len() {
             let limit = self.limit_of(&base.layers[n].0);
             // A layer that was found to be none may stay so.
-            let free = !self.inks.is_empty() || base.layers[n].1 == 0.0;
+            let free = self.thin_below_mixtures || base.layers[n].1 == 0.0;
             let thinnest = match n {
                 0 if base.top.is_some() => base.room(below) * LEAST_MIXED_MM.min(base.layers[0].1),
                 _ if free => 0.0,

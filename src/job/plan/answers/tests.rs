@@ -22,6 +22,7 @@ fn answers(set: &MaterialSet, layers: &[(Mixture, f64)], mixes: bool) -> Answers
         slot_depths: Vec::new(),
         core: set.resin("black").unwrap().0,
         min_layer_mm: 0.03,
+        thin_below_mixtures: mixes,
         inks: if mixes { set.ids().filter(|id| !set[*id].print_as_background).collect() } else { Vec::new() },
     };
     answers.found(layers);
@@ -323,4 +324,27 @@ fn a_stop_is_heeded_between_questions_of_one_run() {
     let watch = StopsAtThird::default();
     assert_eq!(answers.answer_run(&questions, &watch).len(), 2);
     assert_eq!(answers.answer(&questions, &watch), Err(Stopped));
+}
+
+/// A minimum that the job states holds for what becomes of a stacking too.
+#[test]
+fn a_stated_minimum_is_kept_below_mixtures() {
+    let set = MaterialSet::builtin("synthetic").unwrap();
+    let [white, support, black] = ["white", "support", "black"].map(|name| set.resin(name).unwrap().0);
+    let grey = Mixture::new([(white, 0.9), (black, 0.1)]).unwrap();
+    let mut answers = answers(&set, &[(grey, 0.3), (support.into(), 0.12), (white.into(), 0.5)], true);
+    answers.min_layer_mm = 0.12;
+    let questions: Vec<_> = [0.1, 0.2, 0.3, 0.45, 0.6]
+        .into_iter()
+        .flat_map(|albedo: f64| {
+            [None, Some(0.4)].map(|half_mm| Question { cluster: 0, half_mm, ln_albedo: vec![albedo.ln()] })
+        })
+        .collect();
+    let thinnest = |answers: &Answers| {
+        let found = questions.iter().flat_map(|question| answers.answer_run(&[question.clone()], &Unwatched));
+        found.flat_map(|answer| answer.stacking.pairs().map(|(_, mm)| mm).collect::<Vec<_>>()).fold(1.0, f64::min)
+    };
+    assert!(thinnest(&answers) < 0.119, "nothing to keep");
+    answers.thin_below_mixtures = false;
+    assert!(thinnest(&answers) >= 0.12 - 1e-9, "{}", thinnest(&answers));
 }
