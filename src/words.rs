@@ -231,7 +231,7 @@ mod tests {
             (f64::INFINITY, "inf"),
         ];
         told.into_iter().for_each(|(value, words)| assert_eq!(short(value), words));
-        assert_eq!(by([0.1, 0.3 - 0.2, 0.027]), "0.1 × 0.1 × 0.027");
+        assert_eq!(dimensions([0.1, 0.3 - 0.2, 0.027]), "0.1 × 0.1 × 0.027");
     }
 
     #[test]

@@ -415,7 +415,7 @@ mod tests {
         let [dark, dim, lit] = [0.0, 0.15, 1.0].map(|sky| Shape::with([0.0, 0.0, 1.0 - sky]));
         let sample = |shape: Shape| shape::Sample { shape, asked: 0.1, printed: 0.1, variance: 0.0 };
         let sums: Vec<_> = [dark, dim, lit].map(|shape| Some(vec![sample(shape)])).to_vec();
-        let reached = vec![[-0.5, 0.0, 0.0]; 3];
+        let reached = vec![[-0.5; CHANNELS]; 3];
         let now = Followed { reached: &reached, sums };
         let next = corrected(&now, &vec![[0.0; CHANNELS]; 3], &[Response::of(0, None, &now)]);
         let factors: Vec<f64> = next.iter().map(|factor| factor[0]).collect();

@@ -186,8 +186,6 @@ pub(super) fn read(path: &Path) -> Result<Coupon, MeasureError> {
         mark_mm: file.mark_mm,
         resins,
     };
-    match coupon.refractive_index() {
-        Ok(_) => Ok(coupon),
-        Err(error) => Err(wrong(one_line(error), "the coupon.json of `material coupon`".into())),
-    }
+    coupon.refractive_index_or(|found, expected| wrong(format!("refractive indices {found}"), expected.into()))?;
+    Ok(coupon)
 }

@@ -81,6 +81,11 @@ impl Coupon {
     /// [`MeasureError::Scene`] where it is not one: light is refracted at the coupon's surface alone, and a material
     /// file has one for all channels.
     fn refractive_index(&self) -> Result<f64, MeasureError> {
+        self.refractive_index_or(|found, expected| MeasureError::scene("refractive indices", found, expected))
+    }
+
+    /// [`Self::refractive_index`], or what is made of what was found and expected.
+    fn refractive_index_or(&self, refuse: impl Fn(String, &'static str) -> MeasureError) -> Result<f64, MeasureError> {
         let all = || self.resins.iter().flat_map(|resin| resin.believed.iter().map(move |volume| (resin, volume)));
         let first = all().next().map(|(resin, volume)| (resin, volume.refractive_index));
         let (first, index) = first.ok_or_else(|| MeasureError::scene("coupon", "no resin", "two at least"))?;
@@ -90,7 +95,7 @@ impl Coupon {
         let found = format!("{} of {} beside {index} of {}", unlike.refractive_index, other.name, first.name);
         let expected =
             "one for all resins: of others a coupon tells nothing, for light is refracted at its surface alone";
-        Err(MeasureError::scene("refractive indices", found, expected))
+        Err(refuse(found, expected))
     }
 
     /// Refuses what was read of another coupon.

@@ -334,11 +334,10 @@ impl Answers {
         for n in 0..thickness.len() {
             let limit = self.limit_of(&base.layers[n].0);
             // A layer that was found to be none may stay so.
-            let free = self.thin_below_mixtures || base.layers[n].1 == 0.0;
+            let kept = if self.thin_below_mixtures { 0.0 } else { self.min_layer_mm.min(base.layers[n].1) };
             let thinnest = match n {
-                0 if base.top.is_some() => base.room(below) * LEAST_MIXED_MM.min(base.layers[0].1),
-                _ if free => 0.0,
-                _ => self.min_layer_mm.min(base.layers[n].1),
+                0 if base.top.is_some() => kept.max(base.room(below) * LEAST_MIXED_MM.min(base.layers[0].1)),
+                _ => kept,
             };
             let least = limit.min_mm.max(thinnest);
             thickness[n] = thickness[n].max(least).min(limit.max_mm.max(least));
