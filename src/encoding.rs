@@ -114,7 +114,7 @@ mod tests {
     fn half_a_character_is_refused_with_its_place() {
         for (bytes, offset) in [
             // Cut within a unit; after a high surrogate; a low one alone; behind a mark.
-            (&b"v\0 \01"[..], 4),
+            (&b"v\0 \x001"[..], 4),
             (b"v\0 \0\x3d\xd8", 4),
             (b"\0v\0 \xdc\x07\0 ", 4),
             (b"\xff\xfev\0\x3d\xd8v\0", 4),

@@ -83,10 +83,9 @@ impl View {
     /// Through four points or more, by least squares in the pixels.
     fn through(points: &[([f64; 2], [f64; 2])]) -> Option<Self> {
         // All scaled to about 1, m₂₂ = 1: 8 unknowns.
-        let greatest = |of: fn(&([f64; 2], [f64; 2])) -> [f64; 2]| {
-            points.iter().flat_map(of).fold(1e-9, |most: f64, value| most.max(value.abs()))
-        };
-        let (scale, size) = (greatest(|point| point.0), greatest(|point| point.1));
+        let greatest = |values: [f64; 2], most: f64| values.iter().fold(most, |most, value| most.max(value.abs()));
+        let of_both = |(scale, size), &(place, pixel)| (greatest(place, scale), greatest(pixel, size));
+        let (scale, size) = points.iter().fold((1e-9, 1e-9), of_both);
         let mut equations = NormalEquations::new(8);
         for &([x, y], [u, v]) in points {
             let ([x, y], [u, v]) = ([x / scale, y / scale], [u / size, v / size]);

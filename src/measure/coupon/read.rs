@@ -219,8 +219,8 @@ impl Ratio<'_> {
                 let found = format!("{} of {n} pixels", name());
                 return Err(wrong(self.picture, found, "100 pixels in the middle of each: go nearer"));
             }
-            let counts = pictures.into_iter().zip(no_number).chain(self.dark.map(|picture| (picture, dark)));
-            for (picture, no_number) in counts.filter(|(_, no_number)| *no_number > 0) {
+            let mut counts = pictures.into_iter().zip(no_number).chain(self.dark.map(|picture| (picture, dark)));
+            if let Some((picture, no_number)) = counts.find(|(_, no_number)| *no_number > 0) {
                 let found = format!("{} with {no_number} of {n} pixels that are no number", name());
                 return Err(wrong(picture, found, "a number in every pixel"));
             }

@@ -341,7 +341,8 @@ fn a_stated_minimum_is_kept_below_mixtures() {
         })
         .collect();
     let thinnest = |answers: &Answers| {
-        let found = questions.iter().flat_map(|question| answers.answer_run(&[question.clone()], &Unwatched));
+        let found =
+            questions.iter().flat_map(|question| answers.answer_run(std::slice::from_ref(question), &Unwatched));
         found.flat_map(|answer| answer.stacking.pairs().map(|(_, mm)| mm).collect::<Vec<_>>()).fold(1.0, f64::min)
     };
     assert!(thinnest(&answers) < 0.119, "nothing to keep");
