@@ -23,8 +23,7 @@ use super::{
     print, print_json,
     progress::Bars,
     say,
-    slice::default_folder,
-    start::is_mesh,
+    start::{default_folder, is_mesh},
     table::table,
 };
 

@@ -23,7 +23,7 @@ use super::{
     print, print_json,
     progress::Bars,
     say,
-    start::{MeshArgs, is_mesh, job_for},
+    start::{MeshArgs, default_folder, is_mesh, job_for},
     table::wrapped,
 };
 
@@ -147,11 +147,6 @@ fn ahead(job: &Job, dry_run: bool) -> Vec<(&'static str, String)> {
         .then(|| ("round", format!("up to {} of correction", counted(job.rounds() as usize, "round"))));
     let pictures = job.wants(OutputFormat::Preview).then(|| ("pictures", "pictures".to_owned()));
     rounds.into_iter().chain([("slices", "slices".to_owned())]).chain(pictures).collect()
-}
-
-/// Where a job goes unless it is said.
-pub(super) fn default_folder(job: &Job) -> PathBuf {
-    PathBuf::from(format!("{}-out", job.name))
 }
 
 /// A document with the job that was made up, if one was.

@@ -135,6 +135,11 @@ impl MeshArgs {
     }
 }
 
+/// Where a job goes unless it is said.
+pub fn default_folder(job: &Job) -> PathBuf {
+    PathBuf::from(format!("{}-out", job.name))
+}
+
 /// Whether a file is a mesh by its name.
 pub fn is_mesh(path: &std::path::Path) -> bool {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());

@@ -6,10 +6,12 @@
 
 use rayon::prelude::*;
 
-use super::{answers::Answers, on_surface::CHANNELS};
+use super::answers::Answers;
 use crate::parallel;
 use crate::search::SearchTarget;
 
+/// Channels that are corrected each on its own; where there are more, all get the same factor.
+pub(in crate::job) const CHANNELS: usize = 4;
 /// Thicknesses are told apart from the first down, mm, each smaller than the one before by this factor.
 pub(super) const THICKEST_MM: f64 = 4.8;
 const THICKNESS_STEP: f64 = std::f64::consts::SQRT_2;

@@ -19,7 +19,7 @@ use super::{
     answers::{Answer, Answers, Question},
     asked::{AskedMap, Surface},
     context::TargetContext,
-    lattice::{BLACK, Classes, Key, Lattice, Place, THICKEST_MM},
+    lattice::{BLACK, CHANNELS, Classes, Key, Lattice, Place, THICKEST_MM},
 };
 use crate::{
     appearance::{Atlas, ClusterId, LabelMap, SurfacePoints, TexelSite},
@@ -32,8 +32,6 @@ use crate::{
     watch::Watch,
 };
 
-/// Channels that are corrected each on its own; where there are more, all get the same factor.
-pub(in crate::job) const CHANNELS: usize = 4;
 /// What is known at a point: logarithms of half the thickness in mm and of the factor by channel.
 type Known = [f64; 1 + CHANNELS];
 

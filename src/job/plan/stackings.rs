@@ -8,7 +8,8 @@ use super::{
     asked::{AskedMap, Surface, wanted},
     context::TargetContext,
     gamut_mapping::Mapped,
-    on_surface::{CHANNELS, Laid, ObjectPlan},
+    lattice::CHANNELS,
+    on_surface::{Laid, ObjectPlan},
 };
 use crate::{
     appearance::{
