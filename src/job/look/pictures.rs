@@ -343,8 +343,8 @@ fn sheet(mood: &Mood, stage: &Stage<'_>, shots: &Shots<'_>) -> Result<PreviewFil
     panels.push(panel(name, &|pixel| bytes(print(pixel))));
     if asked.is_some() {
         let (name, scale) = match is_coloured {
-            true => ("difference in colour, ΔE 2000", Some(difference_scale())),
-            false => ("red: too bright, blue: too dark", None),
+            true => ("difference, ΔE2000", Some(difference_scale())),
+            false => ("red too bright, blue too dark", None),
         };
         panels.push(LookPanel { scale, ..panel(name, &differ) });
     }
