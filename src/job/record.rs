@@ -144,8 +144,8 @@ pub struct RoundRecord {
     pub points: usize,
     /// Walks for each point and channel.
     pub walks: u64,
-    /// Printed against asked in each channel, at spots of 0.25 mm around the points. In this and in `worst` points that see
-    /// less than 0.3 of the sky count less, down to nothing.
+    /// Printed against asked in each channel, at spots of 0.25 mm around the points. In this and in `worst` points that
+    /// see less than 0.3 of the sky count less, down to nothing.
     pub fit: Vec<Fit>,
     /// Greatest difference of ln albedo over any channel, of means over some mm².
     pub worst: f64,

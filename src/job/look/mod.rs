@@ -118,9 +118,9 @@ pub struct Look {
     pub spot_radius_mm: f64,
     /// What the user should know.
     pub warnings: Vec<String>,
-    /// Printed against asked, in each channel; `None` where nothing was asked for, or no spot is lit. Where a spot sees a share V of the
-    /// sky, against what a surface of the asked albedo ρ would show there, V ρ / (1 − (1 − V) ρ). Spots that hardly see
-    /// it ([`SpotRecord::is_lit`]) count in none of these numbers.
+    /// Printed against asked, in each channel; `None` where nothing was asked for, or no spot is lit. Where a spot sees
+    /// a share V of the sky, against what a surface of the asked albedo ρ would show there, V ρ / (1 − (1 − V) ρ).
+    /// Spots that hardly see it ([`SpotRecord::is_lit`]) count in none of these numbers.
     pub against_asked: Option<Vec<Fit>>,
     /// Printed against predicted, in each channel, likewise; empty where no prediction is known.
     pub against_predicted: Vec<Fit>,

@@ -14,8 +14,8 @@ use crate::job::record::SpotRecord;
 use crate::look::{Scene, Site};
 
 /// Share of the sky that a place must see for what it shows to tell of its own layers. Walls of 1.6 mm around a vase:
-/// inside less than 0.1 is seen, and what shows has come through; outside more than 0.9. Where 0.1 to 0.3 was seen prints
-/// came within ΔE 1.0 in the median.
+/// inside less than 0.1 is seen, and what shows has come through; outside more than 0.9. Where 0.1 to 0.3 was seen
+/// prints came within ΔE 1.0 in the median.
 pub(in crate::job) const LIT_SKY: f64 = 0.3;
 /// Rays that look for the sky.
 pub(in crate::job) const RAYS: usize = 64;

@@ -115,7 +115,8 @@ pub fn header(path: &Path) -> Result<Header, MeasureError> {
 /// Decodes the planes asked for, in their order.
 ///
 /// # Errors
-/// As [`header`]; colours asked of a grey picture; more pixels of these planes than the machine has memory for (decoding may take more).
+/// As [`header`]; colours asked of a grey picture; more pixels of these planes than the machine has memory for
+/// (decoding may take more).
 pub fn planes(path: &Path, wanted: &[ColourPlane]) -> Result<Vec<Plane>, MeasureError> {
     let container = Container::of(path)?;
     // Before room is made for any pixel.
