@@ -252,7 +252,7 @@ pub(super) fn summary(look: &Look) -> String {
         look.edges_against_asked.as_deref().map_or_else(Vec::new, |fits| against("asked, shadow's edge", fits)),
     );
     let mut text = format!("{}: {} spots under even light\n", look.job, look.spots.len());
-    let unlit = look.summary().unlit;
+    let unlit = look.unlit();
     if unlit > 0 {
         text +=
             &format!("not counted: {unlit} that hardly see the sky; what they show has come through from elsewhere\n");

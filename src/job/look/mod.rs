@@ -330,12 +330,17 @@ fn look_at_spots(
 }
 
 impl Look {
+    /// How many spots hardly see the sky ([`SpotRecord::is_lit`]) and count in no mean.
+    pub fn unlit(&self) -> usize {
+        self.spots.iter().filter(|spot| !spot.is_lit()).count()
+    }
+
     /// Its numbers without its spots but the worst.
     pub fn summary(&self) -> LookSummary {
-        let lit = self.spots.iter().filter(|spot| spot.is_lit()).count();
+        let unlit = self.unlit();
         LookSummary {
-            spots: lit,
-            unlit: self.spots.len() - lit,
+            spots: self.spots.len() - unlit,
+            unlit,
             walks: self.walks,
             against_asked: self.against_asked.clone(),
             against_predicted: self.against_predicted.clone(),
