@@ -203,8 +203,12 @@ pub(crate) fn is_name(name: &str) -> bool {
 pub(crate) fn name<E: From<Fault>>(keys: &Table<'_, E>) -> Result<At<String>, E> {
     let name = keys.string("name")?.ok_or_else(|| keys.missing("name", "a name"))?;
     if !is_name(&name.value) {
-        let expected = "letters, digits, spaces, `-`, `_`, `+` or `.`, a letter or digit first";
-        return Err(keys.wrong("name", &name, expected));
+        let expected = match name.value.as_str() {
+            long if long.len() > MAX_FILE_NAME => format!("at most {MAX_FILE_NAME} bytes"),
+            device if is_device_name(device) => "a name that Windows does not keep for a device".to_owned(),
+            _ => "letters, digits, spaces, `-`, `_`, `+` or `.`, a letter or digit first, none of ` .` last".to_owned(),
+        };
+        return Err(keys.wrong("name", &name, &expected));
     }
     Ok(name)
 }
