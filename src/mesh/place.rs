@@ -92,8 +92,8 @@ pub fn place(mut mesh: TriangleMesh, placement: &Placement) -> Result<(TriangleM
 }
 
 impl Solid {
-    /// Places anew what was measured with sheets and triangles without area that closing has dropped since: the size
-    /// and the position are of what is left. The 4×4 maps the former positions to those now.
+    /// Places anew what was measured with sheets, triangles without area and parts that are inside out, which closing
+    /// has dropped since: the size and the position are of what is left. The 4×4 maps the former positions to those now.
     pub fn settle(&mut self, placement: &Placement) -> DMat4 {
         /// Corners that closing joined may have moved by less than this share of the extent.
         const MOVED: f64 = 1e-5;
@@ -104,7 +104,9 @@ impl Solid {
             _ => 1.0,
         };
         let is_off = (low - placement.position_mm).abs().max_element() > MOVED * (high - low).max_element();
-        if self.health.dropped_sheet_triangles + self.health.degenerate_triangles == 0 || !is_off && scale == 1.0 {
+        let health = &self.health;
+        let has_dropped = health.dropped_sheet_triangles + health.degenerate_triangles > 0 || health.inside_out;
+        if !has_dropped || !is_off && scale == 1.0 {
             return DMat4::IDENTITY;
         }
         self.positions_mut().for_each(|p| *p = (*p - low) * scale + placement.position_mm);

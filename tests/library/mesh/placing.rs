@@ -111,6 +111,19 @@ fn what_is_dropped_is_not_measured() {
             assert!(solid.outline().flatten().all(|p| p.cmpge(low - 1e-9).all() && p.cmple(high + 1e-9).all()));
         }
     }
+    // A hole drilled by a box that faces inwards, which stands out of the cube.
+    let drill = box_triangles(DVec3::new(21.0, 21.0, 18.0), DVec3::new(23.0, 23.0, 30.0)).map(|[a, b, c]| [a, c, b]);
+    for (size, scale) in [(Size::Scale(1.0), 1.0), (Size::HeightMm(8.0), 2.0)] {
+        let placement = Placement { size, ..Placement::default() };
+        let (placed, matrix) = place(mesh_of(&[cube.clone(), drill.to_vec()].concat()), &placement).unwrap();
+        let mut solid = close(placed).unwrap();
+        let matrix = solid.settle(&placement) * matrix;
+        let corners = solid.mesh.triangles.iter().flatten().map(|&v| solid.mesh.positions[v as usize]);
+        let (low, high) = bounds(&corners.collect::<Vec<_>>());
+        assert!(low.length() < 1e-9 && (high - DVec3::splat(4.0 * scale)).length() < 1e-9, "{low} {high}");
+        assert!((matrix.transform_point3(DVec3::splat(20.0))).length() < 1e-9);
+        assert!((solid.health.volume_mm3 / (48.0 * scale.powi(3)) - 1.0).abs() < 1e-9, "{size:?}");
+    }
     // A sound mesh is not touched.
     let mut solid = close(mesh_of(&cube)).unwrap();
     assert_eq!(solid.settle(&Placement::default()), glam::DMat4::IDENTITY);
