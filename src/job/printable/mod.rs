@@ -79,9 +79,10 @@ impl Printable {
         let Pieces { count, crumbs, crumbs_mm3, first_crumb_mm, in_the_air, .. } = &self.pieces;
         if let Some(first) = first_crumb_mm {
             words.push(format!(
-                "{} fall off, {crumbs_mm3:.2} mm³ together, the first at {}: wires and walls thinner than voxels break \
+                "{} {} off, {crumbs_mm3:.2} mm³ together, the first at {}: wires and walls thinner than voxels break \
                  into beads; thicken them, print larger, or take a printer of finer pitch",
                 counted(*crumbs as usize, "crumb"),
+                if *crumbs == 1 { "falls" } else { "fall" },
                 at(*first)
             ));
         }
@@ -93,6 +94,7 @@ impl Printable {
                 counted(self.walls.len(), "object"),
                 match in_the_air {
                     0 => String::new(),
+                    1 => "; 1 of them begins above the tray, on support alone".to_owned(),
                     n => format!("; {n} of them begin above the tray, on support alone"),
                 }
             ));
