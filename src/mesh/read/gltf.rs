@@ -84,7 +84,8 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
         alphas,
         morphs: BTreeSet::new(),
     };
-    let scene = document.default_scene().or_else(|| document.scenes().next());
+    let first = || document.scenes().find(|scene| scene.nodes().len() > 0).or_else(|| document.scenes().next());
+    let scene = document.default_scene().or_else(first);
     let roots = match &scene {
         Some(scene) => scene.nodes().collect(),
         None => rootless(&document),

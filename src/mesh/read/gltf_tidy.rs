@@ -1,6 +1,8 @@
 //! Documents that the gltf crate refuses for what says nothing of a shape: application-specific attributes, which begin
-//! with `_` (glTF 2.0, section 3.7.2.1), animations of targets that extensions bring, accessors whose bounds are
-//! missing, a version that is a number; and accessors without a buffer view, whose values are 0 (section 3.6.2.2).
+//! with `_` (glTF 2.0, section 3.7.2.1), animations of targets that extensions bring, cameras, accessors whose bounds
+//! are missing, targets and strides of 0 of buffer views, a version that is a number; and what the crate wants stated
+//! that may be left out: the nodes of a scene that has none, the buffer view of an accessor whose values are 0 (section
+//! 3.6.2.2).
 
 use std::collections::HashSet;
 
@@ -9,7 +11,19 @@ use serde_json::{Map, Value, json};
 /// Takes them out; says whether there were any.
 pub(super) fn tidy(document: &mut Value) -> bool {
     let Some(root) = document.as_object_mut() else { return false };
-    let mut changed = root.remove("animations").is_some();
+    let mut changed = root.remove("animations").is_some() | root.remove("cameras").is_some();
+    for node in items(root, "nodes") {
+        changed |= node.remove("camera").is_some();
+    }
+    for scene in items(root, "scenes").filter(|scene| !scene.contains_key("nodes")) {
+        scene.insert("nodes".to_owned(), json!([]));
+        changed = true;
+    }
+    for view in items(root, "bufferViews") {
+        let is_zero = |stride: &Value| stride.as_f64() == Some(0.0);
+        changed |= view.remove("target").is_some();
+        changed |= view.get("byteStride").is_some_and(is_zero) && view.remove("byteStride").is_some();
+    }
     if let Some(version) = root.get_mut("asset").and_then(|asset| asset.get_mut("version")).filter(|v| v.is_number()) {
         *version = Value::from(version.to_string());
         changed = true;

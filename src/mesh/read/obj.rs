@@ -245,17 +245,26 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// One name with spaces, or several without.
+    /// One name with spaces, or several: without, or with as far as each ends in `.mtl`.
     fn libraries(&mut self, names: &str) {
         let bare = without_comment(names);
         let names = if self.source.companion(names).exists() { names } else { bare };
+        let words: Vec<&str> = names.split_whitespace().collect();
+        let ends = |word: &&str| word.to_ascii_lowercase().ends_with(".mtl");
+        let by_ending: Vec<String> = words.split_inclusive(ends).map(|words| words.join(" ")).collect();
         let whole = self.source.companion(names);
-        let paths = match names.split_whitespace().count() {
-            2.. if !whole.exists() => names.split_whitespace().map(|name| self.source.companion(name)).collect(),
-            _ => Vec::new(),
-        };
-        let several = paths.iter().any(|path: &PathBuf| path.exists());
-        for path in if several { paths } else { vec![whole] } {
+        let mut paths = vec![whole];
+        if words.len() > 1 && !paths[0].exists() {
+            let found = |names: Vec<PathBuf>| (names.iter().filter(|path| path.exists()).count(), names);
+            let by_word = found(words.iter().map(|name| self.source.companion(name)).collect());
+            let by_ending = found(by_ending.iter().map(|name| self.source.companion(name)).collect());
+            let is_whole = |(found, paths): &(usize, Vec<PathBuf>)| *found == paths.len();
+            match if is_whole(&by_ending) { by_ending } else { by_word } {
+                (0, _) => {}
+                (_, several) => paths = several,
+            }
+        }
+        for path in paths {
             mtl::read(self.source, &path, &mut self.library, &mut self.raw);
         }
     }

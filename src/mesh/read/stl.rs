@@ -2,7 +2,8 @@
 //!
 //! The two are told apart by size and content, not by the word "solid" alone: binary files begin with it too, and a
 //! binary file's length follows from its count (84 + 50·n). Of a text file the words count, not its lines. It may hold
-//! several solids. Normals are ignored: they follow from the order of corners.
+//! several solids. Normals are ignored: they follow from the order of corners. Colours that Magics and VisCAM keep in a
+//! binary file are told of and not read.
 
 use glam::DVec3;
 
@@ -90,7 +91,24 @@ fn binary(bytes: &[u8], claimed: usize) -> Parsed<RawMesh> {
         }
         push_last_three(&mut raw, || format!("triangle {t}"))?;
     }
+    if let Some(whose) = colors_of(&bytes[..80], body.chunks_exact(RECORD).take(count)) {
+        raw.lose_color(format!("the colours of faces, as {whose} keeps them in an STL, are not read"));
+    }
     Ok(raw)
+}
+
+/// Whose way of keeping colours a binary file follows, 15 bits in the last two bytes of a record: Magics names a colour
+/// for all in the header, and clears the highest bit where a face has its own; VisCAM sets that bit. White is no colour.
+fn colors_of<'r>(header: &[u8], mut records: impl Iterator<Item = &'r [u8]>) -> Option<&'static str> {
+    const WHITE: u16 = 0x7fff;
+    const VALID: u16 = 0x8000;
+    let attribute = |record: &[u8]| u16::from_le_bytes([record[RECORD - 2], record[RECORD - 1]]);
+    if let Some(at) = header.windows(6).position(|word| word == b"COLOR=") {
+        let all_are_white = header[at + 6..].iter().take(3).all(|&byte| byte == 255);
+        let has_its_own = |record: &[u8]| attribute(record) & VALID == 0 && attribute(record) != WHITE;
+        return (!all_are_white || records.any(has_its_own)).then_some("Magics");
+    }
+    records.any(|record| attribute(record) & VALID != 0 && attribute(record) != VALID | WHITE).then_some("VisCAM")
 }
 
 /// Corner `i` of a record.

@@ -109,9 +109,9 @@ pub(super) const ROWS: &[Row] = &[
             "KHR_node_visibility",
             "KHR_texture_transform",
         ],
-        "the default scene's nodes, the first one's where none is named, all where there are no scenes; triangles, \
-         strips, fans; sparse accessors, and those without bytes, which are 0; base or diffuse colour, texture with \
-         its wrap modes, COLOR_0 (linear; multiplies); default morph weights; skins in the pose of their joints; \
+        "the default scene's nodes, where none is named those of the first that has any, all where there are no scenes; \
+         triangles, strips, fans; sparse accessors, and those without bytes, which are 0; base or diffuse colour, \
+         texture with its wrap modes, COLOR_0 (linear; multiplies); default morph weights; skins in the pose of their joints; \
          texels and vertices that alpha cuts out (of factor, texture and COLOR_0) take the nearest one's colour, with \
          a warning",
     ),
@@ -191,7 +191,13 @@ pub(super) const ROWS: &[Row] = &[
          warning, where triangles follow; `end solid`, or none; `outerloop` and `facetnormal` in one word; no \
          `endfacet` before the next facet",
     ),
-    row("STL", Fate::Ignored, &[], "normals, attribute bytes and colours in them: an STL has no base colour"),
+    row("STL", Fate::Ignored, &[], "normals, other attribute bytes: an STL has no base colour"),
+    row(
+        "STL",
+        Fate::Lost,
+        &[],
+        "colours of faces in their attribute bytes and in the header, as Magics and VisCAM keep them",
+    ),
     row(
         "PLY",
         Fate::Read,
@@ -243,23 +249,25 @@ pub(super) const ROWS: &[Row] = &[
         Fate::Warned,
         &["beamlattice", "slicestack", "volumedata"],
         "objects of type support, solidsupport, surface and other, items with `printable=\"0\"`, modifiers, support \
-         enforcers and blockers of Slic3r, PrusaSlicer, Bambu Studio, OrcaSlicer and Cura: left out",
+         enforcers and blockers of Slic3r, PrusaSlicer, Bambu Studio, OrcaSlicer and Cura: left out; recommended \
+         extensions other than those read",
     ),
     row(
         "3MF",
         Fate::Lost,
         &["compositematerials", "multiproperties", "mmu_segmentation", "paint_color"],
         "missing properties and textures; colours of volumetric data; a tile style of none where the coordinates \
-         leave the texture. A file \
-         without any colour has no base colour",
+         leave the texture; colours of several filaments that parts are given in a slicer, and changes of colour by \
+         height. A file without any colour has no base colour",
     ),
     row(
         "3MF",
         Fate::Refused,
         &["booleanshape", "levelset", "displacementmesh", "implicitfunction"],
-        "negative volumes; objects of slices (`slicestackid`, but for `meshresolution=\"fullres\"`); shapes bounded by \
-         volumetric data; parts of which there are two of one name; required extensions other than those read; more \
-         than 100 million triangles, or 100,000 objects, once components are placed",
+        "negative volumes; objects of slices (`slicestackid`, but for `meshresolution=\"fullres\"`), and those whose \
+         alternative alone is of full resolution; shapes bounded by volumetric data; parts of which there are two of \
+         one name; required extensions other than those read; more than 100 million triangles, or 100,000 \
+         objects, once components are placed",
     ),
 ];
 

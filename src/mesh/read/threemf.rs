@@ -46,6 +46,9 @@ pub(super) fn parse(source: &Source) -> Parsed<RawMesh> {
     for lost in models.values().filter_map(|model| model.lost) {
         build.raw.lose_color(lost.to_owned());
     }
+    if let Some(lost) = build.parts.lost_colors() {
+        build.raw.lose_color(lost.to_owned());
+    }
     if models.values().any(|model| model.mm_per_unit != models[&root].mm_per_unit) {
         build.raw.warnings.push("parts differ in unit; the root model's counts".to_owned());
     }

@@ -324,14 +324,20 @@ impl Builder {
                 self.foreign.push(prefix.to_owned());
             }
         }
-        for prefix in tag.text("requiredextensions")?.unwrap_or_default().split_whitespace() {
-            let namespace = tag.text_of_namespace(prefix)?.unwrap_or_default();
-            if support::fate("3MF", &namespace) != Some(Fate::Read) {
+        for (list, kind) in [("requiredextensions", "required"), ("recommendedextensions", "recommended")] {
+            for prefix in tag.text(list)?.unwrap_or_default().split_whitespace() {
+                let namespace = tag.text_of_namespace(prefix)?.unwrap_or_default();
+                if support::fate("3MF", &namespace) == Some(Fate::Read) {
+                    continue;
+                }
                 // Most begin alike.
                 let name =
                     namespace.strip_prefix("http://schemas.microsoft.com/3dmanufacturing/").unwrap_or(&namespace);
-                let found = format!("required extension {} ({})", quote(prefix.as_bytes()), quote(name.as_bytes()));
-                return tag.fault(found, "only the materials, production and triangle set extensions");
+                let found = format!("{kind} extension {} ({})", quote(prefix.as_bytes()), quote(name.as_bytes()));
+                if kind == "required" {
+                    return tag.fault(found, "only the materials, production and triangle set extensions");
+                }
+                self.warn(&format!("{found} is not read: what it says of shape or colour is missing"));
             }
         }
         Ok(())
@@ -346,7 +352,11 @@ impl Builder {
         let kind = tag.text("type")?.unwrap_or_default();
         let left_out = NOT_PRINTED.contains(&kind.as_str()).then(|| format!("objects of type `{kind}`"));
         let resolution = tag.text("meshresolution")?;
+        // Its mesh is coarse, or made unlike on purpose (production alternatives).
+        let stands_in =
+            tag.text("modelresolution")?.is_some_and(|kind| ["lowres", "obfuscated"].contains(&kind.as_str()));
         let unread_shape = match (resolution.as_deref(), tag.text("slicestackid")?) {
+            _ if stands_in => Some("an alternative of full resolution"),
             (Some("lowres"), _) => Some("slices of higher resolution"),
             // By the specification the mesh would count; in files it is no more than the box around the slices.
             (None, Some(_)) => Some("slices (slicestackid)"),

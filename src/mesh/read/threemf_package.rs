@@ -10,7 +10,7 @@ use zip::ZipArchive;
 
 use super::gltf_container::percent_decode;
 use super::threemf_model::{self, Model};
-use super::threemf_parts::{COMPONENTS_PART, Parts, RANGES_PART, attribute};
+use super::threemf_parts::{CHANGES_PARTS, COMPONENTS_PART, Parts, RANGES_PART, attribute};
 use crate::encoding;
 use crate::mesh::error::{Fault, Parsed, quote};
 use crate::words::one_line;
@@ -131,9 +131,10 @@ impl<'a> Package<'a> {
 
     /// What a slicer noted about the parts.
     pub(super) fn parts(&mut self) -> Parsed<Parts> {
-        let [ranges, components] =
-            [RANGES_PART, COMPONENTS_PART].map(|name| self.has(name).then(|| self.xml(name)).transpose());
-        Parts::read(ranges?.as_deref(), components?.as_deref())
+        let mut note = |name: &str| self.has(name).then(|| self.xml(name)).transpose();
+        let (ranges, components) = (note(RANGES_PART)?, note(COMPONENTS_PART)?);
+        let [changes, others] = CHANGES_PARTS.map(|name| note(name).map(Option::unwrap_or_default));
+        Parts::read(ranges.as_deref(), components.as_deref(), &[changes?, others?])
     }
 }
 

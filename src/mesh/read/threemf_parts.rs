@@ -1,9 +1,10 @@
-//! What slicers note beside a 3MF model: which parts of it are printed, and which only help.
+//! What slicers note beside a 3MF model: which parts of it are printed, and which only help; and whether filaments of
+//! several colours are laid, by parts or by height.
 //!
 //! PrusaSlicer and its kin keep ranges of an object's triangles in `Metadata/Slic3r_PE_model.config`; Bambu Studio and
 //! OrcaSlicer keep kinds of an object's components in `Metadata/model_settings.config`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
@@ -14,6 +15,9 @@ use crate::words::one_line;
 /// Part names of the two notes.
 pub(super) const RANGES_PART: &str = "/Metadata/Slic3r_PE_model.config";
 pub(super) const COMPONENTS_PART: &str = "/Metadata/model_settings.config";
+/// Names of the parts that hold changes of colour by height: PrusaSlicer's, Bambu Studio's.
+pub(super) const CHANGES_PARTS: [&str; 2] =
+    ["/Metadata/Prusa_Slicer_custom_gcode_per_print_z.xml", "/Metadata/custom_gcode_per_layer.xml"];
 
 /// What changes how others are printed.
 pub(super) const MODIFIERS: &str = "modifier volumes";
@@ -48,19 +52,67 @@ pub(super) struct Parts {
     ranges: BTreeMap<u32, Vec<(u32, u32, Role)>>,
     /// Object and component.
     components: BTreeMap<(u32, u32), Role>,
+    /// Numbers of the filaments that parts are made of.
+    filaments: BTreeSet<u32>,
+    /// Whether the colour changes by height.
+    changes: bool,
 }
 
 impl Parts {
-    /// Reads what is there of the two notes.
-    pub(super) fn read(ranges: Option<&str>, components: Option<&str>) -> Parsed<Self> {
+    /// Reads what is there of the notes.
+    pub(super) fn read(ranges: Option<&str>, components: Option<&str>, changes: &[String]) -> Parsed<Self> {
         let mut parts = Self::default();
         if let Some(text) = ranges {
             parts.read_ranges(text)?;
+            parts.read_filaments(text, RANGES_PART)?;
         }
         if let Some(text) = components {
             parts.read_components(text)?;
+            parts.read_filaments(text, COMPONENTS_PART)?;
+        }
+        for (text, part) in changes.iter().zip(CHANGES_PARTS) {
+            for_each_tag(text, part, |_, attribute| {
+                parts.changes |= attribute("color").is_some_and(|color| !color.trim().is_empty());
+            })?;
         }
         Ok(parts)
+    }
+
+    /// The numbers of parts' filaments (`extruder`): a part's own, else its object's, else the first.
+    fn read_filaments(&mut self, text: &str, part: &str) -> Parsed<()> {
+        let (mut of_object, mut of_parts): (Option<u32>, Vec<Option<u32>>) = (None, Vec::new());
+        let mut close = |of_object: Option<u32>, of_parts: &mut Vec<Option<u32>>| {
+            of_parts.resize(of_parts.len().max(1), None);
+            self.filaments.extend(of_parts.drain(..).map(|of_part| of_part.or(of_object).unwrap_or(1)));
+        };
+        let mut is_open = false;
+        for_each_tag(text, part, |tag, attribute| match tag {
+            "object" => {
+                if std::mem::replace(&mut is_open, true) {
+                    close(of_object, &mut of_parts);
+                }
+                of_object = None;
+            }
+            "volume" | "part" => of_parts.push(None),
+            "metadata" if attribute("key").as_deref() == Some("extruder") => {
+                let number = attribute("value").and_then(|value| value.trim().parse().ok()).filter(|&n: &u32| n > 0);
+                *of_parts.last_mut().unwrap_or(&mut of_object) = number;
+            }
+            _ => {}
+        })?;
+        if is_open {
+            close(of_object, &mut of_parts);
+        }
+        Ok(())
+    }
+
+    /// How colours are given that only the slicer's settings hold: a sentence.
+    pub(super) fn lost_colors(&self) -> Option<&'static str> {
+        match (self.filaments.len() > 1, self.changes) {
+            (true, _) => Some("the colours of the filaments that parts are made of in a slicer are not read"),
+            (false, true) => Some("colours that change by height in a slicer are not read"),
+            (false, false) => None,
+        }
     }
 
     fn read_ranges(&mut self, text: &str) -> Parsed<()> {

@@ -178,6 +178,26 @@ fn binary_stl_whatever_its_header_says() {
             assert_eq!(volume(loaded), 24.0, "{header} {count} {tail}");
         }
     }
+    // Colours that two programs keep there: in the header and, by faces, in the last two bytes.
+    let kept: [(&[u8], u16, &str); 7] = [
+        (b"COLOR=\xc8\x28\x28\xff,MATERIAL=", 0x8000, "Magics"),
+        (b"by Magics COLOR=\xff\xff\xff\xff", 0x001f, "Magics"),
+        (b"COLOR=\xff\xff\xff\xff", 0x7fff, ""),
+        (b"COLOR=\xff\xff\xff\xff", 0xffff, ""),
+        (b"VisCAM", 0xfc00, "VisCAM"),
+        (b"", 0xffff, ""),
+        (b"", 0x7c00, ""),
+    ];
+    for (header, attribute, whose) in kept {
+        let mut bytes = good.clone();
+        bytes[..80].fill(b' ');
+        bytes[..header.len()].copy_from_slice(header);
+        bytes[84..].chunks_exact_mut(50).for_each(|record| record[48..].copy_from_slice(&attribute.to_le_bytes()));
+        let loaded = read("a.stl", &bytes);
+        let said = loaded.lost_color.clone().unwrap_or_default();
+        assert!(said.contains(whose) && said.is_empty() == whose.is_empty(), "{header:?} {attribute:x}: {said}");
+        assert_eq!(volume(loaded), 24.0);
+    }
     // Too low a count, and what was filled up with zeros.
     let with = |count: u32, tail: usize| {
         let mut bytes = good.clone();

@@ -188,3 +188,31 @@ fn colours_in_other_places_are_said_to_be_lost() {
         );
     }
 }
+
+/// `mtllib` may name several libraries, whose names may hold spaces.
+#[test]
+fn several_libraries_with_spaces_in_their_names() {
+    let read_with = |names: &str, files: &[&str]| {
+        let text = String::from_utf8(obj("usemtl m", |_| String::new(), None)).unwrap();
+        let mut all = vec![("a.obj", text.replace("mtllib a.mtl", &format!("mtllib {names}")).into_bytes())];
+        all.extend(files.iter().map(|name| (*name, b"newmtl other\nKd 0 0 1\n".to_vec())));
+        all.last_mut().unwrap().1 = b"newmtl m\nKd 0.57758 0.021219 0.021219\n".to_vec();
+        read(&all)
+    };
+    for (names, files) in [
+        ("a.mtl", &["a.mtl"][..]),
+        ("my  lib.mtl", &["my  lib.mtl"]),
+        ("a.mtl b.mtl", &["a.mtl", "b.mtl"]),
+        ("a.mtl my lib.mtl", &["a.mtl", "my lib.mtl"]),
+        ("my lib.MTL a.mtl", &["a.mtl", "my lib.MTL"]),
+        ("first second", &["first", "second"]),
+    ] {
+        let loaded = read_with(names, files);
+        assert_eq!((lost(&loaded), loaded.warnings.len()), ("", 0), "{names}: {:?}", loaded.warnings);
+        assert_shares(&loaded, &[(RED, 1.0)]);
+    }
+    // What is there is read, and what is not is named.
+    let loaded = read_with("a.mtl b.mtl", &["b.mtl"]);
+    assert!(lost(&loaded).contains("`a.mtl` cannot be read"), "{:?}", loaded.warnings);
+    assert_shares(&loaded, &[(RED, 1.0)]);
+}

@@ -12,6 +12,11 @@ use super::{
 
 /// A cube as 3MF: resources before the object, attributes of the object and of every triangle.
 fn threemf(resources: &str, object: &str, triangle: &str) -> Loaded {
+    threemf_beside(&[], resources, object, triangle)
+}
+
+/// The same with other parts.
+fn threemf_beside(parts: &[(&str, &str)], resources: &str, object: &str, triangle: &str) -> Loaded {
     let vertices: String = POINTS.iter().map(|[x, y, z]| format!("<vertex x='{x}' y='{y}' z='{z}'/>")).collect();
     let triangles: String = FACES
         .iter()
@@ -24,12 +29,13 @@ fn threemf(resources: &str, object: &str, triangle: &str) -> Loaded {
          <object id='1' {object}><mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>\
          </object></resources><build><item objectid='1'/></build></model>"
     );
-    let package = threemf_parts(&[
+    let mut all = vec![
         ("_rels/.rels", rels("3D/3dmodel.model").into_bytes()),
         ("3D/3dmodel.model", model.into_bytes()),
         ("3D/Textures/t.png", halves()),
-    ]);
-    read(&[("a.3mf", package)])
+    ];
+    all.extend(parts.iter().map(|(name, text)| (*name, text.as_bytes().to_vec())));
+    read(&[("a.3mf", threemf_parts(&all))])
 }
 
 const GROUP: &str = "<m:colorgroup id='5'><m:color color='#C82828'/><m:color color='#2828C8'/></m:colorgroup>";
@@ -134,4 +140,53 @@ fn colours_of_volumes_are_said_to_be_lost() {
         "",
     );
     assert!(said(&loaded, "volumetric data"), "{:?}", loaded.warnings);
+}
+
+/// Parts of several filaments, and filaments that change by height, as slicers note them beside the model.
+#[test]
+fn colours_of_filaments_are_said_to_be_lost() {
+    let lost_by = |name: &str, text: &str| lost(&threemf_beside(&[(name, text)], "", "", "")).to_owned();
+    let (prusa, bambu) = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config");
+    let of = |kind: &str, number: u32| format!("<metadata {kind} key='extruder' value='{number}'/>");
+    let volumes = |object: u32, [a, b]: [u32; 2]| {
+        let volume = |number| format!("<volume firstid='0' lastid='11'>{}</volume>", of("type='volume'", number));
+        format!("<config><object id='1'>{}{}{}</object></config>", of("type='object'", object), volume(a), volume(b))
+    };
+    let parts = |object: u32, [a, b]: [u32; 2]| {
+        let part = |number| format!("<part id='1' subtype='normal_part'>{}</part>", of("", number));
+        format!(
+            "<config><object id='1'>{}{}{}</object><plate><metadata key='plater_id' value='2'/></plate></config>",
+            of("", object),
+            part(a),
+            part(b)
+        )
+    };
+    // A part without a number of its own has its object's, and an object without one the first.
+    for (object, of_parts, is_lost) in [
+        (0, [0, 0], false),
+        (1, [1, 1], false),
+        (2, [2, 2], false),
+        (3, [1, 1], false),
+        (1, [1, 2], true),
+        (0, [0, 2], true),
+        (0, [3, 1], true),
+    ] {
+        for (name, text) in [(prusa, volumes(object, of_parts)), (bambu, parts(object, of_parts))] {
+            assert_eq!(lost_by(name, &text).contains("filaments"), is_lost, "{text}");
+        }
+    }
+    assert!(lost_by(prusa, &volumes(2, [0, 1])).contains("filaments"));
+    // Objects without parts.
+    let two =
+        |a, b| format!("<config><object id='1'>{}</object><object id='2'>{}</object></config>", of("", a), of("", b));
+    assert!(lost_by(bambu, &two(1, 4)).contains("filaments") && lost_by(bambu, &two(4, 4)).is_empty());
+    for (name, tag) in [
+        ("Metadata/Prusa_Slicer_custom_gcode_per_print_z.xml", "code"),
+        ("Metadata/custom_gcode_per_layer.xml", "layer"),
+    ] {
+        let change =
+            |color: &str| format!("<codes><{tag} print_z='5.2' type='0' extruder='1' color='{color}'/></codes>");
+        assert!(lost_by(name, &change("#FF0000")).contains("change by height"), "{name}");
+        assert_eq!(lost_by(name, &change("")), "");
+    }
 }

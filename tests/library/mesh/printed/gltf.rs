@@ -218,6 +218,21 @@ fn nodes_without_scenes_and_other_scenes() {
         json["scenes"] = json!([{"nodes": [0]}, {"nodes": [1]}]);
     });
     assert!(near(solid(&loaded).0, 8e9) && said(&loaded, "1 scene besides"), "{:?}", loaded.warnings);
+    // A scene may be empty, and is shown where it is the one to be shown.
+    let bytes = |shown: Option<usize>| {
+        gltf(|json, _| {
+            json["scenes"] = json!([{"name": "empty"}, {"nodes": [0]}]);
+            match shown {
+                Some(shown) => json["scene"] = shown.into(),
+                None => drop(json.as_object_mut().unwrap().remove("scene")),
+            }
+        })
+    };
+    for shown in [None, Some(1)] {
+        assert!(near(solid(&try_read("a.glb", bytes(shown)).unwrap()).0, 1e9), "{shown:?}");
+    }
+    let message = try_read("a.glb", bytes(Some(0))).unwrap_err().to_string();
+    assert!(message.contains("no triangles"), "{message}");
 }
 
 #[test]
@@ -240,6 +255,13 @@ fn what_says_nothing_of_a_shape_does_not_refuse_it() {
         json["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": {"attributes": {"_ID": ids}}});
     });
     assert_eq!(loaded.mesh.triangles.len(), 24);
+    let loaded = read_gltf(|json, _| {
+        json["cameras"] = json!([{"type": "fisheye"}]);
+        json["nodes"][0]["camera"] = 0.into();
+        json["bufferViews"][0]["target"] = 0.into();
+        json["bufferViews"][0]["byteStride"] = 0.into();
+    });
+    assert!(near(solid(&loaded).0, 1e9) && loaded.warnings.len() == 1, "{:?}", loaded.warnings);
     // What is wrong besides is still said.
     let bytes = gltf(|json, _| {
         json["meshes"][0]["primitives"][0]["attributes"] = json!({"POSITION": 0, "_ID": 0, "FOO": 0});

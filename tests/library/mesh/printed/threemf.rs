@@ -169,6 +169,20 @@ fn shapes_that_are_not_meshes_are_refused_by_name() {
         let loaded = threemf("", &resources, "<item objectid='1'/>", &[]).unwrap();
         assert!(near(solid(&loaded).0, 8.0) && said(&loaded, part));
     }
+    // An alternative in another part is not read, and what stands in for it is not printed.
+    for (resolution, is_printed) in [("fullres", true), ("lowres", false), ("obfuscated", false)] {
+        let alternative = "<pa:alternatives><pa:alternative objectid='7' path='/3D/b.model'/></pa:alternatives>";
+        let object = format!("<object id='1' pa:modelresolution='{resolution}'>{alternative}{cube}</object>");
+        let read = threemf("", &object, "<item objectid='1'/>", &[]);
+        assert_eq!(read.is_ok(), is_printed, "{resolution}");
+        assert!(read.err().is_none_or(|error| error.to_string().contains("an alternative of full resolution")));
+    }
+    let recommended = "recommendedextensions='x m' xmlns:x='http://example.org/bend' \
+                       xmlns:m='http://schemas.microsoft.com/3dmanufacturing/material/2015/02'";
+    let object = format!("<object id='1'>{cube}</object>");
+    let loaded = threemf(recommended, &object, "<item objectid='1'/>", &[]).unwrap();
+    assert!(near(solid(&loaded).0, 8.0) && loaded.warnings.len() == 1, "{:?}", loaded.warnings);
+    assert!(said(&loaded, "recommended extension `x` (`http://example.org/bend`) is not read"));
     let slices = "requiredextensions='s' xmlns:s='http://schemas.microsoft.com/3dmanufacturing/slice/2015/07'";
     let object = format!("<object id='1'>{cube}</object>");
     let message = threemf(slices, &object, "<item objectid='1'/>", &[]).unwrap_err().to_string();
