@@ -5,6 +5,30 @@ Lengths are millimetres, spatial frequencies rad/mm. Whatever takes time takes `
 command line, what cannot be written :class:`OSError`.
 """
 
-from ._lumislice import InputError, Materials, __version__, factor, look, match, materials, measure, predict, slice
+from ._lumislice import (
+    InputError,
+    Materials,
+    __version__,
+    factor,
+    gamut,
+    look,
+    match,
+    materials,
+    measure,
+    predict,
+    slice,
+)
 
-__all__ = ["InputError", "Materials", "__version__", "factor", "look", "match", "materials", "measure", "predict", "slice"]
+__all__ = [
+    "InputError",
+    "Materials",
+    "__version__",
+    "factor",
+    "gamut",
+    "look",
+    "match",
+    "materials",
+    "measure",
+    "predict",
+    "slice",
+]

@@ -4,6 +4,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import NotRequired
 
 __version__: str
 
@@ -18,6 +19,11 @@ class Coefficients(TypedDict):
     g: NDArray[np.float64]
     refractive_index: float
 
+class Profile(TypedDict):
+    r_mm: NDArray[np.float64]
+    reflection_per_mm2: NDArray[np.float64]
+    transmission_per_mm2: NDArray[np.float64]
+
 class Prediction(TypedDict):
     channels: list[str]
     reflection: NDArray[np.float64]
@@ -27,6 +33,8 @@ class Prediction(TypedDict):
     transmission_hankel: NDArray[np.float64]
     glint: NDArray[np.float64]
     half_energy_radius_mm: NDArray[np.float64]
+    # With profiles=True, one for each channel.
+    profiles: NotRequired[list[Profile]]
 
 class Match(TypedDict):
     stack: list[tuple[str, float]]
@@ -34,6 +42,20 @@ class Match(TypedDict):
     albedo_asked: NDArray[np.float64]
     albedo: NDArray[np.float64]
     reflection_hankel: NDArray[np.float64]
+
+class ChannelGamut(TypedDict):
+    channel: str
+    albedo: NDArray[np.float64]
+    narrow: NDArray[np.float64]
+    wide: NDArray[np.float64]
+    point_albedo: NDArray[np.float64]
+    point_half_energy_radius_mm: NDArray[np.float64]
+    point_place: list[str]
+    point_stack: list[list[tuple[str, float]]]
+
+class Gamut(TypedDict):
+    model: str
+    channels: list[ChannelGamut]
 
 class Measured(TypedDict):
     files: dict[str, str]
@@ -60,11 +82,12 @@ def predict(
     stack: Layers,
     *,
     core: str | None = None,
-    model: str = "km",
+    model: str = "transport",
     light: str = "diffuse",
     accuracy: float = 3e-4,
     photons: int | None = None,
     seed: int | None = None,
+    profiles: bool = False,
     progress: Progress | None = None,
 ) -> Prediction: ...
 def match(
@@ -86,6 +109,18 @@ def match(
     mixtures: bool = True,
     progress: Progress | None = None,
 ) -> list[Match]: ...
+def gamut(
+    materials: Materials | str | PathLike[str],
+    *,
+    core: str | None = None,
+    max_thickness_mm: float = 5.0,
+    min_depth_mm: dict[str, float] | None = None,
+    depth: int = 6,
+    model: str | None = None,
+    min_layer_mm: float | None = None,
+    layer_step_mm: float | None = None,
+    progress: Progress | None = None,
+) -> Gamut: ...
 def slice(
     job: str | PathLike[str],
     output: str | PathLike[str] | None = None,

@@ -1,6 +1,7 @@
 //! lumislice for Python: the library's calls with NumPy arrays in and out, progress, Ctrl-C, and its words as
 //! exceptions.
 
+mod gamut;
 mod jobs;
 mod resins;
 mod stacks;
@@ -16,6 +17,7 @@ fn _lumislice(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(resins::materials, module)?)?;
     module.add_function(wrap_pyfunction!(stacks::predict, module)?)?;
     module.add_function(wrap_pyfunction!(stacks::match_, module)?)?;
+    module.add_function(wrap_pyfunction!(gamut::gamut, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::slice, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::look, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::factor, module)?)?;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use lumislice::{
     appearance::material_target,
     optics::{
-        FrequencyGrid, Light, MaterialSet, Mixture, Model, Stack, TransportOptions,
+        FrequencyGrid, Light, MaterialSet, Mixture, Model, PredictedRing, Stack, TransportOptions,
         predict as predict_stack,
     },
     search::{
@@ -27,17 +27,29 @@ fn rows<'py>(py: Python<'py>, rows: &[Vec<f64>]) -> PyResult<Bound<'py, PyArray2
     Ok(PyArray2::from_vec2(py, rows)?)
 }
 
-fn one_of<T: Copy>(what: &str, found: &str, known: &[(&str, T)]) -> PyResult<T> {
+pub fn one_of<T: Copy>(what: &str, found: &str, known: &[(&str, T)]) -> PyResult<T> {
     let names: Vec<_> = known.iter().map(|(name, _)| *name).collect();
     let unknown = || InputError::new_err(format!("{what}: found {found}, expected one of {}", names.join(", ")));
     known.iter().find(|(name, _)| *name == found).map(|(_, value)| *value).ok_or_else(unknown)
 }
 
+/// How fine layers may be.
+pub fn layers_of(min_layer_mm: Option<f64>, layer_step_mm: Option<f64>) -> PyResult<RefineOptions> {
+    for (name, found) in [("min_layer_mm", min_layer_mm), ("layer_step_mm", layer_step_mm)] {
+        if let Some(found) = found.filter(|mm| !(0.001..=10.0).contains(mm)) {
+            return Err(InputError::new_err(format!("{name}: found {found}, expected 0.001 to 10 mm")));
+        }
+    }
+    let default = RefineOptions::default();
+    Ok(RefineOptions { min_layer_mm: min_layer_mm.unwrap_or(default.min_layer_mm), step_mm: layer_step_mm, ..default })
+}
+
 /// What a stack does to light: a dict of channels, k_rad_per_mm (n), and by channel reflection and transmission (c),
 /// reflection_hankel and transmission_hankel (c × n), glint and half_energy_radius_mm (c, NaN where there is none).
+/// With `profiles` a list more, one dict for each channel: r_mm, reflection_per_mm2, transmission_per_mm2.
 #[pyfunction]
-#[pyo3(signature = (materials, stack, *, core = None, model = "km", light = "diffuse", accuracy = 3e-4, photons = None,
-                    seed = None, progress = None))]
+#[pyo3(signature = (materials, stack, *, core = None, model = "transport", light = "diffuse", accuracy = 3e-4,
+                    photons = None, seed = None, profiles = false, progress = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn predict<'py>(
     py: Python<'py>,
@@ -49,6 +61,7 @@ pub fn predict<'py>(
     accuracy: f64,
     photons: Option<u64>,
     seed: Option<u64>,
+    profiles: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let set = Materials::of(materials, progress.as_ref())?;
@@ -97,6 +110,24 @@ pub fn predict<'py>(
     document.set_item("transmission_hankel", rows(py, &transmission)?)?;
     document.set_item("glint", found.light.iter().map(|light| light.glint).collect::<Vec<_>>().into_pyarray(py))?;
     document.set_item("half_energy_radius_mm", found.light.iter().map(radius).collect::<Vec<_>>().into_pyarray(py))?;
+    if profiles {
+        let profiles = found.light.iter().map(|light| profile(py, &light.rings()));
+        document.set_item("profiles", profiles.collect::<PyResult<Vec<_>>>()?)?;
+    }
+    Ok(document)
+}
+
+/// Light over the distance from where it fell in, ring by ring.
+fn profile<'py>(py: Python<'py>, rings: &[PredictedRing]) -> PyResult<Bound<'py, PyDict>> {
+    let document = PyDict::new(py);
+    let columns: [(&str, fn(&PredictedRing) -> f64); 3] = [
+        ("r_mm", |ring| ring.r_mm),
+        ("reflection_per_mm2", |ring| ring.reflection_per_mm2),
+        ("transmission_per_mm2", |ring| ring.transmission_per_mm2),
+    ];
+    for (name, of) in columns {
+        document.set_item(name, rings.iter().map(of).collect::<Vec<_>>().into_pyarray(py))?;
+    }
     Ok(document)
 }
 
@@ -167,14 +198,7 @@ pub fn match_<'py>(
         [("natural", Norm::Natural), ("l2", Norm::L2), ("spatial", Norm::Spatial), ("relative", Norm::Relative)];
     let norm = one_of("objective", objective, &norms)?;
     let judge = one_of("model", model, &[("transport", Judge::Transport), ("km", Judge::KubelkaMunk)])?;
-    for (name, found) in [("min_layer_mm", min_layer_mm), ("layer_step_mm", layer_step_mm)] {
-        if let Some(found) = found.filter(|mm| !(0.001..=10.0).contains(mm)) {
-            return Err(InputError::new_err(format!("{name}: found {found}, expected 0.001 to 10 mm")));
-        }
-    }
-    let default = RefineOptions::default();
-    let layers =
-        RefineOptions { min_layer_mm: min_layer_mm.unwrap_or(default.min_layer_mm), step_mm: layer_step_mm, ..default };
+    let layers = layers_of(min_layer_mm, layer_step_mm)?;
     let objective = Objective { norm, dc_weight };
     let search = SearchOptions {
         max_thickness_mm,

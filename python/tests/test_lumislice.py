@@ -77,6 +77,54 @@ def test_predict_is_the_program_s(synthetic, model):
     np.testing.assert_array_equal(again["reflection_hankel"], found["reflection_hankel"])
 
 
+def test_defaults_are_the_program_s(synthetic):
+    code, out, err = program("predict", "--materials", "synthetic", "--stack", "white:0.5", "--json")
+    assert code == 0, err
+    found = lumislice.predict(synthetic, "white:0.5")
+    np.testing.assert_array_equal(found["reflection_hankel"], json.loads(out)["reflection_hankel"])
+
+
+def test_profiles_are_the_program_s(synthetic, tmp_path):
+    file = tmp_path / "p.csv"
+    code, _, err = program("predict", "--materials", "synthetic", "--stack", "white:2", "--csv", file)
+    assert code == 0, err
+    expected = np.genfromtxt(file, delimiter=",", names=True)
+    (found,) = lumislice.predict(synthetic, "white:2", profiles=True)["profiles"]
+    assert list(found) == list(expected.dtype.names)
+    for name in found:
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-5, atol=1e-12)
+
+
+@pytest.mark.parametrize("model", ["km", "transport"])
+def test_gamut_is_the_program_s(synthetic, model):
+    flags = ["--core", "black", "--depth", "3", "--max-thickness-mm", "2", "--model", model, "--json"]
+    code, out, err = program("gamut", "--materials", "synthetic", *flags)
+    assert code == 0, err
+    (expected,) = json.loads(out)["channels"]
+    found = lumislice.gamut(synthetic, core="black", depth=3, max_thickness_mm=2, model=model)
+    (channel,) = found["channels"]
+    assert found["model"] == model and channel["channel"] == expected["channel"]
+    np.testing.assert_array_equal(channel["albedo"], expected["albedo"])
+    for side in ["narrow", "wide"]:
+        np.testing.assert_array_equal(channel[side], expected["boundary"][side])
+    points = expected["points"]
+    np.testing.assert_array_equal(channel["point_albedo"], [point["albedo"] for point in points])
+    assert channel["point_place"] == [point["place"] for point in points]
+    layers = [[(layer["material"], layer["thickness_mm"]) for layer in point["stack"]] for point in points]
+    assert channel["point_stack"] == layers
+
+
+def test_a_factored_dataset_is_the_program_s_bytes(tmp_path):
+    data = ROOT / "samples" / "bssrdf" / "chess"
+    lumislice.factor(data, tmp_path / "python", clusters=5)
+    code, _, err = program("factor", data, "-o", tmp_path / "program", "-k", "5")
+    assert code == 0, err
+    files = [p.relative_to(tmp_path / "program") for p in (tmp_path / "program").rglob("*") if p.is_file()]
+    assert len(files) > 10
+    for file in files:
+        assert (tmp_path / "python" / file).read_bytes() == (tmp_path / "program" / file).read_bytes(), file
+
+
 @pytest.mark.parametrize("model", ["km", "transport"])
 def test_match_is_the_program_s(synthetic, model):
     flags = ["--albedo", "0.4", "--mean-free-path-mm", "0.5", "--core", "black", "--depth", "3", "--model", model]
@@ -130,7 +178,11 @@ def test_errors_are_the_program_s_words(synthetic, tmp_path):
     assert issubclass(lumislice.InputError, ValueError)
     for wrong in [
         lambda: lumislice.predict(synthetic, "white:1", model="kn"),
-        lambda: lumislice.predict(synthetic, "white:1", light="normal"),
+        lambda: lumislice.predict(synthetic, "white:1", model="km", light="normal"),
+        lambda: lumislice.gamut(synthetic, core="blak"),
+        lambda: lumislice.gamut(synthetic, depth=0),
+        lambda: lumislice.measure(tmp_path / "nothing.toml"),
+        lambda: lumislice.factor(tmp_path / "nothing", tmp_path / "out"),
         lambda: lumislice.predict(synthetic, "white:nan"),
         lambda: lumislice.match(synthetic, albedo=1.5, mean_free_path_mm=1),
         lambda: lumislice.match(synthetic, albedo=[0.1, 0.2], mean_free_path_mm=[1, 2, 3]),

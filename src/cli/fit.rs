@@ -38,6 +38,16 @@ pub struct FitArgs {
     /// The card's albedo, 0 to 1; one number for all channels.
     #[arg(long, value_name = "SHARE", value_parser = share, requires = "coupon", help_heading = "Photographs")]
     card_albedo: Option<f64>,
+    /// One standard deviation of the card's albedo as a share of it: all fields are off by it together.
+    #[arg(
+        long,
+        value_name = "SHARE",
+        value_parser = share,
+        default_value_t = 0.01,
+        requires = "coupon",
+        help_heading = "Photographs"
+    )]
+    card_error: f64,
     /// The same with the lens covered.
     #[arg(long, value_name = "PICTURE", requires = "coupon", help_heading = "Photographs")]
     dark: Option<PathBuf>,
@@ -90,6 +100,7 @@ pub fn run(args: &FitArgs) -> Result<Answer> {
                 card: card.clone(),
                 dark: args.dark.clone(),
                 card_albedo,
+                card_error: args.card_error,
                 specular: args.specular == "included",
                 relative_error: args.relative_error,
             };

@@ -147,6 +147,15 @@ fn a_dataset_and_two_jobs_are_compared() {
     bench.write("other/dataset.toml", b"version = 1\npitch-mm = 0.1\nresponses = \"responses.npy\"\n");
     let other = ["compare", "slab", "--map", "map", "--dataset", "other", "-o", "sheet2"];
     bench.run(other).refuses(2, &["other: found 2 × 1 texels, expected the dataset that the map was factored from"]);
+    // The same patch with another pitch, and another sample of its size.
+    assert_eq!(found["warnings"], serde_json::json!([]));
+    bench.write("other/responses.npy", &write_npy(&[6, 8, 9, 9], &[0.5; 6 * 8 * 81]));
+    bench.write("other/dataset.toml", b"version = 1\npitch-mm = 0.2\nresponses = \"responses.npy\"\n");
+    bench.run(other).refuses(2, &["other: found texels of 0.2 mm where the map has 0.1 mm"]);
+    bench.write("other/dataset.toml", b"version = 1\npitch-mm = 0.1\nresponses = \"responses.npy\"\n");
+    let ran = bench.run(other.into_iter().chain(["--photons", "1000", "--json"])).exits(0).json();
+    let warning = ran["warnings"][0].as_str().unwrap();
+    assert!(warning.starts_with("other: under even light its texels are ") && warning.contains("other data"), "{ran}");
 }
 
 /// Any shape is seen by a camera: here the slab itself.

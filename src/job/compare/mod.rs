@@ -100,6 +100,10 @@ pub struct Comparison {
     surface: Option<Vec<Option<DVec3>>>,
 }
 
+/// Profiles of texels that differ so much from the data under even light, rms, are other data's: their own leave 1 or
+/// 2%, noise and all.
+const OTHER_SAMPLE: f64 = 0.1;
+
 /// Compares all stages.
 ///
 /// # Errors
@@ -149,6 +153,15 @@ pub fn compare(request: &CompareRequest, watch: &dyn Watch) -> Result<Comparison
     let goal = comparison.stages[0].clone();
     for stage in comparison.stages.iter_mut().skip(1) {
         stage.compare_with_goal(&goal);
+    }
+    let factored = comparison.stages.iter().find(|stage| stage.name == "factored");
+    let apart = factored.and_then(|stage| stage.differences.first()).map_or(0.0, |area| area.relative_rms);
+    if let Some(path) = request.dataset.as_ref().filter(|_| apart > OTHER_SAMPLE) {
+        comparison.warnings.push(format!(
+            "{}: under even light its texels are {:.0}% off the map's, rms: was the map factored from other data?",
+            path.display(),
+            100.0 * apart
+        ));
     }
     if let Some(file) = &materials {
         let mut volumes = file.resin_names().filter_map(|resin| file.volume(resin)).flatten();

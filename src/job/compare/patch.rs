@@ -55,6 +55,10 @@ impl Patch {
             let found = format!("{} × {} texels", dataset.width, dataset.height);
             return Err(CompareError::OtherPatch { path: path.to_owned(), found });
         }
+        if (dataset.pitch_mm / self.map.pitch_mm - 1.0).abs() > 1e-6 {
+            let found = format!("texels of {} mm where the map has {} mm", dataset.pitch_mm, self.map.pitch_mm);
+            return Err(CompareError::OtherPatch { path: path.to_owned(), found });
+        }
         let held = if luminance { 1 } else { dataset.channels.len() };
         let channel = |c: usize| match (luminance, held) {
             (true, _) => (Channel::Luminance, 0),

@@ -8,6 +8,9 @@ use crate::measure::MeasureError;
 use crate::measure::frame::Header;
 use crate::toml_reader::At;
 
+/// What a card may be off by where nothing is said, as a share of its albedo.
+const CARD_ERROR: f64 = 0.01;
+
 /// Its keys.
 pub(super) const ALBEDO_KEYS: [&str; 13] = [
     "value",
@@ -60,13 +63,14 @@ impl Reader<'_> {
         if self.keys.get("picture").is_some() {
             let (picture, header) = self.require_picture("picture", None, all)?;
             let dark = self.picture("dark", None, all)?.map(|(dark, _)| dark);
+            let card_albedo = self.require_number("card-albedo", 0.001..=1.0)?;
             return Ok(Albedo::GreyCard {
                 picture,
                 dark,
                 card: self.rect("card", &header)?,
                 sample: self.rect("sample", &header)?,
-                card_albedo: self.require_number("card-albedo", 0.001..=1.0)?,
-                card_error: self.number("card-error", bounds::SHARE)?.unwrap_or(0.0),
+                card_albedo,
+                card_error: self.number("card-error", bounds::SHARE)?.unwrap_or(CARD_ERROR * card_albedo),
             });
         }
         if self.keys.get("with").is_some() {
@@ -106,5 +110,33 @@ impl Reader<'_> {
             return self.refuse(key, found, expected);
         }
         Ok(Rect { x, y, width, height })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::Capture;
+    use crate::picture::{Pixels, fast_png};
+
+    /// Where a card's error is not said, it is not none.
+    #[test]
+    fn a_card_is_uncertain() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["r-0.png", "r-1.png", "t.png", "card.png"] {
+            std::fs::write(folder.path().join(name), fast_png(64, Pixels::Grey16(&[600; 64 * 64])).unwrap()).unwrap();
+        }
+        let text = "[resin]\nname = \"a\"\nrgba = [1, 1, 1]\ndensity-g-per-cm3 = 1.2\nthickness-mm = 3\ndate = \"2010\"\n\
+                    [camera]\nmm-per-pixel = 0.044\n[transmission]\nframes = [\"t.png\"]\nexposures-s = [1]\n\
+                    [transmission.albedo]\nvalue = 0.01\n[reflection]\nframes = [\"r-*.png\"]\nexposures-s = [1, 2]\n\
+                    [reflection.albedo]\npicture = \"card.png\"\ncard = [4, 4, 10, 10]\nsample = [20, 4, 10, 10]\n\
+                    card-albedo = 0.18\n";
+        for (more, expected) in [("", 0.0018), ("card-error = 0.0003\n", 0.0003)] {
+            let file = folder.path().join("capture.toml");
+            std::fs::write(&file, format!("{text}{more}")).unwrap();
+            let capture = Capture::read(&file).unwrap();
+            let Albedo::GreyCard { card_error, .. } = capture.reflection.albedo else { panic!("no card") };
+            assert!((card_error - expected).abs() < 1e-12, "{card_error}");
+        }
     }
 }

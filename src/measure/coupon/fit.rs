@@ -7,11 +7,12 @@
 //! Fields are endless to the model. What their neighbours make of them ([`super::aside`]) is worked out at the
 //! coefficients found, and they are found again with that, as often as it still changes a value.
 //!
-//! *Assumed:* n and g, as the set has them; a g off by 0.2 is part of the uncertainty.
+//! *Assumed:* n and g, as the set has them. A g off by 0.2 is part of the uncertainty, and so is a card that is off:
+//! no field contradicts it, for all are off together.
 
 use super::{Coupon, Reading, aside};
 use crate::measure::MeasureError;
-use crate::numeric::least_squares::{Budget, Descent, damped_inverse, dot, gradient};
+use crate::numeric::least_squares::{Budget, Descent, beyond_chance, damped_inverse, dot, gradient};
 use crate::optics::{FrequencyGrid, Light, Stack, Transport, TransportOptions, VolumeCoefficients};
 use crate::parallel;
 use crate::watch::{Thousandths, Watch};
@@ -60,6 +61,12 @@ pub struct CouponFit {
 }
 
 impl CouponFit {
+    /// Whether fields are missed by more than their errors explain.
+    pub(super) fn is_missed(&self) -> bool {
+        let fields = self.missed.len();
+        beyond_chance(self.misfit.powi(2) * fields as f64, fields.saturating_sub(2 * self.coefficients.len()))
+    }
+
     /// σs (1 − g) and σa of a resin per mm, each with one standard deviation.
     ///
     /// # Panics
@@ -156,9 +163,14 @@ impl<'a> Data<'a> {
             self.descend(&found.at, &g).at
         };
         let (low, high) = (other(-G_UNKNOWN), other(G_UNKNOWN));
+        // Values that are all off as the card is.
+        let together: Vec<f64> =
+            values.iter().map(|value| self.reading.card_error * value.value / value.error).collect();
+        let together = gradient(&slopes, &together);
         let share = |i: usize| {
-            let noise = inverse.as_ref().map_or(f64::INFINITY, |inverse| scale * inverse[i][i].sqrt());
-            libm::hypot(noise, 0.5 * (high[i] - low[i]))
+            let Some(inverse) = &inverse else { return f64::INFINITY };
+            let own = libm::hypot(scale * inverse[i][i].sqrt(), dot(&inverse[i], &together));
+            libm::hypot(own, 0.5 * (high[i] - low[i]))
         };
         Ok(CouponFit {
             channel: self.coupon.channels[self.channel].clone(),

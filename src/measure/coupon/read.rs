@@ -22,7 +22,9 @@ pub struct Photographs {
     pub card_albedo: f64,
     /// Whether the camera sees what the surface mirrors of the tent.
     pub specular: bool,
-    /// One standard deviation of a field's value as a share of it: light, card and print, beside the pixels' noise.
+    /// One standard deviation of it as a share of it: all fields are off by it together.
+    pub card_error: f64,
+    /// One standard deviation of a field's value as a share of it: light and print, beside the pixels' noise.
     pub relative_error: f64,
 }
 
@@ -31,6 +33,8 @@ pub struct Photographs {
 pub struct Reading {
     /// By channel and field.
     pub values: Vec<Vec<Value>>,
+    /// One standard deviation of what all values may be off by together, as a share of them.
+    pub card_error: f64,
     /// Whether they hold what the surface mirrors.
     pub specular: bool,
     /// Pixels of a millimetre, of the coarsest photograph.
@@ -106,13 +110,14 @@ impl Reading {
             let of = |reading: &Vec<Vec<Value>>| reading[channel][field];
             let value = readings.iter().map(|reading| of(reading).value).sum::<f64>() / count;
             let noise = readings.iter().map(|reading| of(reading).error.powi(2)).sum::<f64>().sqrt() / count;
-            // The card is the same in all of them; light and print are not known to differ.
+            // Light and print are not known to differ between them.
             let error = libm::hypot(noise, photographs.relative_error * value);
             Value { value, error: libm::hypot(error, ABSOLUTE_ERROR) }
         };
         let fields = |channel| (0..coupon.fields.len()).map(|field| mean(channel, field)).collect();
         Ok(Self {
             values: (0..wanted.len()).map(fields).collect(),
+            card_error: photographs.card_error,
             specular: photographs.specular,
             pixels_per_mm,
             marks_off_mm,

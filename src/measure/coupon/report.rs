@@ -7,13 +7,13 @@ use crate::measure::MeasureError;
 use crate::measure::figures::{percent, plus_minus};
 use crate::words::toml_string;
 
-/// Fields are missed by so many of their errors, rms, where errors are larger than stated: of a thousand sound coupons
-/// of thirty fields one is.
-const MISSED: f64 = 1.5;
 /// A field off by so many errors is named.
 const ODD: f64 = 5.0;
 /// Uncertainties from here on are said: limits, not values.
 const HARDLY_KNOWN: f64 = 0.25;
+/// Coefficients that are so many times what the set says, or as much less, are named: pictures through a curve make
+/// that of sound resins, and no field contradicts them.
+const UNLIKE: f64 = 2.0;
 /// Neighbours that add or take more than this share of a field are said.
 const MUCH_ASIDE: f64 = 0.02;
 
@@ -25,12 +25,13 @@ impl Coupon {
     pub fn notes(&self, reading: &Reading, fits: &[CouponFit]) -> Result<Vec<String>, MeasureError> {
         self.check_fits(fits)?;
         let mut notes = reading.notes.clone();
-        for fit in fits {
+        for (index, fit) in fits.iter().enumerate() {
             let channel = &fit.channel;
-            if fit.misfit > MISSED {
+            if fit.is_missed() {
                 notes.push(format!(
                     "channel {channel}: fields are missed by {:.1} times their errors, {:.4} of the light: errors are \
-                     larger than stated, or the card, the light, an index or the print is not as stated",
+                     larger than stated, or the card, the light, an index or the print is not as stated, or pictures \
+                     are not proportional to light",
                     fit.misfit, fit.residual
                 ));
             }
@@ -46,7 +47,19 @@ impl Coupon {
             }
             for (place, resin) in self.resins.iter().enumerate() {
                 let found = fit.coefficients_with_errors(place);
-                for ((value, error), what) in found.into_iter().zip(["scattering (1 - g)", "absorption"]) {
+                let set = resin.believed[index];
+                let set = [set.sigma_s * (1.0 - set.g), set.sigma_a];
+                let names = ["scattering (1 - g)", "absorption"];
+                for (((value, error), set), what) in found.into_iter().zip(set).zip(names) {
+                    if error <= HARDLY_KNOWN * value && !(1.0 / UNLIKE..=UNLIKE).contains(&(value / set)) {
+                        notes.push(format!(
+                            "channel {channel}: {what} of {} is {:.2} times what {} says: another resin, or pictures \
+                             that are not proportional to light?",
+                            resin.name,
+                            value / set,
+                            self.materials
+                        ));
+                    }
                     if error > HARDLY_KNOWN * value {
                         notes.push(format!(
                             "channel {channel}: {what} of {} is hardly known: {} per mm; fields of these thicknesses \
@@ -61,7 +74,7 @@ impl Coupon {
         let aside = fits.iter().flat_map(|fit| &fit.aside).fold(0.0, |most: f64, share| most.max(share.abs()));
         if aside > MUCH_ASIDE {
             notes.push(format!(
-                "light goes from field to field: up to {} of a field's, which is reckoned with; a wider spacing tells \
+                "light goes from field to field: up to {} of a field's, which is allowed for; a wider spacing tells \
                  more",
                 percent(aside)
             ));

@@ -12,7 +12,7 @@
 //! ```
 //!
 //! *Assumed:* n and g. Totals hardly know g: it is taken as stated, and what another one would make of the others is
-//! part of their uncertainty.
+//! part of their uncertainty; so is what a standard that is off makes of all reflectances.
 
 mod observer;
 mod read;
@@ -26,7 +26,7 @@ pub use read::{Instrument, Sheet, SheetResin, Totals};
 
 use super::MeasureError;
 use super::figures::plus_minus;
-use crate::numeric::least_squares::{Budget, Descent, curvature, dot, gradient};
+use crate::numeric::least_squares::{Budget, Descent, beyond_chance, curvature, dot, gradient};
 use crate::optics::{FrequencyGrid, Light, Stack, Transport, TransportOptions, VolumeCoefficients};
 use crate::watch::{Thousandths, Watch};
 use crate::words::toml_string;
@@ -86,10 +86,9 @@ impl TotalsFit {
         self.values.saturating_sub(2)
     }
 
-    /// Whether values are missed by more than their errors explain: of a thousand sound sheets one is.
+    /// Whether values are missed by more than their errors explain.
     fn is_missed(&self) -> bool {
-        let (squares, spare) = (self.misfit.powi(2) * self.values as f64, self.spare().max(1) as f64);
-        squares > spare + 4.0 * (2.0 * spare).sqrt() + 4.0
+        beyond_chance(self.misfit.powi(2) * self.values as f64, self.spare())
     }
 }
 
@@ -136,7 +135,8 @@ impl Data<'_> {
         let found = self.best(g)?;
         let values = found.residuals.len();
         let misfit = (found.objective() / values as f64).sqrt();
-        let residual = (self.light(found.at, g).squares / values as f64).sqrt();
+        let missed = self.light(found.at, g);
+        let residual = (missed.squares / values as f64).sqrt();
         let wrong = |found: String, expected: &str| {
             MeasureError::scene(format!("channel {channel}: coefficients"), found, expected)
         };
@@ -157,10 +157,16 @@ impl Data<'_> {
             self.descend(found.at, other).at
         };
         let (low, high) = (other(-G_UNKNOWN), other(G_UNKNOWN));
+        // Reflectances that are all off as the instrument's standard is.
+        let together = gradient(&slopes, &missed.reflectances);
+        let calibration = self.totals.instrument.calibration_error;
         let share = |i: usize| {
-            let variance = c[1 - i][1 - i] / determinant;
-            let noise = if determinant > 0.0 { scale * variance.sqrt() } else { f64::INFINITY };
-            libm::hypot(noise, 0.5 * (high[i] - low[i]))
+            if !(determinant > 0.0) {
+                return f64::INFINITY;
+            }
+            let noise = scale * (c[1 - i][1 - i] / determinant).sqrt();
+            let shift = calibration * (c[1 - i][1 - i] * together[i] - c[0][1] * together[1 - i]) / determinant;
+            libm::hypot(libm::hypot(noise, shift), 0.5 * (high[i] - low[i]))
         };
         let shares = [share(0), share(1)];
         let [reduced, absorption] = found.at.map(libm::exp);
@@ -263,14 +269,16 @@ impl Data<'_> {
     fn light(&self, at: Parameters, g: f64) -> Missed {
         let volume = self.volume(at, g);
         let instrument = &self.totals.instrument;
-        let mut missed = Missed { residuals: Vec::new(), squares: 0.0 };
+        let mut missed = Missed { residuals: Vec::new(), reflectances: Vec::new(), squares: 0.0 };
         for sheet in &self.totals.sheets {
             let backing = sheet.backing.as_ref().map(|backing| backing[self.channel]);
             let found = seen(volume, sheet.thickness_mm, backing, instrument);
-            for (found, measured) in found.into_iter().zip([&sheet.reflectance, &sheet.transmittance]) {
+            let measured = [(&sheet.reflectance, 1.0), (&sheet.transmittance, 0.0)];
+            for (found, (measured, reflected)) in found.into_iter().zip(measured) {
                 if let Some(measured) = measured.as_ref().map(|measured| measured[self.channel]) {
-                    let off = found - measured;
-                    missed.residuals.push(off / instrument.error_of(measured));
+                    let (off, error) = (found - measured, instrument.error_of(measured));
+                    missed.residuals.push(off / error);
+                    missed.reflectances.push(reflected * measured / error);
                     missed.squares += off * off;
                 }
             }
@@ -280,7 +288,10 @@ impl Data<'_> {
 }
 
 struct Missed {
+    /// In units of the errors.
     residuals: Vec<f64>,
+    /// The values themselves in these units; 0 for transmittances.
+    reflectances: Vec<f64>,
     squares: f64,
 }
 

@@ -13,16 +13,21 @@ type Result<T> = std::result::Result<T, MeasureError>;
 
 const TOP_KEYS: [&str; 3] = ["resin", "instrument", "samples"];
 const RESIN_KEYS: [&str; 7] = ["name", "rgba", "density-g-per-cm3", "refractive-index", "g", "print-as", "notes"];
-const INSTRUMENT_KEYS: [&str; 5] = ["model", "light", "specular", "relative-error", "absolute-error"];
+const INSTRUMENT_KEYS: [&str; 6] =
+    ["model", "light", "specular", "relative-error", "absolute-error", "calibration-error"];
 const SAMPLES_KEYS: [&str; 2] = ["file", "channels"];
 const COLUMNS: [&str; 6] = ["sample", "thickness_mm", "backing", "wavelength_nm", "reflectance", "transmittance"];
 /// Repeatability of spectrophotometers.
 const RELATIVE_ERROR: f64 = 0.005;
 const ABSOLUTE_ERROR: f64 = 5e-4;
+/// Of the standards that reflectance is calibrated with.
+const CALIBRATION_ERROR: f64 = 0.005;
 /// Spectra that are turned into colours reach at least so far, nm.
 const SPECTRUM: [f64; 2] = [420.0, 680.0];
 /// Widest gap in them, nm: what lies within is a straight line.
 const MAX_GAP_NM: f64 = 25.0;
+/// What values are.
+const SHARE: &str = "a share of the light and not percent (or an empty cell)";
 /// Largest table accepted, bytes.
 const MAX_BYTES: u64 = 16 << 20;
 
@@ -73,6 +78,8 @@ pub struct Instrument {
     pub relative_error: f64,
     /// …and as a share of the light.
     pub absolute_error: f64,
+    /// One standard deviation of what all reflectances may be off by together, as a share of them.
+    pub calibration_error: f64,
 }
 
 impl Instrument {
@@ -192,7 +199,13 @@ fn instrument(keys: &Table<'_, MeasureError>) -> Result<Instrument> {
         specular,
         relative_error: number(keys, "relative-error", 1e-5..=0.5, Some(RELATIVE_ERROR))?,
         absolute_error: number(keys, "absolute-error", 1e-6..=0.5, Some(ABSOLUTE_ERROR))?,
+        calibration_error: number(keys, "calibration-error", 0.0..=0.5, Some(CALIBRATION_ERROR))?,
     })
+}
+
+/// A cell without the quotation marks that spreadsheets put around it.
+fn unquoted(cell: &str) -> &str {
+    cell.trim().trim_matches('"').trim()
 }
 
 /// A line of the table.
@@ -219,11 +232,18 @@ fn read_table(path: &Path, channels: Channels) -> Result<(Vec<String>, Vec<Sheet
     let Some((first, header)) = lines.next() else {
         return Err(fault(1, "header", "nothing".into(), "names of columns"));
     };
+    let apart = [(';', "semicolons"), ('\t', "tabs")];
+    if let Some((_, apart)) = apart.into_iter().find(|(sign, _)| header.contains(*sign)) {
+        return Err(fault(first, "header", format!("columns apart by {apart}"), "commas, and numbers with a point"));
+    }
     let header = header.to_ascii_lowercase();
-    let header: Vec<&str> = header.split(',').map(str::trim).collect();
+    let header: Vec<&str> = header.split(',').map(unquoted).collect();
     if let Some(unknown) = header.iter().find(|name| !COLUMNS.contains(name)) {
         let expected = format!("one of: {}", COLUMNS.join(", "));
         return Err(fault(first, "header", crate::words::excerpt(unknown), &expected));
+    }
+    if let Some((_, twice)) = header.iter().enumerate().find(|(i, name)| header[..*i].contains(name)) {
+        return Err(fault(first, "header", format!("{twice} twice"), "every column once"));
     }
     let column = |name: &str| header.iter().position(|column| *column == name);
     if column("thickness_mm").is_none() || column("reflectance").or(column("transmittance")).is_none() {
@@ -240,35 +260,37 @@ fn read_table(path: &Path, channels: Channels) -> Result<(Vec<String>, Vec<Sheet
     }
     let mut rows = Vec::new();
     for (line, content) in lines {
-        let cells: Vec<&str> = content.split(',').map(str::trim).collect();
+        let cells: Vec<&str> = content.split(',').map(unquoted).collect();
         if cells.len() != header.len() {
-            let expected = format!("{} cells as the header", header.len());
+            let expected = format!("{} cells as the header; numbers have a point, no comma", header.len());
             return Err(fault(line, "row", format!("{} cells", cells.len()), &expected));
         }
-        let value = |name: &str, range: std::ops::RangeInclusive<f64>| {
+        let value = |name: &str, what: &str, range: std::ops::RangeInclusive<f64>| {
             let Some(cell) = column(name).map(|i| cells[i]).filter(|cell| !cell.is_empty()) else { return Ok(None) };
             let number = cell.parse::<f64>().ok().filter(|value| range.contains(value));
-            let expected = format!("a number of {} to {}", range.start(), range.end());
+            let expected = format!("{what}, {} to {}", range.start(), range.end());
             number.map(Some).ok_or_else(|| fault(line, name, crate::words::excerpt(cell), &expected))
         };
         let missing = |name: &str| fault(line, name, "nothing".into(), "a number");
         let values = ["backing", "reflectance", "transmittance"];
-        let [backing, reflectance, transmittance] = values.map(|name| value(name, 0.0..=1.0));
-        let (reflectance, transmittance) = (reflectance?, transmittance?);
-        let wavelength_nm = value("wavelength_nm", 200.0..=2500.0)?;
+        let [backing, reflectance, transmittance] = values.map(|name| value(name, SHARE, 0.0..=1.0));
+        let (backing, reflectance, transmittance) = (backing?, reflectance?, transmittance?);
+        let wavelength_nm = value("wavelength_nm", "nm", 200.0..=2500.0)?;
         if column("wavelength_nm").is_some() && wavelength_nm.is_none() {
             return Err(missing("wavelength_nm"));
         }
-        if reflectance.unwrap_or(0.0) + transmittance.unwrap_or(0.0) > 1.0 + 0.02 && column("backing").is_none() {
-            let found = format!("{:.3} of the light", reflectance.unwrap_or(0.0) + transmittance.unwrap_or(0.0));
+        let both = reflectance.unwrap_or(0.0) + transmittance.unwrap_or(0.0);
+        if both > 1.0 + 0.02 && backing.is_none_or(|backing| backing == 0.0) {
+            let found = format!("{both:.3} of the light");
             return Err(fault(line, "reflectance + transmittance", found, "at most 1: shares, not percent"));
         }
         rows.push(Row {
             line,
             sample: column("sample").map_or_else(|| line.to_string(), |i| cells[i].to_owned()),
-            thickness_mm: value("thickness_mm", 1e-3..=MAX_THICKNESS_MM)?.ok_or_else(|| missing("thickness_mm"))?,
+            thickness_mm: value("thickness_mm", "mm", 1e-3..=MAX_THICKNESS_MM)?
+                .ok_or_else(|| missing("thickness_mm"))?,
             wavelength_nm,
-            values: [backing?, reflectance, transmittance],
+            values: [backing, reflectance, transmittance],
         });
     }
     if rows.is_empty() {
@@ -290,7 +312,11 @@ fn read_table(path: &Path, channels: Channels) -> Result<(Vec<String>, Vec<Sheet
         for pair in sample.windows(2) {
             if pair[0].wavelength_nm == pair[1].wavelength_nm {
                 let found = format!("two rows of sample {}", crate::words::excerpt(&pair[1].sample));
-                return Err(fault(pair[1].line, "row", found, "one for every wavelength"));
+                let expected = match pair[1].wavelength_nm {
+                    Some(_) => "one for every wavelength",
+                    None => "one: over another backing it is another sample",
+                };
+                return Err(fault(pair[1].line, "row", found, expected));
             }
             if pair[0].thickness_mm != pair[1].thickness_mm {
                 let found = pair[1].thickness_mm.to_string();
