@@ -340,10 +340,11 @@ fn coefficients_come_back() {
     };
     let fit = fit_coupon(&coupon, &reading, &Unwatched).unwrap().remove(0);
     assert!(fit.misfit < 1.5, "{}", fit.misfit);
-    for [(scattering, stated), (absorption, its)] in off_and_stated(&fit) {
+    // A g that is off by 0.2 is most of it in scattering, and in amber's absorption the noise.
+    let most = [[0.06, 0.06], [0.2, 0.03], [0.12, 0.25]];
+    for ([(scattering, stated), (absorption, its)], most) in off_and_stated(&fit).into_iter().zip(most) {
         assert!(scattering.abs() < 0.02_f64.max(2.0 * stated) && absorption.abs() < 0.05_f64.max(2.0 * its));
-        // A g that is off by 0.2 is most of it, in scattering, and the card.
-        assert!(stated < 0.16 && its < 0.1, "{stated} {its}");
+        assert!(stated < most[0] && its < most[1], "{stated} {its}");
     }
     // A card that is darker than its label: no field contradicts it.
     reading.card_error = 0.06;
