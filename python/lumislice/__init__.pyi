@@ -1,6 +1,6 @@
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any, TypedDict
+from typing import Any, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,6 +61,7 @@ class Measured(TypedDict):
     files: dict[str, str]
     notes: list[str]
 
+@final
 class Materials:
     @property
     def name(self) -> str: ...
