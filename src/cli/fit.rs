@@ -38,16 +38,10 @@ pub struct FitArgs {
     /// The card's albedo, 0 to 1; one number for all channels.
     #[arg(long, value_name = "SHARE", value_parser = share, requires = "coupon", help_heading = "Photographs")]
     card_albedo: Option<f64>,
-    /// One standard deviation of the card's albedo as a share of it: all fields are off by it together.
-    #[arg(
-        long,
-        value_name = "SHARE",
-        value_parser = share,
-        default_value_t = 0.01,
-        requires = "coupon",
-        help_heading = "Photographs"
-    )]
-    card_error: f64,
+    /// One standard deviation of the card's albedo, 0 to 1: all fields are off by it together. Without: a hundredth of
+    /// it.
+    #[arg(long, value_name = "SHARE", value_parser = share, requires = "coupon", help_heading = "Photographs")]
+    card_error: Option<f64>,
     /// The same with the lens covered.
     #[arg(long, value_name = "PICTURE", requires = "coupon", help_heading = "Photographs")]
     dark: Option<PathBuf>,
@@ -87,6 +81,9 @@ fn share(text: &str) -> std::result::Result<f64, String> {
     share.ok_or_else(|| format!("found `{text}`, expected a share above 0 and at most 1"))
 }
 
+/// What a card's albedo is uncertain by, as a share of it, where that is not said.
+const CARD_ERROR: f64 = 0.01;
+
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<Answer> {
     if args.output.exists() && !args.overwrite {
@@ -100,7 +97,7 @@ pub fn run(args: &FitArgs) -> Result<Answer> {
                 card: card.clone(),
                 dark: args.dark.clone(),
                 card_albedo,
-                card_error: args.card_error,
+                card_error: args.card_error.map_or(CARD_ERROR, |error| error / card_albedo),
                 specular: args.specular == "included",
                 relative_error: args.relative_error,
             };

@@ -93,7 +93,8 @@ pub fn place(mut mesh: TriangleMesh, placement: &Placement) -> Result<(TriangleM
 
 impl Solid {
     /// Places anew what was measured with sheets, triangles without area and parts that are inside out, which closing
-    /// has dropped since: the size and the position are of what is left. The 4×4 maps the former positions to those now.
+    /// has dropped since: the size and the position are of what is left. The 4×4 maps the former positions to those
+    /// now.
     pub fn settle(&mut self, placement: &Placement) -> DMat4 {
         /// Corners that closing joined may have moved by less than this share of the extent.
         const MOVED: f64 = 1e-5;

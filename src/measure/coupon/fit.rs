@@ -20,7 +20,7 @@ use crate::watch::{Thousandths, Watch};
 /// Totals need no azimuthal order but the first, see `totals`.
 const OPTIONS: TransportOptions = TransportOptions { polar: 12, orders: 1 };
 /// Where both may go, per mm.
-const LEAST_PER_MM: f64 = 1e-5;
+pub(super) const LEAST_PER_MM: f64 = 1e-5;
 const MOST_PER_MM: f64 = 1e3;
 /// Step of the differences in ln σ.
 const DIFFERENCE: f64 = 1e-3;

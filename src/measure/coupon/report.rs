@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Coupon, CouponFit, Reading};
+use super::{Coupon, CouponFit, Reading, fit::LEAST_PER_MM};
 use crate::measure::MeasureError;
 use crate::measure::figures::{percent, plus_minus};
 use crate::words::toml_string;
@@ -51,7 +51,10 @@ impl Coupon {
                 let set = [set.sigma_s * (1.0 - set.g), set.sigma_a];
                 let names = ["scattering (1 - g)", "absorption"];
                 for (((value, error), set), what) in found.into_iter().zip(set).zip(names) {
-                    if error <= HARDLY_KNOWN * value && !(1.0 / UNLIKE..=UNLIKE).contains(&(value / set)) {
+                    if set >= LEAST_PER_MM
+                        && error <= HARDLY_KNOWN * value
+                        && !(1.0 / UNLIKE..=UNLIKE).contains(&(value / set))
+                    {
                         notes.push(format!(
                             "channel {channel}: {what} of {} is {:.2} times what {} says: another resin, or pictures \
                              that are not proportional to light?",

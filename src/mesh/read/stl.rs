@@ -98,7 +98,8 @@ fn binary(bytes: &[u8], claimed: usize) -> Parsed<RawMesh> {
 }
 
 /// Whose way of keeping colours a binary file follows, 15 bits in the last two bytes of a record: Magics names a colour
-/// for all in the header, and clears the highest bit where a face has its own; VisCAM sets that bit. White is no colour.
+/// for all in the header, and clears the highest bit where a face has its own; VisCAM sets that bit. White is no
+/// colour.
 fn colors_of<'r>(header: &[u8], mut records: impl Iterator<Item = &'r [u8]>) -> Option<&'static str> {
     const WHITE: u16 = 0x7fff;
     const VALID: u16 = 0x8000;

@@ -109,9 +109,11 @@ pub(super) const ROWS: &[Row] = &[
             "KHR_node_visibility",
             "KHR_texture_transform",
         ],
-        "the default scene's nodes, where none is named those of the first that has any, all where there are no scenes; \
+        "the default scene's nodes, where none is named those of the first that has any, all where there are no \
+         scenes; \
          triangles, strips, fans; sparse accessors, and those without bytes, which are 0; base or diffuse colour, \
-         texture with its wrap modes, COLOR_0 (linear; multiplies); default morph weights; skins in the pose of their joints; \
+         texture with its wrap modes, COLOR_0 (linear; multiplies); default morph weights; skins in the pose of \
+          their joints; \
          texels and vertices that alpha cuts out (of factor, texture and COLOR_0) take the nearest one's colour, with \
          a warning",
     ),
