@@ -6,6 +6,7 @@
 mod align;
 mod areas;
 mod blends;
+mod borders;
 pub mod bssrdf;
 mod charts;
 mod clusters;

@@ -3,7 +3,7 @@
 //! Every texel names one of a table of stackings that are aligned to one sequence of slots (Hašan et al. 2010, section
 //! 7.1), so that interpolating depths of the slots' bottoms interpolates thicknesses, never materials. A position takes
 //! the four texels around its nearest surface point, bilinearly, leaving out texels of other charts; limits are imposed
-//! again afterwards.
+//! again afterwards. Across a border of materials ([`TexturedLayers::parted`]) nothing is interpolated.
 //!
 //! For every triangle the range of each bottom under it is kept. A box of voxels whose depths fall between the ranges
 //! of all its candidates has one material, whatever the texels in detail. The shares of a mixture are interpolated
@@ -15,6 +15,7 @@ use multiversion::multiversion;
 use super::{
     ClusterId,
     blends::Shares,
+    borders::Borders,
     charts::{Atlas, Place, for_covered_texels, wrap},
     filling::{Blend, Filling},
     layers::BrickQuery,
@@ -54,6 +55,8 @@ pub struct TexturedLayers {
     pub(super) slots: SlotTable,
     pub(super) pages: Vec<Page>,
     pub(super) texels: Vec<Texel>,
+    /// Where materials end.
+    borders: Borders,
     /// Page and chart of every triangle.
     pub(super) places: Vec<Place>,
     /// Per triangle the least and then the greatest bottom of every slot, mm.
@@ -81,6 +84,10 @@ struct Stretch {
     id: MaterialId,
 }
 
+/// Stands for the chart of a texel beside a border of materials, so that it is looked at more closely; no triangle has
+/// a chart of that number.
+const BORDER: u16 = u16::MAX;
+
 /// Marks voxels whose texels decide; the background's id, which no slot has.
 const UNCERTAIN: u8 = MaterialId::BACKGROUND.0;
 
@@ -101,6 +108,7 @@ impl TexturedLayers {
             slots,
             pages: Vec::new(),
             texels: Vec::new(),
+            borders: Borders::default(),
             places: atlas.places().to_vec(),
             ranges: Vec::new(),
             stretches: Vec::new(),
@@ -135,6 +143,44 @@ impl TexturedLayers {
             layers.starts.push(layers.stretches.len() as u32);
         }
         layers
+    }
+
+    /// With borders where labels differ much in their `albedo`, by channel: materials that lie side by side do not fade
+    /// into each other, and texels show where they end.
+    #[must_use]
+    pub fn parted(mut self, albedo: &[Vec<f64>]) -> Self {
+        let mut borders = Borders::of(albedo);
+        let mut at_border = Vec::new();
+        for page in &self.pages {
+            let (width, height) = (page.width as usize, page.height as usize);
+            let texel = |x: usize, y: usize| self.texels[page.start + x + width * y];
+            let of_row = |y: usize| -> Vec<bool> {
+                let is_apart = |x: usize| {
+                    let here = texel(x, y);
+                    let around = [0, 1, 2].map(|dy| (y + height + dy - 1) % height);
+                    let all = around.iter().flat_map(|&y| [0, 1, 2].map(|dx| texel((x + width + dx - 1) % width, y)));
+                    all.into_iter().any(|there| there.chart == here.chart && borders.part(here.label, there.label))
+                };
+                (0..width).map(is_apart).collect()
+            };
+            at_border.extend(parallel::map(height, of_row).into_iter().flatten());
+        }
+        if at_border.contains(&true) {
+            borders.charts = self.texels.iter().map(|texel| texel.chart).collect();
+            let marked = self.texels.iter_mut().zip(at_border).filter(|(_, at_border)| *at_border);
+            marked.for_each(|(texel, _)| texel.chart = BORDER);
+        }
+        Self { borders, ..self }
+    }
+
+    /// The chart of a texel, counted through all pages.
+    #[inline(always)]
+    fn chart(&self, texel: usize) -> u16 {
+        match self.texels[texel].chart {
+            // What a page of nodes leaves empty has that number too.
+            BORDER => self.borders.charts.get(texel).copied().unwrap_or(BORDER),
+            chart => chart,
+        }
     }
 
     /// Depth below which every stacking has ended, mm.
@@ -351,7 +397,7 @@ impl TexturedLayers {
     }
 
     /// The four texels around a point, counted through all pages, and their weights; texels of other charts weigh
-    /// nothing, unless all four are.
+    /// nothing, unless all four are, and so do those beyond a border.
     #[inline(always)]
     pub(super) fn texels_around(&self, triangle: u32, u: f32, v: f32) -> ([usize; 4], [f32; 4]) {
         let Place { page, chart } = self.places[triangle as usize];
@@ -367,7 +413,14 @@ impl TexturedLayers {
         let texels =
             [texel(left, row(top)), texel(right, row(top)), texel(left, row(bottom)), texel(right, row(bottom))];
         let mut weights = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
-        let own = texels.map(|texel| self.texels[texel].chart == chart);
+        let mut own = texels.map(|texel| self.chart(texel) == chart);
+        if !self.borders.are_none() {
+            // What differs much from the nearest is another material.
+            let mine = (0..4).filter(|&n| own[n]).reduce(|best, n| if weights[n] > weights[best] { n } else { best });
+            if let Some(nearest) = mine.map(|n| self.texels[texels[n]].label) {
+                (0..4).for_each(|n| own[n] &= !self.borders.part(nearest, self.texels[texels[n]].label));
+            }
+        }
         if own != [true; 4] && own.contains(&true) {
             let owned: f32 = weights.iter().zip(own).filter(|(_, own)| *own).map(|(w, _)| w).sum();
             let count = own.iter().filter(|own| **own).count() as f32;

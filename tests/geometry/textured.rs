@@ -171,7 +171,11 @@ fn anything(random: &mut Random) -> Textured {
             LabelMap((0..width * height).map(label).collect())
         })
         .collect();
-    let layers = TexturedLayers::new(&mesh, &atlas, &labels, slots);
+    let mut layers = TexturedLayers::new(&mesh, &atlas, &labels, slots);
+    if random.below(2) == 0 {
+        let albedo: Vec<Vec<f64>> = (0..stackings.len()).map(|_| vec![random.unit(), random.unit()]).collect();
+        layers = layers.parted(&albedo);
+    }
     Textured { mesh, layers, limits }
 }
 
@@ -321,10 +325,9 @@ fn charts_that_touch_in_the_atlas_do_not_mix() {
     assert_eq!(layers.uniform_over(&[1, 2], whole), None);
 }
 
-/// Half way between two texels lies half of each, and the change is continuous.
-#[test]
-fn thickness_is_interpolated_within_a_chart() {
-    let mesh = TriangleMesh {
+/// A square of one chart.
+fn square() -> TriangleMesh {
+    TriangleMesh {
         positions: vec![DVec3::ZERO, DVec3::X, DVec3::ONE, DVec3::Y],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
         uvs: vec![
@@ -332,7 +335,31 @@ fn thickness_is_interpolated_within_a_chart() {
             [[0.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(Vec2::from),
         ],
         ..TriangleMesh::default()
-    };
+    }
+}
+
+/// Materials of unlike albedo end where their texels do; those of like albedo are interpolated.
+#[test]
+fn unlike_materials_do_not_fade_into_each_other() {
+    let mesh = square();
+    let layers = two_labels(&mesh, 16, |x, _| u16::from(x >= 8));
+    let [unlike, alike] = [[0.6, 0.2], [0.3, 0.25]].map(|albedo| layers.clone().parted(&albedo.map(|one| vec![one])));
+    for step in 0..200 {
+        let u = (7.0 + 0.01 * (f64::from(step) + 0.5)) as f32 / 16.0;
+        let expected = MaterialId::from_resin(if step < 100 { 0 } else { 2 });
+        // A diagonal parts the triangles, and what is on either side is the same.
+        for (triangle, v) in [(0, 0.3), (1, 0.7)] {
+            let uv = Vec2::new(u, v);
+            assert_eq!(unlike.material(triangle, uv, 0.5, 0), expected, "{uv} of {triangle}");
+            assert_eq!(alike.material(triangle, uv, 0.5, 0), layers.material(triangle, uv, 0.5, 0));
+        }
+    }
+}
+
+/// Half way between two texels lies half of each, and the change is continuous.
+#[test]
+fn thickness_is_interpolated_within_a_chart() {
+    let mesh = square();
     let layers = two_labels(&mesh, 16, |x, _| u16::from(x >= 8));
     let mut row = Vec::new();
     for step in 0..=100 {
