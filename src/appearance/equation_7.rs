@@ -21,7 +21,20 @@ pub struct TexelRings {
     texel_mm2: f64,
 }
 
+/// Rings that hold profiles end where this share of the light of all of them is within them…
+const WITHIN: f64 = 0.99;
+/// …but at this many texels at most: beyond, light is spread evenly.
+const MAX_REACH: usize = 160;
+
 impl TexelRings {
+    /// Rings of texels of `pitch_mm` that hold most of the light of profiles, given by their Hankel transforms over
+    /// `grid`.
+    pub fn holding<'a>(pitch_mm: f64, spectra: impl IntoIterator<Item = &'a Vec<f64>>, grid: &FrequencyGrid) -> Self {
+        let radius = |spectrum: &Vec<f64>| InverseHankel::new(spectrum, grid).radius_of_energy(WITHIN);
+        let widest = spectra.into_iter().map(|spectrum| radius(spectrum).unwrap_or(f64::MAX)).fold(0.0, f64::max);
+        Self::new(pitch_mm, ((widest / pitch_mm).ceil() as usize).clamp(1, MAX_REACH))
+    }
+
     /// Rings 0 to `reach` of texels of `pitch_mm`.
     pub fn new(pitch_mm: f64, reach: usize) -> Self {
         let mut offsets = vec![Vec::new(); reach + 1];
@@ -41,6 +54,11 @@ impl TexelRings {
         };
         let edges_mm = std::iter::once(0.0).chain(offsets.iter().map(edge)).collect();
         Self { offsets, edges_mm, texel_mm2: pitch_mm * pitch_mm }
+    }
+
+    /// Texels in all rings.
+    pub fn texels(&self) -> usize {
+        self.offsets.iter().map(Vec::len).sum()
     }
 
     /// Edges of the rings in mm, one more than rings, the first 0.

@@ -57,7 +57,16 @@ impl SurfacePoints {
                 next += each;
             }
         }
-        let spacing_mm = each.sqrt();
+        Self::sorted(triangles, points, each.sqrt())
+    }
+
+    /// Some points of triangles, each of which is known for itself alone where neighbours are `apart_mm` from each
+    /// other or more: their spacing counts as half of that, so that there is no other within two.
+    pub fn apart(triangles: &[[DVec3; 3]], points: Vec<PointOfSurface>, apart_mm: f64) -> Self {
+        Self::sorted(triangles, points, 0.5 * apart_mm)
+    }
+
+    fn sorted(triangles: &[[DVec3; 3]], points: Vec<PointOfSurface>, spacing_mm: f64) -> Self {
         let corners = || triangles.iter().flatten();
         let low = corners().fold(DVec3::INFINITY, |low, p| low.min(*p));
         let size = (corners().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p)) - low).max(DVec3::ZERO);
@@ -159,6 +168,19 @@ mod tests {
         }
         assert!(points.points().iter().all(|p| p.normal.z == 2.0 * p.point.z - 1.0));
         assert_eq!(SurfacePoints::spread(&plate, 0.5, 50).points().len(), 50);
+    }
+
+    /// A lattice of texels: none blends into its neighbours, and between them the nearer ones count.
+    #[test]
+    fn points_apart_are_known_for_themselves() {
+        let plate = square(2.0, 0.0, true);
+        let at = |n: usize| DVec3::new(0.1 + 0.2 * (n % 10) as f64, 0.1 + 0.2 * (n / 10) as f64, 0.0);
+        let places = (0..100).map(|n| PointOfSurface { point: at(n), normal: DVec3::Z, triangle: 0 }).collect();
+        let points = SurfacePoints::apart(&plate, places, 0.2 - 1e-9);
+        let values: Vec<[f64; 1]> = (0..100).map(|n| [(n * n) as f64]).collect();
+        assert!((0..100).all(|n| points.interpolate(at(n), DVec3::Z, &values) == values[n]));
+        let between = points.interpolate(at(44) + 0.1 * DVec3::X, DVec3::Z, &values)[0];
+        assert!((between - 0.5 * (44.0 * 44.0 + 45.0 * 45.0)).abs() < 1e-9, "{between}");
     }
 
     #[test]

@@ -10,13 +10,8 @@ use crate::{
     },
     colour::LUMINANCE,
     job::plan::FactoredMap,
-    optics::{FrequencyGrid, InverseHankel},
+    optics::FrequencyGrid,
 };
-
-/// Rings end where this share of the light of all clusters is within them…
-const WITHIN: f64 = 0.99;
-/// …but at this many texels at most: beyond, light is spread evenly.
-const MAX_REACH: usize = 160;
 
 /// The map and what is needed to carry light over it.
 pub(super) struct Patch {
@@ -34,7 +29,7 @@ impl Patch {
     pub fn new(map: FactoredMap, channels: &[String], irradiances: Vec<Vec<f32>>) -> Result<Self, CompareError> {
         let grid = FrequencyGrid::default();
         let spectra = map.spectra(channels, &grid)?;
-        let rings = TexelRings::new(map.pitch_mm, reach(&map, &spectra, &grid));
+        let rings = TexelRings::holding(map.pitch_mm, spectra.iter().flatten(), &grid);
         let labels = map.labels.iter().map(|label| u32::from(label.0)).collect();
         Ok(Self { map, rings, labels, grid, spectra, irradiances })
     }
@@ -89,11 +84,4 @@ impl Patch {
         };
         (0..wanted).map(channel).collect::<Result<Vec<_>, _>>().map(Some)
     }
-}
-
-/// Rings that hold most of the light of the map's clusters.
-fn reach(map: &FactoredMap, spectra: &[Vec<Vec<f64>>], grid: &FrequencyGrid) -> usize {
-    let radius = |spectrum: &Vec<f64>| InverseHankel::new(spectrum, grid).radius_of_energy(WITHIN);
-    let widest = spectra.iter().flatten().map(|spectrum| radius(spectrum).unwrap_or(f64::MAX)).fold(0.0, f64::max);
-    ((widest / map.pitch_mm).ceil() as usize).clamp(1, MAX_REACH)
 }
