@@ -69,6 +69,8 @@ pub(in crate::job) struct Answers {
     slot_depths: Vec<f64>,
     core: ResinId,
     min_layer_mm: f64,
+    /// Most that all layers come to, mm.
+    most_mm: f64,
     /// Whether layers below a mixture may be thinner.
     thin_below_mixtures: bool,
     /// Resins that the top layer may take in, but for those that have limits.
@@ -131,6 +133,7 @@ impl Answers {
             slot_depths: Vec::new(),
             core: context.core()?,
             min_layer_mm: layers.min_layer_mm,
+            most_mm: context.job.stacking.max_thickness_mm,
             thin_below_mixtures: context.may_mix() && layers.thin_below_mixtures,
             inks: if context.may_mix() { context.printed_resins() } else { Vec::new() },
         };
@@ -326,11 +329,12 @@ impl Answers {
         numbers
     }
 
-    /// No layer thinner than may be or than voxels hold mixed, no resin above its depth, no shares below 0 or of more
-    /// than the top layer.
+    /// No layer thinner than may be or than voxels hold mixed, no resin above its depth, no more of all layers than may
+    /// be, for which the lowest give way as far as the rest allows, no shares below 0 or of more than the top layer.
     fn keep_limits(&self, base: &Base, below: Below, numbers: &mut [f64]) {
         let (thickness, shares) = numbers.split_at_mut(base.layers.len());
         let mut above = 0.0;
+        let mut kept_of = Vec::with_capacity(thickness.len());
         for n in 0..thickness.len() {
             let limit = self.limit_of(&base.layers[n].0);
             // A layer that was found to be none may stay so.
@@ -347,7 +351,17 @@ impl Answers {
                 thickness[..n].iter_mut().for_each(|mm| *mm *= depth / above);
                 above = depth;
             }
+            kept_of.push((least, if thickness[n] > 0.0 { depth } else { 0.0 }));
             above += thickness[n];
+        }
+        let mut below_depth = 0.0_f64;
+        for (n, (least, depth)) in kept_of.into_iter().enumerate().rev() {
+            // What lies below stays below its depth.
+            let spare = (thickness[n] - least).min(thickness[..=n].iter().sum::<f64>() - below_depth);
+            let cut = (above - self.most_mm).min(spare).max(0.0);
+            thickness[n] -= cut;
+            above -= cut;
+            below_depth = below_depth.max(depth);
         }
         shares.iter_mut().for_each(|share| *share = share.max(0.0));
         let sum: f64 = shares.iter().sum();

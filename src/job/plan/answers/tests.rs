@@ -22,6 +22,7 @@ fn answers(set: &MaterialSet, layers: &[(Mixture, f64)], mixes: bool) -> Answers
         slot_depths: Vec::new(),
         core: set.resin("black").unwrap().0,
         min_layer_mm: 0.03,
+        most_mm: 5.0,
         thin_below_mixtures: mixes,
         inks: if mixes { set.ids().filter(|id| !set[*id].print_as_background).collect() } else { Vec::new() },
     };
@@ -304,6 +305,36 @@ fn top_layers_stay_as_thick_as_voxels_hold() {
         let top = &answer.stacking.layers[0];
         assert!(top.thickness_mm >= least && top.resin.share(clear) == 0.0, "{half_mm:?} {answer:?}");
     }
+}
+
+/// Asked to be lighter than layers of the thickness that a job allows can be, they stay as thick.
+#[test]
+fn layers_come_to_no_more_than_they_may() {
+    let set = MaterialSet::builtin("synthetic").unwrap();
+    let support = set.resin("support").unwrap().0;
+    for layers in [vec![(WHITE.into(), 0.8)], vec![(WHITE.into(), 0.3), (support.into(), 0.3), (WHITE.into(), 0.3)]] {
+        let mut answers = answers(&set, &layers, false);
+        let lighter = answers.promised(0)[0].ln() + 0.3;
+        let mut thickness = |most_mm: f64| {
+            answers.most_mm = most_mm;
+            let question = Question { cluster: 0, half_mm: None, ln_albedo: vec![lighter] };
+            let answer = answers.answer(&[question], &Unwatched).unwrap().remove(0);
+            answer.stacking.layers.iter().map(|layer| layer.thickness_mm).sum::<f64>()
+        };
+        assert!(thickness(5.0) > 1.1 && thickness(1.0) <= 1.0 + 1e-6, "{} {}", thickness(5.0), thickness(1.0));
+    }
+    // No layer rises above its depth for it.
+    let layers = [(WHITE.into(), 0.6), (support.into(), 0.3)];
+    let mut answers = answers(&set, &layers, false);
+    answers.limits = set
+        .ids()
+        .map(|id| ResinLimit { min_depth_mm: if id == support { 0.5 } else { 0.0 }, min_mm: 0.2, ..ResinLimit::NONE })
+        .collect();
+    answers.slot_depths = answers.depths_of_slots();
+    answers.most_mm = 0.6;
+    let mut numbers = vec![0.9, 0.7];
+    answers.keep_limits(&answers.clusters[0], Below::Core, &mut numbers);
+    assert!(numbers.iter().zip([0.5, 0.2]).all(|(found, least)| (found - least).abs() < 1e-9), "{numbers:?}");
 }
 
 /// Thousands of questions about one cluster and thickness are one run: a stop does not wait for all of them.
