@@ -162,6 +162,13 @@ impl Solid {
         self.outline().flatten().fold(start, |(low, high), p| (low.min(p), high.max(p)))
     }
 
+    /// Whether it is a box along the axes, by its volume.
+    pub fn is_box(&self) -> bool {
+        let (low, high) = self.outline_bounds();
+        let volume = (high - low).element_product();
+        (self.health.volume_mm3 - volume).abs() <= BOX_TOLERANCE * volume
+    }
+
     /// Has depth measured from the triangles that look up alone, those whose normal is within 45° of +z: below a level
     /// top it is height, as of a slab seen from above. The others still tell inside from outside, as caps do. Says
     /// whether any look up.
@@ -179,6 +186,9 @@ impl Solid {
         !mesh.triangles.is_empty()
     }
 }
+
+/// By what share of its volume a box may miss the one around it.
+const BOX_TOLERANCE: f64 = 1e-6;
 
 /// What a mesh suffers from, and what was done about it.
 #[derive(Debug, Clone, Default, serde::Serialize)]
@@ -267,6 +277,19 @@ fn is_zero(count: &usize) -> bool {
 mod tests {
     use super::*;
     use crate::test_shapes::{box_triangles, indexed};
+
+    #[test]
+    fn a_box_fills_its_bounds() {
+        let solid = |triangles: &[[DVec3; 3]], volume_mm3: f64| {
+            let (positions, faces) = indexed(triangles);
+            let mesh = TriangleMesh { positions, triangles: faces, ..TriangleMesh::default() };
+            Solid { mesh, caps: Vec::new(), whole: None, health: HealthReport { volume_mm3, ..Default::default() } }
+        };
+        let triangles = box_triangles(DVec3::ZERO, DVec3::new(3.0, 2.0, 1.0));
+        assert!(solid(&triangles, 6.0 - 1e-9).is_box() && !solid(&triangles, 5.9).is_box());
+        let mut seen_from_above = solid(&triangles, 6.0);
+        assert!(seen_from_above.measure_from_top() && seen_from_above.is_box());
+    }
 
     /// What decides inside from outside moves with the surface, whichever of the three it is.
     #[test]

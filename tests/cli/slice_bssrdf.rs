@@ -32,18 +32,20 @@ units = 16
 formats = ["png"]
 "#;
 
+/// A profile that falls as e^(−r/mm)/r.
+fn profile(albedo: f64, mm: f64) -> String {
+    let rows = (0..60).map(|i| 0.05 * f64::from(i) + 0.025);
+    let value = |r: f64| albedo * (-r / mm).exp() / (std::f64::consts::TAU * mm * r);
+    let rows: String = rows.map(|r| format!("{r},{}\n", value(r))).collect();
+    format!("r_mm,reflection_per_mm2\n{rows}")
+}
+
 /// A bright and a dark cluster, side by side: profiles that a stacking of white, and one of black, have about.
 pub fn bench() -> Bench {
     let bench = Bench::new();
     bench.write("slab.obj", SLAB.as_bytes());
     bench.write("job.toml", JOB.as_bytes());
     fs::create_dir_all(bench.path("factored/profiles")).unwrap();
-    let profile = |albedo: f64, mm: f64| {
-        let rows = (0..60).map(|i| 0.05 * f64::from(i) + 0.025);
-        let value = |r: f64| albedo * (-r / mm).exp() / (std::f64::consts::TAU * mm * r);
-        let rows: String = rows.map(|r| format!("{r},{}\n", value(r))).collect();
-        format!("r_mm,reflection_per_mm2\n{rows}")
-    };
     bench.write("factored/profiles/cluster_000.csv", profile(0.9, 0.3).as_bytes());
     bench.write("factored/profiles/cluster_001.csv", profile(0.09, 0.1).as_bytes());
     bench.write("factored/factored.json", RECORD.as_bytes());
@@ -82,6 +84,52 @@ fn a_slab_is_layered_from_its_top() {
     // Below the stacking there is core to the very bottom, for neither walls nor underside count.
     assert_eq!([pixel(&bench, 0, 0, 19), pixel(&bench, 2, 5, 15)], [black; 2]);
     bench.run(["verify", "out"]).exits(0);
+}
+
+/// Printed between its mirror images, what every texel of a patch shows under even light is what equation 7 says.
+#[test]
+fn a_patch_is_corrected_texel_by_texel() {
+    let bench = bench();
+    bench.write(
+        "slab.obj",
+        SLAB.replace("v 4 ", "v 2 ").replace(" 2 0\n", " 1 0\n").replace(" 2 1.2", " 1 1.2").as_bytes(),
+    );
+    bench.write(
+        "factored/factored.json",
+        RECORD.replace("1.0", "0.25").replace("4,", "8,").replace("2,", "4,").as_bytes(),
+    );
+    let labels: Vec<u16> = (0..32).map(|texel| u16::from(texel % 8 >= 4)).collect();
+    let image = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(8, 4, labels).unwrap();
+    image.save(bench.path("factored/labels.png")).unwrap();
+    // Within what these resins do on either side, also beside the border.
+    bench.write("factored/profiles/cluster_001.csv", profile(0.4, 0.2).as_bytes());
+    let mixed = JOB
+        .replace("units = 16", "mixtures = true")
+        .replace("0.6", "0.45")
+        .replace("[0.1, 0.1, 0.05]", "[0.05, 0.05, 0.05]");
+    bench.write("job.toml", mixed.as_bytes());
+    bench.run(["slice", "job.toml", "-o", "out"]).exits(0);
+    let rounds: serde_json::Value = serde_json::from_slice(&bench.files("out")["rounds.json"]).unwrap();
+    let factors = rounds["objects"][0]["ln_factor_thousandths"][0].as_array().unwrap();
+    assert_eq!(factors.len(), 32);
+    // Beside the border the bright half must be asked for more than away from it.
+    let mean = |column: usize| (0..4).map(|row| factors[column + 8 * row].as_f64().unwrap()).sum::<f64>() / 4.0;
+    let rms = |round: &serde_json::Value| round["fit"][0]["relative_rms"].as_f64().unwrap();
+    let seen: Vec<f64> = rounds["rounds"].as_array().unwrap().iter().map(rms).collect();
+    assert!(mean(3) > mean(0) + 20.0, "{factors:?}");
+    assert!(seen[0] > 0.02 && seen.last().unwrap() < &(0.8 * seen[0]), "{seen:?}");
+    // A look judges it likewise; standing free its sides would let in a third more light.
+    let look = ["look", "out", "--job", "job.toml", "--spots", "40", "--photons", "20000", "--json"];
+    let look = bench.run(look).exits(0).json();
+    assert!(look["warnings"][0].as_str().unwrap().contains("between its mirror images"), "{}", look["warnings"]);
+    assert!(look["against_asked"][0]["relative_rms"].as_f64().unwrap() < 0.04, "{}", look["against_asked"]);
+    // Where its layers are to be height fields they are those of the texture that it has.
+    bench.write(
+        "job.toml",
+        mixed.replace("mixtures = true", "").replace("[\"png\"]", "[\"png\", \"heights\"]").as_bytes(),
+    );
+    bench.run(["slice", "job.toml", "-o", "out", "--overwrite"]).exits(0);
+    assert!(!bench.files("out").contains_key("rounds.json"));
 }
 
 #[test]

@@ -39,21 +39,24 @@ pub(super) fn paper(dc_weight: f64) -> String {
             "max-thickness-mm = 5.0\nunits = 64\ndepth = 6\n\
              objective = \"l2\"\nmodel = \"km\"\ndc-weight = {dc_weight:?}\n"
         ),
+        r#""png", "preview", "heights""#,
     )
 }
 
-/// The same with all that was found since: layers of any thickness, fitted in the transport model to targets that the
-/// resins can reach.
+/// The same with all that was found since: mixtures and layers of any thickness, fitted in the transport model to
+/// targets that the resins can reach, and corrected by how the print looks.
 pub(super) fn refined(dc_weight: f64) -> String {
     job(
         REFINED,
-        "with stackings refined in the transport model; `lumislice compare` holds it against the other",
+        "with mixtures, found in the transport model and corrected by how the print looks; `lumislice compare` holds \
+         it against the other",
         "gamut-map = true\n",
         &format!("model = \"transport\"\ndc-weight = {dc_weight:?}\n"),
+        r#""png", "preview""#,
     )
 }
 
-fn job(name: &str, how: &str, target: &str, stacking: &str) -> String {
+fn job(name: &str, how: &str, target: &str, stacking: &str, formats: &str) -> String {
     format!(
         r#"# Prints the factored patch as a slab, seen from above, {how}:
 #     lumislice slice {name}
@@ -78,7 +81,7 @@ max-albedo = 0.6
 core = "black"
 {stacking}
 [output]
-formats = ["png", "preview", "heights"]
+formats = [{formats}]
 "#
     )
 }

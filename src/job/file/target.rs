@@ -39,6 +39,13 @@ pub enum TargetSpec {
     },
 }
 
+impl TargetSpec {
+    /// Whether it is made of profiles that lie side by side: what each place shows is its neighbours' too.
+    pub fn is_of_profiles(&self) -> bool {
+        matches!(self, Self::Clusters { .. } | Self::Bssrdf { .. })
+    }
+}
+
 /// The keys of each kind besides `kind` itself.
 pub(super) const KINDS: &[(&str, &[&str])] = &[
     ("stacking", &["stack"]),

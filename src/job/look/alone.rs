@@ -18,7 +18,7 @@ use super::{
     look_at_spots,
     mitsuba::{Print, write_scenes},
     pictures,
-    surface::{Expected, SurfaceSpot, spot_around},
+    surface::{Expected, SPOT_RADIUS_MM, SurfaceSpot, spot_around},
     voxels::read_slices,
 };
 use crate::{
@@ -82,6 +82,13 @@ impl FinishedFolder {
                 "the job is not at hand: what was asked for and predicted is known at the {spots} spots of look.json only"
             ),
         }];
+        if !from_top(&manifest).is_empty() {
+            warnings.push(
+                "what is layered from its top stands free here, and its sides let light in: with its job at hand a box \
+                 counts as a piece of a larger one"
+                    .to_owned(),
+            );
+        }
         if bends {
             warnings.push("without the meshes' surfaces refractive indices are left out".to_owned());
         }
@@ -144,7 +151,7 @@ impl FinishedFolder {
 
     fn around(&self, object: usize, middle: Site) -> Option<SurfaceSpot> {
         let beside = |aside: DVec3| self.scene.site_along(aside + middle.normal * ABOVE_MM, -middle.normal);
-        spot_around(&self.scene, object, middle, beside)
+        spot_around(&self.scene, object, middle, SPOT_RADIUS_MM, beside)
     }
 }
 

@@ -22,6 +22,7 @@ mod by_area;
 mod differences;
 mod edges;
 mod mitsuba;
+mod patch;
 mod pictures;
 pub(in crate::job) mod shade;
 mod surface;
@@ -43,7 +44,7 @@ pub use mitsuba::{OWNER as MITSUBA, write_mitsuba};
 pub use pictures::PictureOptions;
 pub(in crate::job) use pictures::{ObjectLight, object_light};
 use surface::Expected;
-pub(in crate::job) use surface::{SurfaceSpot, normal_and_area};
+pub(in crate::job) use surface::{SPOT_RADIUS_MM, SurfaceSpot, normal_and_area};
 pub(in crate::job) use voxels::LOOK_VOXELS;
 
 pub use super::record::{Differences, EdgeRecord, Fit, LookSummary, SpotRecord, Spread};
@@ -187,8 +188,10 @@ pub fn look_at(
     options: &LookOptions,
     watch: &dyn Watch,
 ) -> Result<Look, LookError> {
-    let mut spots = prepared.random_spots(scene, options.spots, options.seed);
-    spots.extend(options.at.iter().filter_map(|at| prepared.spot_near(scene, *at)));
+    let piece = prepared.between_mirrors(scene)?;
+    let judged = piece.as_ref().unwrap_or(scene);
+    let mut spots = prepared.random_spots(judged, options.spots, options.seed);
+    spots.extend(options.at.iter().filter_map(|at| prepared.spot_near(judged, *at)));
     let shapes = if options.edges { edges::asked(prepared, &spots) } else { vec![None; spots.len()] };
     watch.go_on()?;
     let with_goal =
@@ -201,9 +204,14 @@ pub fn look_at(
             prepared.lattice.pitch.max_element()
         )
     });
-    let warnings = warnings.into_iter().collect();
+    let is_piece = piece.is_some().then(|| {
+        "a box that is layered from its top counts as a piece of a larger one: numbers are those between its mirror \
+         images; pictures show it standing free, where its sides let light in"
+            .to_owned()
+    });
+    let warnings = warnings.into_iter().chain(is_piece).collect();
     let about = About { job: &prepared.job.name, channels: &prepared.materials.channels, warnings };
-    let mut look = look_at_spots(about, scene, &goals, options, watch)?;
+    let mut look = look_at_spots(about, judged, &goals, options, watch)?;
     let pictures = options.pictures.map(|options| pictures::pictures(Some(prepared), scene, &options, watch));
     look.pictures = pictures.transpose()?.unwrap_or_default();
     Ok(look)
@@ -318,7 +326,7 @@ fn look_at_spots(
         job: about.job.to_owned(),
         walks: options.walks,
         seed: options.seed,
-        spot_radius_mm: surface::SPOT_RADIUS_MM,
+        spot_radius_mm: SPOT_RADIUS_MM,
         against_asked: asked.as_ref().map(against),
         against_predicted: predicted.as_ref().map(against).unwrap_or_default(),
         channels,

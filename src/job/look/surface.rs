@@ -15,7 +15,7 @@ use crate::{
 
 /// Radius of a spot, mm: wide enough for the rings that a layer of one voxel makes on a slope to average out, narrow
 /// enough for a texture.
-pub(super) const SPOT_RADIUS_MM: f64 = 0.25;
+pub(in crate::job) const SPOT_RADIUS_MM: f64 = 0.25;
 /// Points that stand for a spot.
 const SITES: usize = 64;
 /// Cosine between the normals of a spot's middle and of a site of it, and between a site's normal and the way to it
@@ -75,7 +75,9 @@ impl Prepared {
             add(&mut predicted, promised, share);
             let of_texel = object.asked.of(shared.texel).map(|asked| &asked.albedo);
             match (of_texel.or(entry.target_albedo.as_ref()), &mut asked) {
-                (Some(albedo), Some(sum)) => add(sum, &goal(shared.texel, albedo), share),
+                (Some(albedo), Some(sum)) => {
+                    add(sum, &goal(shared.texel, &object.asked.shown(shared.texel, albedo)), share);
+                }
                 _ => asked = None,
             }
         }
@@ -146,6 +148,18 @@ impl Prepared {
         triangle: u32,
         point: DVec3,
     ) -> Option<SurfaceSpot> {
+        self.spot_of(scene, object, triangle, point, SPOT_RADIUS_MM)
+    }
+
+    /// [`Self::spot`] of a radius in mm.
+    pub(in crate::job) fn spot_of(
+        &self,
+        scene: &Scene,
+        object: usize,
+        triangle: u32,
+        point: DVec3,
+        radius_mm: f64,
+    ) -> Option<SurfaceSpot> {
         let surface = self.slicer().objects()[object].surface();
         let normal = |triangle: u32| normal_and_area(&surface.triangles()[triangle as usize]).map(|(normal, _)| normal);
         let middle = Site { point, normal: normal(triangle)? };
@@ -157,16 +171,17 @@ impl Prepared {
             (way.dot(normal).abs() + ROUNDING_MM > SAME_FACE * way.length())
                 .then_some(Site { point: found.point, normal })
         };
-        spot_around(scene, object, middle, beside)
+        spot_around(scene, object, middle, radius_mm, beside)
     }
 }
 
-/// The spot around a site; `beside` finds the surface next to a position in the plane of the site. `None` where the
-/// surface lies inside of the print.
+/// The spot of `radius_mm` around a site; `beside` finds the surface next to a position in the plane of the site.
+/// `None` where the surface lies inside of the print.
 pub(super) fn spot_around(
     scene: &Scene,
     object: usize,
     middle: Site,
+    radius_mm: f64,
     beside: impl Fn(DVec3) -> Option<Site>,
 ) -> Option<SurfaceSpot> {
     if !scene.is_open(&middle) {
@@ -177,12 +192,12 @@ pub(super) fn spot_around(
     let mut sites = vec![middle];
     for n in 1..SITES {
         // Even over the disc: radii by equal areas, turned by the golden angle.
-        let radius = SPOT_RADIUS_MM * (n as f64 / SITES as f64).sqrt();
+        let radius = radius_mm * (n as f64 / SITES as f64).sqrt();
         let turn = n as f64 * GOLDEN_ANGLE;
         let aside = middle.point + (across * libm::cos(turn) + along * libm::sin(turn)) * radius;
         sites.extend(beside(aside).filter(|site| {
             site.normal.dot(middle.normal) > SAME_FACE
-                && site.point.distance(middle.point) <= 1.5 * SPOT_RADIUS_MM
+                && site.point.distance(middle.point) <= 1.5 * radius_mm
                 && scene.is_open(site)
         }));
     }

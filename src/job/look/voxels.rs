@@ -16,6 +16,7 @@ use crate::{
     optics::{MaterialSet, VolumeCoefficients},
     parallel,
     preview::{SliceColours, read_slice},
+    sdf::Surface,
     voxel::{BRICK, Lattice, MaterialId},
     watch::Watch,
 };
@@ -54,8 +55,12 @@ impl Prepared {
 
     /// A volume on this job's lattice with its resins, under the surfaces of its meshes.
     pub(super) fn lit(&self, volume: Volume) -> Result<Scene, LookError> {
+        self.lit_under(volume, self.slicer().objects().iter().map(|object| Arc::clone(object.surface())).collect())
+    }
+
+    /// A volume with this job's resins, under `surfaces`.
+    pub(super) fn lit_under(&self, volume: Volume, surfaces: Vec<Arc<Surface>>) -> Result<Scene, LookError> {
         let scene = Scene::new(volume, &coefficients(&self.materials)?)?;
-        let surfaces = self.slicer().objects().iter().map(|object| Arc::clone(object.surface())).collect();
         let indices = self.materials.resins.iter().map(|resin| resin.refractive_index);
         Ok(scene.under(surfaces, &std::iter::once(1.0).chain(indices).collect::<Vec<_>>()))
     }

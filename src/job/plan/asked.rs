@@ -1,17 +1,27 @@
 //! What an object asks for, before any search: targets, and where on its surface each is wanted.
 
-use super::{appearance::Appearance, context::TargetContext, factored::FactoredMap, images::read_labels};
+use super::{
+    appearance::Appearance, context::TargetContext, factored::FactoredMap, images::read_labels, on_surface::texel_mm,
+};
 use crate::{
     appearance::{
-        self, AppearancePage, Atlas, ClusterId, LabelMap, NormalizedDiffusion, cluster, distinct_appearances,
+        self, AppearancePage, Atlas, ClusterId, LabelMap, LocalProfiles, NormalizedDiffusion, TexelRings, cluster,
+        distinct_appearances,
     },
     job::{
         RunError,
         file::{InputPath, TargetSpec},
     },
-    optics::ProfileFile,
+    mesh::TriangleMesh,
+    optics::{FrequencyGrid, ProfileFile},
     search::SearchTarget,
 };
+
+/// Texels of a sheet whose light goes from one to the other, mm.
+const FINEST_TEXEL_MM: f64 = 0.01;
+const COARSEST_TEXEL_MM: f64 = 10.0;
+/// And pairs of them, some seconds of work.
+const MOST_PAIRS: f64 = 2e10;
 
 /// What an object asks for, before any search.
 pub(super) struct Wanted {
@@ -31,6 +41,8 @@ pub struct AskedMap {
     /// Index of the appearance of every texel of all pages.
     of_texel: Vec<u32>,
     appearances: Vec<Asked>,
+    /// What every texel is to show under even light over its label's albedo, by channel; none where that is 1.
+    shown: Vec<Vec<f32>>,
     /// The target of every label.
     pub(in crate::job) targets: Vec<SearchTarget>,
 }
@@ -65,8 +77,58 @@ impl AskedMap {
         own.albedo.iter().zip(of_cluster).map(|(own, of)| libm::log(own.max(black) / of.max(black))).collect()
     }
 
+    /// What texel is to show under even light where its label asks for an `albedo` by channel: light comes from its
+    /// neighbours too, whose labels may differ, where profiles are what was measured.
+    pub fn shown(&self, texel: usize, albedo: &[f64]) -> Vec<f64> {
+        let ratio = |channel: usize| self.shown.get(channel).and_then(|ratios| ratios.get(texel)).copied();
+        albedo.iter().enumerate().map(|(channel, albedo)| albedo * f64::from(ratio(channel).unwrap_or(1.0))).collect()
+    }
+
+    /// Whether it is known what texels show beside each other.
+    pub(super) fn is_shown(&self) -> bool {
+        !self.shown.is_empty()
+    }
+
+    /// Has texels, whose `labels` have the profiles of the targets over `grid`, show what equation 7 of Hašan et al.
+    /// 2010 says of a flat sheet. Nothing is said of a texture that is not one sheet, its top, from edge to edge, or
+    /// has so many texels in reach of each other that it would take minutes.
+    pub(super) fn show_by_equation_7(
+        &mut self,
+        atlas: &Atlas,
+        labels: &[LabelMap],
+        mesh: &TriangleMesh,
+        grid: &FrequencyGrid,
+    ) {
+        let ([page], [labels]) = (atlas.pages(), labels) else { return };
+        let (width, pitch_mm) = (page.width as usize, texel_mm(mesh, atlas)[0]);
+        let is_sheet =
+            page.covered().count() == labels.0.len() && page.chart.iter().all(|chart| *chart == page.chart[0]);
+        if !is_sheet || !(FINEST_TEXEL_MM..=COARSEST_TEXEL_MM).contains(&pitch_mm) {
+            return;
+        }
+        let channels = self.targets.first().map_or(0, |target| target.channels.len());
+        let rings = TexelRings::holding(pitch_mm, self.targets.iter().flat_map(|target| &target.channels), grid);
+        if rings.texels() as f64 * labels.0.len() as f64 * channels as f64 > MOST_PAIRS {
+            return;
+        }
+        let of_texel: Vec<u32> = labels.0.iter().map(|label| u32::from(label.0)).collect();
+        let even = vec![1.0; of_texel.len()];
+        let shown = |channel: usize| -> Vec<f32> {
+            let spectra: Vec<_> = self.targets.iter().map(|target| target.channels[channel].clone()).collect();
+            let profiles = LocalProfiles::from_spectra(&rings, &spectra, grid, of_texel.clone(), width);
+            let mut shown = profiles.radiosity(std::slice::from_ref(&even)).remove(0);
+            for (shown, label) in shown.iter_mut().zip(&of_texel) {
+                let albedo = spectra[*label as usize][0] as f32;
+                *shown = if albedo > 0.0 { *shown / albedo } else { 1.0 };
+            }
+            shown
+        };
+        self.shown = (0..channels).map(shown).collect();
+    }
+
     /// Makes room for `texels` texels in all, those that are new asking for what the first does.
     pub(super) fn extend(&mut self, texels: usize) {
+        self.shown.iter_mut().for_each(|shown| shown.resize(texels, 1.0));
         if !self.of_texel.is_empty() {
             self.of_texel.resize(texels, self.of_texel[0]);
         }
@@ -77,6 +139,7 @@ impl AskedMap {
         if let Some(&appearance) = self.of_texel.get(from) {
             self.of_texel[to] = appearance;
         }
+        self.shown.iter_mut().for_each(|shown| shown[to] = shown[from]);
     }
 }
 
@@ -240,6 +303,7 @@ fn texture_wanted(
     let texels = atlas.pages().iter().zip(&appearances.index);
     let map = AskedMap {
         targets: Vec::new(),
+        shown: Vec::new(),
         of_texel: texels.flat_map(|(page, index)| page.source.iter().map(|&source| index[source as usize])).collect(),
         appearances: appearances
             .distinct
@@ -292,5 +356,53 @@ impl TargetContext<'_> {
         };
         let spectra = paths.iter().map(spectrum).collect::<Result<Vec<_>, _>>()?;
         Ok(SearchTarget { channels: (0..channels).map(|c| spectra[c.min(spectra.len() - 1)].clone()).collect() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Vec2};
+
+    use super::*;
+
+    /// A rectangle from the origin to `size`, under the texture from `from` to `to` in both directions.
+    fn sheet(size: DVec3, [from, to]: [f32; 2]) -> TriangleMesh {
+        let [a, b, c, d] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let uv = |at: [f64; 2]| Vec2::new(from, from) + (to - from) * Vec2::new(at[0] as f32, at[1] as f32);
+        TriangleMesh {
+            positions: [a, b, c, d].map(|[x, y]| size * DVec3::new(x, y, 0.0)).to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            uvs: vec![[a, b, c].map(uv), [a, c, d].map(uv)],
+            ..TriangleMesh::default()
+        }
+    }
+
+    /// Across a border of two halves light goes over; far from it each shows its own albedo.
+    #[test]
+    fn neighbours_share_their_light() {
+        let grid = FrequencyGrid::default();
+        let target = |albedo: f64| {
+            let spectrum = NormalizedDiffusion::new(albedo, 0.3).unwrap().spectrum(&grid);
+            SearchTarget { channels: vec![spectrum] }
+        };
+        let (width, albedo) = (60, [0.6, 0.1]);
+        let mut map = AskedMap { targets: albedo.map(target).to_vec(), ..AskedMap::default() };
+        let labels: Vec<_> = (0..width * 20).map(|texel| ClusterId(u16::from(texel % width >= 30))).collect();
+        let labels = [LabelMap(labels)];
+        let size = (width as u32, 20);
+        let mesh = sheet(DVec3::new(12.0, 4.0, 0.0), [0.0, 1.0]);
+        map.show_by_equation_7(&Atlas::new(&mesh, &[size], &[]), &labels, &mesh, &grid);
+        let shown = |x: usize, side: usize| map.shown(x + 10 * width, &albedo[side..=side])[0] / albedo[side];
+        assert!((shown(0, 0) - 1.0).abs() < 0.01 && (shown(59, 1) - 1.0).abs() < 0.02);
+        assert!(shown(29, 0) < 0.9 && shown(30, 1) > 1.1, "{} {}", shown(29, 0), shown(30, 1));
+        // Half of the texture belongs to nothing, or all of it lies in one point.
+        for uvs in [[0.0, 0.5], [0.3, 0.3]] {
+            let mesh = sheet(DVec3::new(12.0, 4.0, 0.0), uvs);
+            let mut map = AskedMap { targets: map.targets.clone(), ..AskedMap::default() };
+            map.show_by_equation_7(&Atlas::new(&mesh, &[size], &[]), &labels, &mesh, &grid);
+            assert!(!map.is_shown() && map.shown(7, &[0.2]) == [0.2]);
+        }
+        // Where nothing is known of neighbours an albedo is what it is.
+        assert_eq!(AskedMap::default().shown(3, &[0.2, 0.4]), [0.2, 0.4]);
     }
 }

@@ -3,7 +3,10 @@
 use glam::{DMat4, DVec3};
 
 use super::{AskedMap, StackingReport};
-use crate::mesh::{HealthReport, Solid};
+use crate::{
+    job::{Job, file::DepthFrom},
+    mesh::{HealthReport, Solid},
+};
 
 /// An object, read and placed.
 #[derive(Debug)]
@@ -16,10 +19,20 @@ pub struct PreparedObject {
     pub health: HealthReport,
     /// Least and greatest corner of its bounding box, mm.
     pub bounds: [DVec3; 2],
+    /// Whether it is a patch: a box whose depth is measured from its top, alone on the tray. It is looked at as a piece
+    /// of a larger one.
+    pub is_patch: bool,
     /// Its stackings.
     pub stackings: StackingReport,
     /// What its texture asks for.
     pub asked: AskedMap,
+}
+
+impl Job {
+    /// Whether an object is a patch, see [`PreparedObject::is_patch`].
+    pub(super) fn is_patch(&self, object: usize, solid: &Solid) -> bool {
+        self.objects.len() == 1 && self.objects[object].depth_from == DepthFrom::Top && solid.is_box()
+    }
 }
 
 /// Least and greatest corner of what triangles use, mm.

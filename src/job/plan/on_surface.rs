@@ -1,7 +1,8 @@
 //! What an object is laid from where its layers depend on more than its texture: how thick it is, and by how much its
 //! print was too light or too dark.
 //!
-//! Both live on the surface, at [`SurfacePoints`], never in the texture, whose charts end where the surface does not.
+//! Both live on the surface, at [`SurfacePoints`], never in the texture, whose charts end where the surface does not;
+//! but a flat patch has a point for every texel, where they are few.
 //! Every texel has a place there, and so has every node that stands in for texels where the texture is too coarse,
 //! repeats itself or is not there at all. What is laid at a texel is told by the albedo that its stacking is to have,
 //! by one of a ladder of thicknesses and by its width; each combination that occurs on the lattices of these is a label
@@ -12,6 +13,7 @@
 //! that was found for it. Between two steps of a lattice fine texels take either, as often as they are near it, so that
 //! over some of them what is wanted is laid on the mean, and no step shows as an edge.
 
+use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +24,7 @@ use super::{
     lattice::{BLACK, CHANNELS, Classes, Key, Lattice, Place, THICKEST_MM},
 };
 use crate::{
-    appearance::{Atlas, ClusterId, LabelMap, SurfacePoints, TexelSite},
+    appearance::{Atlas, ClusterId, LabelMap, PointOfSurface, SurfacePoints, TexelSite},
     job::RunError,
     mesh::{Solid, TriangleMesh},
     numeric::rounding::rounded,
@@ -77,6 +79,8 @@ pub(in crate::job) struct ObjectPlan {
     shared_out: Vec<bool>,
     /// Points that its surface is known at.
     pub points: SurfacePoints,
+    /// Length of its texels, mm, where each has a point of its own.
+    pub point_a_texel_mm: Option<f64>,
     half_ln: Vec<f64>,
     answers: Answers,
     channels: usize,
@@ -123,7 +127,7 @@ impl ObjectPlan {
         context.watch.stage("surface", 0);
         let area: f64 = solid.mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
         let spacing_mm = POINT_MM.min((area / FEWEST_POINTS).sqrt());
-        let points = SurfacePoints::spread(
+        let mut points = SurfacePoints::spread(
             closest.triangles(),
             spacing_mm,
             (MOST_POINTS / context.job.objects.len().max(1)).max(1),
@@ -156,10 +160,23 @@ impl ObjectPlan {
             map.copy(starts[page] + texel, starts[usize::from(site.page)] + site.texel as usize);
         }
         debug_assert!(old_pages <= clusters.len());
+        let texels_alone = nodes.is_empty();
         sites.extend(nodes);
         context.watch.go_on()?;
         let [thinnest, thickest] = HALF_THICKNESSES_MM;
-        let half = |place: &crate::appearance::PointOfSurface| {
+        let is_patch = context.job.is_patch(context.object, context.solid);
+        // Few enough texels are looked at one by one.
+        let mut point_a_texel_mm = None;
+        if let (true, [mm]) = (is_patch && texels_alone && sites.len() <= MOST_POINTS, &texel_mm[..])
+            && *mm >= FINEST_NODE_MM
+        {
+            points = SurfacePoints::apart(closest.triangles(), points_of(&sites, closest.triangles()), *mm);
+            point_a_texel_mm = Some(*mm);
+        }
+        let half = |place: &PointOfSurface| {
+            if is_patch {
+                return libm::log(thickest);
+            }
             let body = context.body.unwrap_or(&closest);
             libm::log(half_thickness(body, place.point, place.normal, thickest).max(thinnest))
         };
@@ -177,6 +194,7 @@ impl ObjectPlan {
             sites,
             shared_out,
             points,
+            point_a_texel_mm,
             half_ln,
             answers,
             channels,
@@ -314,6 +332,15 @@ fn within_reach(asked: f64, promised: f64) -> f64 {
     asked * libm::exp(off.signum() * (off.abs() - NEAR).max(0.0))
 }
 
+fn points_of(sites: &[TexelSite], triangles: &[[DVec3; 3]]) -> Vec<PointOfSurface> {
+    let point = |site: &TexelSite| {
+        let corners @ [a, b, c] = &triangles[site.triangle as usize];
+        let normal = (*b - *a).cross(*c - *a).normalize_or_zero();
+        PointOfSurface { point: site.position(corners), normal, triangle: site.triangle }
+    };
+    sites.iter().map(point).collect()
+}
+
 /// From 0 to 1, as evenly spread among any neighbouring texels as can be: Roberts' additive recurrence in two
 /// dimensions (*The unreasonable effectiveness of quasirandom sequences*, 2018).
 fn threshold(texel: u32, width: u32) -> f64 {
@@ -326,18 +353,10 @@ fn threshold(texel: u32, width: u32) -> f64 {
 /// and lie on one place of the surface each. And the length of the texels of every page, mm.
 /// Nodes are `node_mm` apart, or as near as the texels that they stand for.
 fn node_spacing(mesh: &TriangleMesh, atlas: &Atlas, node_mm: f64) -> (Vec<Option<f64>>, Vec<f64>) {
-    let pages = atlas.pages().len();
-    let (mut mm2, mut texels) = (vec![0.0; pages], vec![0.0; pages]);
-    let areas = || mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length());
-    for ((area, uvs), place) in areas().zip(&mesh.uvs).zip(atlas.places()) {
-        let page = usize::from(place.page);
-        let size = f64::from(atlas.pages()[page].width) * f64::from(atlas.pages()[page].height);
-        let [a, b, c] = uvs.map(|uv| uv.as_dvec2());
-        mm2[page] += area;
-        texels[page] += 0.5 * (b - a).perp_dot(c - a).abs() * size;
-    }
-    let texel_mm: Vec<f64> = (0..pages).map(|page| (mm2[page] / texels[page].max(f64::MIN_POSITIVE)).sqrt()).collect();
-    let of_page: Vec<Option<f64>> = (0..pages)
+    let sizes = TexelSizes::new(mesh, atlas);
+    let texel_mm = sizes.length_mm();
+    let TexelSizes { mm2, texels } = sizes;
+    let of_page: Vec<Option<f64>> = (0..mm2.len())
         .map(|page| {
             let covered = atlas.pages()[page].covered().count() as f64;
             let coarse = mm2[page] / covered.max(1.0) > COARSE_MM * COARSE_MM;
@@ -346,6 +365,37 @@ fn node_spacing(mesh: &TriangleMesh, atlas: &Atlas, node_mm: f64) -> (Vec<Option
         })
         .collect();
     (atlas.places().iter().map(|place| of_page[usize::from(place.page)]).collect(), texel_mm)
+}
+
+/// Length of the texels of every page, mm.
+pub(super) fn texel_mm(mesh: &TriangleMesh, atlas: &Atlas) -> Vec<f64> {
+    TexelSizes::new(mesh, atlas).length_mm()
+}
+
+/// How much surface the triangles of every page have, mm², and over how many texels.
+struct TexelSizes {
+    mm2: Vec<f64>,
+    texels: Vec<f64>,
+}
+
+impl TexelSizes {
+    fn new(mesh: &TriangleMesh, atlas: &Atlas) -> Self {
+        let pages = atlas.pages().len();
+        let mut sizes = Self { mm2: vec![0.0; pages], texels: vec![0.0; pages] };
+        let areas = mesh.corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length());
+        for ((area, uvs), place) in areas.zip(&mesh.uvs).zip(atlas.places()) {
+            let page = usize::from(place.page);
+            let size = f64::from(atlas.pages()[page].width) * f64::from(atlas.pages()[page].height);
+            let [a, b, c] = uvs.map(|uv| uv.as_dvec2());
+            sizes.mm2[page] += area;
+            sizes.texels[page] += 0.5 * (b - a).perp_dot(c - a).abs() * size;
+        }
+        sizes
+    }
+
+    fn length_mm(&self) -> Vec<f64> {
+        self.mm2.iter().zip(&self.texels).map(|(mm2, texels)| (mm2 / texels.max(f64::MIN_POSITIVE)).sqrt()).collect()
+    }
 }
 
 impl Laid {

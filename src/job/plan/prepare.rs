@@ -132,6 +132,7 @@ impl Prepared {
                     .refuse(&format!("object[{index}].depth-from"), found, "a level or nearly level top")
                     .into());
             }
+            let is_patch = job.is_patch(index, &solid);
             let has_uvs = complete_uvs(&mut solid, &object.target)?;
             let body = bodies.iter().position(|body| body.contains(&index)).and_then(|body| faces[body].as_ref());
             let context =
@@ -144,7 +145,7 @@ impl Prepared {
             fields.push(field);
             let (mesh, health) = (object.mesh.shown(), solid.health);
             plans.extend(plan);
-            objects.push(PreparedObject { mesh, transform, health, bounds, stackings, asked });
+            objects.push(PreparedObject { mesh, transform, health, bounds, is_patch, stackings, asked });
         }
         join(&mut fields, &bodies);
         let measured = |(index, field): (usize, ObjectField)| {

@@ -70,8 +70,13 @@ pub(super) fn object_layers(
     );
     let mut asked = wanted.map;
     asked.targets = wanted.targets;
+    if let (true, Surface::Labelled { atlas, labels }) = (context.follows_patch(), &wanted.surface) {
+        context.watch.stage("light between texels", 0);
+        asked.show_by_equation_7(atlas, labels, &context.solid.mesh, &context.materials.grid);
+        context.watch.go_on()?;
+    }
     let stackings: Vec<_> = matches.iter().map(Found::stacking).collect();
-    if context.follows_the_surface() {
+    if context.follows_the_surface(&asked) {
         let answers = Answers::new(context, &stackings)?;
         let solid = context.solid.clone();
         let plan = ObjectPlan::new(context, solid, wanted.kind, wanted.surface, &mut asked, answers)?;
@@ -90,7 +95,8 @@ pub(super) fn object_layers(
             context.uniform(wanted.kind, &stackings[0], core, entry)
         }
         Surface::Labelled { atlas, labels } => {
-            context.textured(wanted.kind, atlas, labels, &stackings, entries, core)?
+            let (layers, report) = context.textured(wanted.kind, atlas, labels, &stackings, entries, core)?;
+            (context.parted(layers, &report), report)
         }
     };
     Ok(ObjectLayers { layers, report, asked, plan: None })
@@ -162,12 +168,25 @@ impl TargetContext<'_> {
     }
 
     /// Whether the layers of the object depend on how thick it is, or on how its print looks.
-    fn follows_the_surface(&self) -> bool {
+    fn follows_the_surface(&self, asked: &AskedMap) -> bool {
         let judged = self.job.stacking.model != StackingModel::KubelkaMunk;
-        let from_surface = self.job.objects[self.object].depth_from == DepthFrom::Surface;
         // Layer maps are of the texture that the job has.
         let free = !self.job.wants(OutputFormat::Heights);
-        judged && from_surface && free && (self.job.thin_parts() || self.job.rounds() > 0)
+        let follows = match self.job.objects[self.object].depth_from {
+            DepthFrom::Surface => self.job.thin_parts() || self.job.rounds() > 0,
+            // What profiles side by side are to show must be known.
+            DepthFrom::Top => self.follows_patch() && (!self.target().is_of_profiles() || asked.is_shown()),
+        };
+        judged && free && follows
+    }
+
+    /// Whether it is a patch, and is to be corrected.
+    fn follows_patch(&self) -> bool {
+        self.job.is_patch(self.object, self.solid) && self.job.rounds() > 0
+    }
+
+    fn target(&self) -> &TargetSpec {
+        &self.job.objects[self.object].target
     }
 
     /// The layers that a plan lays; `entries` are those of its clusters.
@@ -183,7 +202,8 @@ impl TargetContext<'_> {
             return Ok(self.uniform(plan.kind, stacking, core, entry.clone()));
         }
         let (layers, report) = self.textured(plan.kind, plan.atlas(), &laid.labels, &stackings, entries, core)?;
-        Ok((layers, StackingReport { variants: laid.variants(plan, self), ..report }))
+        let report = StackingReport { variants: laid.variants(plan, self), ..report };
+        Ok((self.parted(layers, &report), report))
     }
 
     fn entry(&self, stacking: &Stack<Mixture>, share: f64, reflection: &[Vec<f64>]) -> StackingEntry {
@@ -247,6 +267,7 @@ impl TargetContext<'_> {
         (LayerField::Uniform(LayerStack::with_mixtures(layers, self.id(core))), report)
     }
 
+    /// The layers of `labels`, each of which has a stacking.
     fn textured(
         &self,
         kind: &'static str,
@@ -274,6 +295,18 @@ impl TargetContext<'_> {
             maps: self.maps(&aligned, atlas, labels),
         };
         Ok((LayerField::Textured(Box::new(layers)), report))
+    }
+
+    /// Layers of profiles side by side, with borders where these differ much. Layer maps know none.
+    fn parted(&self, layers: LayerField, report: &StackingReport) -> LayerField {
+        let LayerField::Textured(layers) = layers else { return layers };
+        if !self.target().is_of_profiles() || self.job.wants(OutputFormat::Heights) {
+            return LayerField::Textured(layers);
+        }
+        let labels = report.stackings.len() + report.variants.len();
+        let entry = |label: usize| report.stackings.get(usize::from(report.cluster_of(label as u16)));
+        let asked = |label: usize| entry(label).and_then(|entry| entry.target_albedo.clone()).unwrap_or_default();
+        LayerField::Textured(Box::new(layers.parted(&(0..labels).map(asked).collect::<Vec<_>>())))
     }
 }
 

@@ -16,9 +16,9 @@
 //!
 //! A flat slab's promise misses where a surface bends, where light comes through from another side, beside an edge, and
 //! where the lattice cannot hold a layer. What makes up for it is a factor of the albedo that the stackings are asked
-//! for, one for each channel, smooth over the surface. Where no stacking reaches it, the factor stays at what is
-//! reached. What is laid last is looked at once more, and what lay before is laid again if that was better: stackings
-//! may jump where factors hardly change.
+//! for, one for each channel, smooth over the surface (of a flat patch one for every texel). Where no stacking reaches
+//! it, the factor stays at what is reached. What is laid last is looked at once more, and what lay before is laid again
+//! if that was better: stackings may jump where factors hardly change.
 //!
 //! Points, walks and means are drawn and summed in a fixed order, and factors are rounded to a thousandth before they
 //! are used: what is found is the same for any number of threads, and reads back from a file as what it was.
@@ -37,7 +37,7 @@ use shape::Shape;
 
 use super::{
     Job, Prepared, RunError,
-    look::{LOOK_VOXELS, shade},
+    look::{LOOK_VOXELS, SPOT_RADIUS_MM, shade},
     plan::{CHANNELS, ObjectPlan},
     record::{Ended, ObjectCorrection, RoundRecord, Rounds},
 };
@@ -52,6 +52,8 @@ use crate::{
 /// of a rabbit's 20,000 points, what bells and shape cannot tell of a miss is smaller by a tenth in thin parts.
 const WALKS: u64 = 4_000_000;
 const WALKS_EACH: [u64; 2] = [128, 512];
+/// And at most where every texel has a point of its own, which nothing around it helps to tell.
+const WALKS_OF_A_TEXEL: u64 = 8192;
 /// The look after the last round has so many times fewer.
 const FEWER: u64 = 4;
 /// Seeds of rounds: apart from those of looks.
@@ -141,11 +143,11 @@ impl Prepared {
         if prepared.job.rounds() == 0 || plans.is_empty() {
             return Ok(prepared);
         }
-        if prepared.lattice.voxels() > LOOK_VOXELS {
+        let voxels = prepared.looked_at_voxels();
+        if voxels > LOOK_VOXELS {
             prepared.warnings.push(format!(
-                "appearance.rounds: the print is not corrected, for its {} voxels are more than the {LOOK_VOXELS} that \
-                 are looked at in memory",
-                prepared.lattice.voxels()
+                "appearance.rounds: the print is not corrected, for its {voxels} voxels are more than the {LOOK_VOXELS} that \
+                 are looked at in memory"
             ));
             return Ok(prepared);
         }
@@ -237,6 +239,7 @@ impl Prepared {
         };
         watch.stage(&format!("{name}: voxels"), 0);
         let scene = self.scene(&StopOnly(watch))?;
+        let scene = self.between_mirrors(&scene)?.unwrap_or(scene);
         // Where they lie and what is asked for does not change.
         let spots = spots.get_or_insert_with(|| self.spots_of(plans, &scene));
         watch.stage(&format!("{name}: light"), spots.len() as u64);
@@ -302,7 +305,8 @@ impl Prepared {
         let of_point = |&(n, at): &(usize, usize)| {
             let plan = &plans[n];
             let point = &plan.points.points()[at];
-            let spot = self.spot(scene, plan.object, point.triangle, point.point)?;
+            let radius_mm = plan.point_a_texel_mm.map_or(SPOT_RADIUS_MM, |mm| 0.5 * mm);
+            let spot = self.spot_of(scene, plan.object, point.triangle, point.point, radius_mm)?;
             let turn = (at as f64 * SPREAD).fract();
             let sky = shade::sky(scene, &spot.middle, turn);
             let shape = Shape::new(scene, &spot.middle, sky, plan.half_ln(at), turn);
@@ -325,7 +329,7 @@ impl Prepared {
         round: u32,
         watch: &dyn Watch,
     ) -> Result<Looked, RunError> {
-        let all = walks_of_a_round(spots.len());
+        let all = walks_of_a_round(spots.len(), plans);
         let walks = if round < self.job.rounds() { all } else { all / FEWER };
         let seed = SEED.wrapping_mul(u64::from(round) + 1);
         let sites: Vec<Spot> = spots.iter().map(|spot| spot.spot.clone()).collect();
@@ -341,9 +345,10 @@ impl Prepared {
     }
 }
 
-/// Walks from each of so many points in a round.
-pub(in crate::job) fn walks_of_a_round(points: usize) -> u64 {
+/// Walks from each of so many points of plans in a round.
+pub(in crate::job) fn walks_of_a_round(points: usize, plans: &[ObjectPlan]) -> u64 {
     let [fewest, most] = WALKS_EACH;
+    let most = if plans.iter().all(|plan| plan.point_a_texel_mm.is_some()) { WALKS_OF_A_TEXEL } else { most };
     (WALKS / points.max(1) as u64).clamp(fewest, most)
 }
 

@@ -22,6 +22,11 @@ const BELLS: [Bell; 3] = [
     Bell { reach_mm: 2.4, spacings: 5.0, likeness: Some(0.15), beyond_noise: 3.0 },
     Bell { reach_mm: 1.0, spacings: 2.0, likeness: Some(0.15), beyond_noise: 3.0 },
 ];
+/// Where points are those of texels, what is left at each is its own: within two spacings of
+/// [`SurfacePoints::apart`](crate::appearance::SurfacePoints::apart) there is no other. Noise as in narrow bells; with
+/// it a chess board's texels are off by 1.7% after four rounds where the bells alone leave 2.1% of spots as wide as two
+/// texels and 3.4% of texels.
+const OWN: Bell = Bell { reach_mm: 0.0, spacings: 2.0, likeness: None, beyond_noise: 3.0 };
 /// Printed albedos below this share of what is asked for are black.
 const BLACK: f64 = 1e-3;
 
@@ -109,7 +114,7 @@ pub(super) fn residuals(plan: &ObjectPlan, sums: &[Option<Sums>]) -> (Vec<[f64; 
     let at = |(n, point): (usize, &PointOfSurface)| {
         let shape = sums[n].as_ref().and_then(|sums| Some(&sums.first()?.shape));
         let mut off = [0.0; CHANNELS];
-        for bell in &BELLS {
+        for bell in BELLS.iter().chain(plan.point_a_texel_mm.map(|_| &OWN)) {
             let (missed, noise) = miss(plan, &expected, point, bell, shape);
             for (off, (missed, noise)) in off.iter_mut().zip(missed.into_iter().zip(noise)) {
                 *off += shrunk(missed - *off, bell.beyond_noise * noise);
