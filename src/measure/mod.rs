@@ -29,6 +29,7 @@ mod background;
 mod bracket;
 mod capture;
 mod centre;
+mod chance;
 mod coupon;
 #[cfg(test)]
 mod dice;

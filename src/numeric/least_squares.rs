@@ -88,13 +88,6 @@ pub(crate) fn gradient(slopes: &[Vec<f64>], residuals: &[f64]) -> Vec<f64> {
     slopes.iter().map(|slope| dot(slope, residuals)).collect()
 }
 
-/// Whether a sum of squares, in units of the errors, is more than chance makes of so many values to spare: of a
-/// thousand at most one is, for χ² is above spare + 4 √(2 spare) + 4 more rarely still.
-pub(crate) fn beyond_chance(squares: f64, spare: usize) -> bool {
-    let spare = spare.max(1) as f64;
-    squares > spare + 4.0 * (2.0 * spare).sqrt() + 4.0
-}
-
 /// Share of the mean curvature that a parameter without any gets, so that the curvature can be inverted.
 const FLOOR: f64 = 1e-9;
 

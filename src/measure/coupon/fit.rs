@@ -12,7 +12,8 @@
 
 use super::{Coupon, Reading, aside};
 use crate::measure::MeasureError;
-use crate::numeric::least_squares::{Budget, Descent, beyond_chance, damped_inverse, dot, gradient};
+use crate::measure::chance::beyond_chance;
+use crate::numeric::least_squares::{Budget, Descent, damped_inverse, dot, gradient};
 use crate::optics::{FrequencyGrid, Light, Stack, Transport, TransportOptions, VolumeCoefficients};
 use crate::parallel;
 use crate::watch::{Thousandths, Watch};

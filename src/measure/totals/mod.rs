@@ -25,8 +25,9 @@ use std::path::Path;
 pub use read::{Instrument, Sheet, SheetResin, Totals};
 
 use super::MeasureError;
+use super::chance::beyond_chance;
 use super::figures::plus_minus;
-use crate::numeric::least_squares::{Budget, Descent, beyond_chance, curvature, dot, gradient};
+use crate::numeric::least_squares::{Budget, Descent, curvature, dot, gradient};
 use crate::optics::{FrequencyGrid, Light, Stack, Transport, TransportOptions, VolumeCoefficients};
 use crate::watch::{Thousandths, Watch};
 use crate::words::toml_string;
