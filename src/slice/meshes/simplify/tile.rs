@@ -89,6 +89,8 @@ pub struct Tile<'a> {
     queue: Queue<Candidate>,
     marks: Vec<u32>,
     mark: u32,
+    /// Per fine vertex, which of the triangles of a collapse it is nearest to; [`NONE`] between collapses.
+    near: &'a mut [u32],
     scratch: Scratch,
 }
 
@@ -138,11 +140,11 @@ impl<'a> Tile<'a> {
         held: &Groups,
         free: impl Fn(u32) -> bool,
         [error, pitch]: [f64; 2],
-        local: &mut [u32],
+        local: &'a mut [u32],
     ) -> Self {
         let at = |vertex: u32| DVec3::from(whole.positions[vertex as usize].map(f64::from));
         let origin = facets.first().map_or(DVec3::ZERO, |&facet| at(whole.facets[facet as usize].corners[0]));
-        let mut tile = Self {
+        let mut tile = Tile {
             fine: whole.fine,
             origin,
             limit: (USED * error).powi(2),
@@ -156,6 +158,7 @@ impl<'a> Tile<'a> {
             queue: Queue::default(),
             marks: Vec::new(),
             mark: 0,
+            near: &mut [],
             scratch: Scratch::default(),
         };
         let mut reach = 0.0_f64;
@@ -195,6 +198,7 @@ impl<'a> Tile<'a> {
         for vertex in &tile.vertices {
             local[vertex.id as usize] = NONE;
         }
+        tile.near = local;
         tile.least = LEAST_STEPS * f64::from(f32::EPSILON) * reach;
         tile.marks = vec![0; tile.vertices.len()];
         tile.classify();

@@ -35,6 +35,31 @@ fn inwards(new: &New) -> [DVec3; 3] {
     [b - a, c - b, a - c].map(|edge| new.normal.cross(edge).normalize_or_zero())
 }
 
+/// A triangle between two materials that places are held against, and a box beyond which none is near it.
+struct Boxed {
+    corners: [DVec3; 3],
+    sides: [u8; 2],
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Boxed {
+    fn new(corners: [DVec3; 3], sides: [u8; 2], reach: f64) -> Self {
+        let [a, b, c] = corners;
+        Self { corners, sides, low: a.min(b).min(c) - reach, high: a.max(b).max(c) + reach }
+    }
+
+    /// Whether `p` is within √`limit`, which is less than the reach.
+    fn is_near(&self, p: DVec3, limit: f64) -> bool {
+        p.cmpge(self.low).all() && p.cmple(self.high).all() && closest_point(p, &self.corners).distance_squared <= limit
+    }
+}
+
+/// How far the normals of triangles are from the first one's, at most.
+fn bend(new: &[New]) -> f64 {
+    new.iter().map(|other| other.normal.distance(new[0].normal)).fold(0.0, f64::max)
+}
+
 impl Tile<'_> {
     /// Fills `scratch.new`; false if a triangle would turn over or have no area.
     pub(super) fn turns(&self, gone: u32, stays: u32, place: DVec3, scratch: &mut Scratch) -> bool {
@@ -126,13 +151,18 @@ impl Tile<'_> {
         let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
         for &(id, sides) in samples {
             let p = self.fine.at(id);
-            let near = new.iter().filter(|new| new.sides == sides).map(|new| {
-                let found = closest_point(p, &new.corners);
-                (found.distance_squared, new.normal.dot(p - found.point))
-            });
-            if let Some((_, above)) = near.reduce(|best, other| if other.0 < best.0 { other } else { best }) {
-                (least, greatest) = (least.min(above), greatest.max(above));
+            let (mut distance, mut found) = (f64::INFINITY, f64::NAN);
+            for new in new.iter().filter(|new| new.sides == sides) {
+                // The plane alone may tell that another one is nearer.
+                if new.normal.dot(p - new.corners[0]).powi(2) < distance {
+                    let nearest = closest_point(p, &new.corners);
+                    if nearest.distance_squared < distance {
+                        (distance, found) = (nearest.distance_squared, new.normal.dot(p - nearest.point));
+                    }
+                }
             }
+            // Not a number leaves both as they are.
+            (least, greatest) = (least.min(found), greatest.max(found));
         }
         let normal: DVec3 = new.iter().map(|new| new.normal).sum();
         let shift = 0.5 * (least + greatest);
@@ -146,18 +176,36 @@ impl Tile<'_> {
     }
 
     /// Whether the middles of fine edges that were near the triangles still are, where these are not flat.
-    pub(super) fn holds_middles(&self, gone: u32, stays: u32, scratch: &Scratch) -> bool {
-        let Scratch { around, new, samples, nearest, .. } = scratch;
-        let flattest = new.iter().map(|new| new.normal.distance(scratch.new[0].normal)).fold(0.0, f64::max);
-        if self.is_flat(2.0 * flattest) {
+    ///
+    /// A triangle that is near both ends of an edge is near all of it, for distance to a triangle is convex.
+    pub(super) fn holds_middles(&mut self, gone: u32, stays: u32, scratch: &Scratch) -> bool {
+        if self.is_flat(2.0 * bend(&scratch.new)) {
             return true;
         }
-        let is_near = |p: DVec3, corners: &[DVec3; 3]| closest_point(p, corners).distance_squared <= self.limit;
-        let was_near = |p: DVec3, sides: [u8; 2]| {
-            around.iter().flatten().any(|&triangle| {
-                let Triangle { corners, sides: its, .. } = self.triangles[triangle as usize];
-                its == sides && is_near(p, &corners.map(|corner| self.position(corner)))
+        for (&(id, _), &near) in scratch.samples.iter().zip(&scratch.nearest) {
+            self.near[id as usize] = near;
+        }
+        let holds = self.holds_crossing(gone, stays, scratch);
+        for &(id, _) in &scratch.samples {
+            self.near[id as usize] = NONE;
+        }
+        holds
+    }
+
+    /// The same, of those edges whose ends are not near one triangle.
+    fn holds_crossing(&self, gone: u32, stays: u32, scratch: &Scratch) -> bool {
+        let Scratch { around, new, samples, nearest, .. } = scratch;
+        let now: Vec<Boxed> = new.iter().map(|new| Boxed::new(new.corners, new.sides, self.error)).collect();
+        let before: Vec<Boxed> = around
+            .iter()
+            .flatten()
+            .map(|&triangle| {
+                let Triangle { corners, sides, .. } = self.triangles[triangle as usize];
+                Boxed::new(corners.map(|corner| self.position(corner)), sides, self.error)
             })
+            .collect();
+        let is_near = |all: &[Boxed], p: DVec3, sides: [u8; 2]| {
+            all.iter().any(|it| it.sides == sides && it.is_near(p, self.limit))
         };
         let is_large = |new: &New| new.corners[1].distance(new.corners[0]) > LARGE * self.pitch;
         let frames: Vec<[DVec3; 3]> =
@@ -170,10 +218,14 @@ impl Tile<'_> {
             };
             frames.get(near).is_some_and(inner)
                 || self.fine.ends(id).all(|end| {
+                    let other = self.near[end as usize];
+                    if other == near as u32 || (other != NONE && end < id) {
+                        return true;
+                    }
                     let middle = 0.5 * (self.fine.at(id) + self.fine.at(end));
-                    is_near(middle, corners)
-                        || new.iter().any(|new| new.sides == sides && is_near(middle, &new.corners))
-                        || !was_near(middle, sides)
+                    now[near].is_near(middle, self.limit)
+                        || is_near(&now, middle, sides)
+                        || !is_near(&before, middle, sides)
                 })
         };
         let itself = |vertex: u32| {
