@@ -9,9 +9,11 @@
 //! surface, x mm from the site, so that the site lies x mm inside of what is lit; a walk counts where it leaves the
 //! print on the lit side. On a flat slab that is L(x) of [`crate::optics::EdgeResponse`].
 //!
-//! A spot is a few sites on the mesh. A walk starts outside of the steps that voxels have, on the line through its
-//! site, and enters the first printed voxel there is near the site. A line that meets none, by the edge of a mesh that
-//! lies between voxels, shows no print and is drawn again.
+//! A spot is a few sites on the mesh, each of which stands for a small disc. A walk starts outside of the steps that
+//! voxels have, on a line through a place of such a disc, and enters the first printed voxel there is near that place. A
+//! line that meets none, by the edge of a mesh that lies between voxels, shows no print and is drawn again. Whether a
+//! site is in the open is asked of its middle: a disc may reach beyond an edge, or into the wall of a narrow gap, by as
+//! much as its radius, which is 0.03 mm for the spots of looks.
 
 use glam::DVec3;
 use rand_xoshiro::{Xoshiro256PlusPlus, rand_core::SeedableRng};
@@ -42,12 +44,32 @@ pub struct Site {
 pub struct Spot {
     /// The points, at least one.
     pub sites: Vec<Site>,
+    /// Each point stands for a disc of this radius around it, mm: every walk goes through another place of it. Resins
+    /// change from voxel to voxel, so that points alone would show those voxels that they happen to lie in.
+    pub site_radius_mm: f64,
 }
 
 impl Spot {
+    /// These points, each for itself.
+    pub fn of(sites: Vec<Site>) -> Self {
+        Self { sites, site_radius_mm: 0.0 }
+    }
+
     /// The way into the light across a shadow's edge at this spot: a unit vector in the plane of its first site.
     pub fn into_the_light(&self) -> DVec3 {
         self.sites[0].normal.any_orthonormal_vector()
+    }
+
+    /// The place that a walk goes through.
+    fn site(&self, walk: u64, rng: &mut Xoshiro256PlusPlus) -> Site {
+        let Site { point, normal } = self.sites[walk as usize % self.sites.len()];
+        if self.site_radius_mm == 0.0 {
+            return Site { point, normal };
+        }
+        let across = normal.any_orthonormal_vector();
+        let (sin, cos) = azimuth(rng);
+        let aside = across * cos + normal.cross(across) * sin;
+        Site { point: point + aside * (self.site_radius_mm * uniform(rng).sqrt()), normal }
     }
 }
 
@@ -136,8 +158,8 @@ impl Scene {
             let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
             let mut sums = Sums::new(edge_mm.len());
             for walk in walks.clone() {
-                let site = &spot.sites[walk as usize % spot.sites.len()];
-                let Some((place, direction)) = self.look_at(site, &mut rng) else { continue };
+                let site = spot.site(walk, &mut rng);
+                let Some((place, direction)) = self.look_at(&site, &mut rng) else { continue };
                 let out = walker.walk(place, direction, site.normal, &mut rng);
                 sums.albedo.score(out.weight);
                 sums.walks += 1;

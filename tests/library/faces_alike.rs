@@ -55,7 +55,7 @@ fn faces(printer: &str, stack: &str, dither: bool, walks: u64) -> Vec<[f64; 2]> 
                 point: middle + normal * (EDGE_MM / 2.0) + across[0] * a + across[1] * b,
                 normal,
             };
-            Spot { sites: steps().flat_map(|a| steps().map(move |b| (a, b))).map(|(a, b)| site(a, b)).collect() }
+            Spot::of(steps().flat_map(|a| steps().map(move |b| (a, b))).map(|(a, b)| site(a, b)).collect())
         })
         .collect();
     let found = scene.printed_albedo(&spots, walks, 5, &Unwatched).unwrap();

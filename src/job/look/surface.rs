@@ -201,7 +201,8 @@ pub(super) fn spot_around(
                 && scene.is_open(site)
         }));
     }
-    Some(SurfaceSpot { object, middle, spot: Spot { sites } })
+    let site_radius_mm = radius_mm / (SITES as f64).sqrt();
+    Some(SurfaceSpot { object, middle, spot: Spot { sites, site_radius_mm } })
 }
 
 /// π(3 − √5): no two multiples of it point the same way.

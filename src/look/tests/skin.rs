@@ -134,7 +134,7 @@ fn what_enters_leaves_where_nothing_absorbs() {
     let centre = DVec3::splat(1.2);
     let voxels = volume([60, 48, 80], pitch, |p| u8::from(p.distance(centre) < radius));
     let scene = under(Scene::new(voxels, &[media]).unwrap(), &mesh(&sphere(centre, radius, 60)));
-    let found = printed(&scene, Spot { sites: sites(centre, radius, 64) }, 20_000);
+    let found = printed(&scene, Spot::of(sites(centre, radius, 64)), 20_000);
     // All but the glint.
     let glint = Interface::between(1.0, INDEX).above;
     let apart = (found.mean - (1.0 - glint)).abs();
@@ -150,7 +150,7 @@ fn balls_under_a_surface_print_as_a_walk_in_an_exact_ball_has_it() {
         let voxels = volume(dims, pitch, |p| if p.distance(centre) < radius { id } else { 0 });
         let scene =
             under(Scene::new(voxels, std::slice::from_ref(&media)).unwrap(), &mesh(&sphere(centre, radius, 200)));
-        let found = printed(&scene, Spot { sites: sites(centre, radius, 512) }, 200_000);
+        let found = printed(&scene, Spot::of(sites(centre, radius, 512)), 200_000);
         let expected = in_an_exact_ball(radius, &media[usize::from(id)], INDEX, 200_000);
         let sigma = found.standard_error.hypot(expected.standard_error);
         println!("ball of {id} under a surface: {found:?} and {expected:?}");

@@ -45,7 +45,7 @@ pub(super) fn top(size: DVec3) -> Spot {
         let aside = DVec3::new(turn.cos(), turn.sin(), 0.0) * out;
         Site { point: DVec3::new(size.x / 2.0, size.y / 2.0, size.z) + aside, normal: DVec3::Z }
     };
-    Spot { sites: (0..64).map(site).collect() }
+    Spot::of((0..64).map(site).collect())
 }
 
 /// By a shadow's edge on a wide slab, photons through voxels and the transport model's profile show the same.
@@ -133,7 +133,7 @@ fn nothing_is_lost_where_nothing_absorbs() {
     let scene = Scene::new(volume([90, 70, 60], DVec3::new(0.05, 0.06, 0.07), id), &[media]).unwrap();
     let point = DVec3::new(2.25, 2.1, 0.5);
     let rise = (0..400).find(|n| id(point + DVec3::Z * f64::from(*n) * 0.01) != 0).unwrap();
-    let spot = Spot { sites: vec![Site { point: point + DVec3::Z * f64::from(rise) * 0.01, normal: -DVec3::Z }] };
+    let spot = Spot::of(vec![Site { point: point + DVec3::Z * f64::from(rise) * 0.01, normal: -DVec3::Z }]);
     let found = printed(&scene, spot, 20_000);
     assert!((found.mean - 1.0).abs() < 1e-12 && found.standard_error < 1e-9, "{found:?}");
 }
@@ -158,12 +158,33 @@ fn balls_print_as_a_walk_in_an_exact_ball_has_it() {
         let centre = pitch * 106.0;
         let ball = |p: DVec3| if p.distance(centre) < radius { id } else { 0 };
         let scene = Scene::new(volume(dims, pitch, ball), std::slice::from_ref(&media)).unwrap();
-        let found = printed(&scene, Spot { sites: sites(centre, radius, 512) }, 400_000);
+        let found = printed(&scene, Spot::of(sites(centre, radius, 512)), 400_000);
         let expected = in_an_exact_ball(radius, &media[usize::from(id)], 1.0, 400_000);
         let sigma = found.standard_error.hypot(expected.standard_error);
         println!("ball of {id}: {found:?} and {expected:?}");
         assert!((found.mean - expected.mean).abs() < 3.0 * sigma + 0.002 * expected.mean, "{found:?} {expected:?}");
     }
+}
+
+/// Below it white and black take turns from voxel to voxel: a site that stands for a disc shows what all of its points
+/// show on the mean, and not the voxel that it lies in.
+#[test]
+fn a_site_stands_for_its_disc() {
+    let (_, media) = synthetic();
+    let size = DVec3::splat(4.0);
+    let id = |p: DVec3| 1 + ((p.x * 4.0) as u8 + (p.y * 4.0) as u8) % 2;
+    let scene = Scene::new(volume([80, 80, 80], DVec3::splat(0.05), id), &[media]).unwrap();
+    let middle = Site { point: DVec3::new(2.1, 2.1, size.z), normal: DVec3::Z };
+    let point = |n: u32| {
+        let (turn, out) = (f64::from(n) * 2.399_963, 0.6 * (f64::from(n) / 2048.0).sqrt());
+        Site { point: middle.point + DVec3::new(turn.cos(), turn.sin(), 0.0) * out, ..middle }
+    };
+    let all = printed(&scene, Spot::of((0..2048).map(point).collect()), 200_000);
+    let disc = printed(&scene, Spot { sites: vec![middle], site_radius_mm: 0.6 }, 200_000);
+    let alone = printed(&scene, Spot::of(vec![middle]), 200_000);
+    let sigma = all.standard_error.hypot(disc.standard_error);
+    assert!((all.mean - disc.mean).abs() < 3.0 * sigma + 0.002, "{all:?} {disc:?}");
+    assert!((all.mean - alone.mean).abs() > 0.05, "{all:?} {alone:?}");
 }
 
 #[test]
@@ -179,6 +200,6 @@ fn the_same_bytes_for_any_number_of_threads() {
     assert_eq!(found[0][0], found[0][1], "both channels are the same");
     assert_ne!(found[0][0], found[1][0], "spots have streams of their own");
     // A spot far from the print has nothing to show.
-    let nowhere = Spot { sites: vec![Site { point: DVec3::splat(9.0), normal: DVec3::Z }] };
+    let nowhere = Spot::of(vec![Site { point: DVec3::splat(9.0), normal: DVec3::Z }]);
     assert_eq!(scene.printed_albedo(&[nowhere], 100, 1, &Unwatched).unwrap(), [[None, None]]);
 }
