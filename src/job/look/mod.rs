@@ -206,7 +206,7 @@ pub fn look_at(
     });
     let is_piece = piece.is_some().then(|| {
         "a box that is layered from its top counts as a piece of a larger one: numbers are those between its mirror \
-         images; pictures show it standing free, where its sides let light in"
+         images, on more of its core; pictures show it standing free, where its sides and underside let light in"
             .to_owned()
     });
     let warnings = warnings.into_iter().chain(is_piece).collect();
