@@ -74,7 +74,7 @@ fn rises(numbers: &[f64]) -> bool {
     mean > BEYOND_NOISE * (variance / n).sqrt()
 }
 
-fn miss(Seen { asked, printed, shape }: &Seen) -> f64 {
+fn miss(Seen { asked, printed, shape, .. }: &Seen) -> f64 {
     let one = |(asked, printed): (&f64, &crate::optics::Estimate)| {
         (printed.mean - asked).powi(2) - printed.standard_error.powi(2)
     };

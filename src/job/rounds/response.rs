@@ -39,8 +39,8 @@ struct Step {
 
 impl Step {
     /// Between two looks at a point whose factor changed by `wanted`. `None` where one is black.
-    fn between(before: &Sample, now: &Sample, wanted: f64) -> Option<Self> {
-        let noise = |sample: &Sample| sample.variance / (sample.printed * sample.printed);
+    fn between(before: &Sample<'_>, now: &Sample<'_>, wanted: f64) -> Option<Self> {
+        let noise = |sample: &Sample<'_>| sample.variance / (sample.printed * sample.printed);
         let told = before.printed > 0.0 && now.printed > 0.0;
         told.then(|| Self {
             shape: now.shape,

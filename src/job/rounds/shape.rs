@@ -14,6 +14,9 @@
 //! parts without products of different numbers, 5.1 and 6.7% with the cubic; boosted trees of the same numbers leave
 //! 4.7 and 6.2% (red, held back points).
 //!
+//! With it is fitted what the voxels right below each point do, which hold a little more or less of a resin than was
+//! meant ([`grain`](super::grain)).
+//!
 //! A place that sees less than 0.3 of the sky counts less the less it sees ([`Shape::lit`], and why
 //! [`shade`](mod@super::super::look::shade)): where none is seen, layers stay as they were found.
 
@@ -92,7 +95,7 @@ impl Shape {
     }
 
     /// All products of at most `degree` of a shape's numbers and the albedo.
-    fn terms(&self, albedo: f64, degree: usize) -> Vec<f64> {
+    fn products(&self, albedo: f64, degree: usize) -> Vec<f64> {
         let mut variables = [albedo; VARIABLES];
         variables[..SHAPE].copy_from_slice(&self.0);
         let mut terms = vec![1.0];
@@ -110,8 +113,10 @@ impl Shape {
 
 /// A look at a place of a shape.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sample {
+pub(super) struct Sample<'a> {
     pub shape: Shape,
+    /// Shares of the resins below it, less those that were meant ([`Meant::beside`](super::grain::Meant::beside)).
+    pub grain: &'a [f64],
     /// Albedo that is asked for there.
     pub asked: f64,
     /// Albedo that is printed, and the square of its standard error.
@@ -119,38 +124,56 @@ pub(super) struct Sample {
     pub variance: f64,
 }
 
-/// Printed over asked, as a function of shape and albedo.
+impl Sample<'_> {
+    /// What printed over asked is a sum of: products of the shape's numbers and the albedo, and what each share of a
+    /// resin does, which depends on the albedo too.
+    fn terms(&self, degree: usize, with_grain: bool) -> Vec<f64> {
+        let mut terms = self.shape.products(self.asked, degree);
+        if with_grain {
+            terms.extend(self.grain.iter().flat_map(|share| [*share, share * self.asked]));
+        }
+        terms
+    }
+}
+
+/// Printed over asked, as a function of shape, grain and albedo.
 #[derive(Debug, Clone)]
 pub(super) struct ByShape {
     degree: usize,
+    /// Whether samples were enough for what grain does, too.
+    with_grain: bool,
     /// One for each term.
     coefficients: Vec<f64>,
 }
 
 impl ByShape {
     /// Fitted to `samples`; 1 everywhere where they are fewer than tell.
-    pub fn fit(samples: &[Sample]) -> Self {
-        let told: Vec<&Sample> =
+    pub fn fit(samples: &[Sample<'_>]) -> Self {
+        let told: Vec<&Sample<'_>> =
             samples.iter().filter(|sample| sample.asked > 0.0 && sample.shape.lit() > 0.0).collect();
         let terms = |degree: usize| (1..=degree).fold(1, |terms, n| terms * (VARIABLES + n) / n);
-        let degree = (1..=DEGREE).rev().find(|&degree| told.len() >= SAMPLES_A_TERM * terms(degree));
-        let Some(degree) = degree else { return Self { degree: 0, coefficients: vec![0.0] } };
+        let enough = |terms: usize| told.len() >= SAMPLES_A_TERM * terms;
+        let degree = (1..=DEGREE).rev().find(|&degree| enough(terms(degree)));
+        let Some(degree) = degree else { return Self { degree: 0, with_grain: false, coefficients: vec![0.0] } };
+        let grain = told.first().map_or(0, |sample| 2 * sample.grain.len());
+        let with_grain = enough(terms(degree) + grain);
+        let count = terms(degree) + if with_grain { grain } else { 0 };
         let [least, most] = RATIOS;
-        let mut equations = NormalEquations::new(terms(degree));
+        let mut equations = NormalEquations::new(count);
         for sample in told {
             let missed = (sample.printed / sample.asked).clamp(least, most) - 1.0;
             let error = sample.variance / (sample.asked * sample.asked) + OWN_ERROR * OWN_ERROR;
             let weight = sample.shape.lit() / error;
-            equations.add(&sample.shape.terms(sample.asked, degree), missed, weight);
+            equations.add(&sample.terms(degree, with_grain), missed, weight);
         }
         let coefficients = equations.solve(|weight| RIDGE * weight + NO_PIVOT);
-        Self { degree, coefficients: coefficients.unwrap_or_else(|| vec![0.0; terms(degree)]) }
+        Self { degree, with_grain, coefficients: coefficients.unwrap_or_else(|| vec![0.0; count]) }
     }
 
-    /// Printed over asked at a place of a shape.
-    pub fn ratio(&self, shape: &Shape, asked: f64) -> f64 {
+    /// Printed over asked at a place like that of a sample.
+    pub fn ratio(&self, sample: &Sample<'_>) -> f64 {
         let [least, most] = RATIOS;
-        let terms = shape.terms(asked, self.degree);
+        let terms = sample.terms(self.degree, self.with_grain);
         let missed: f64 = self.coefficients.iter().zip(terms).map(|(factor, term)| factor * term).sum();
         (1.0 + missed).clamp(least, most)
     }
@@ -160,11 +183,11 @@ impl ByShape {
 mod tests {
     use super::*;
 
-    fn sample(thin: f64, asked: f64, noise: f64) -> Sample {
+    fn sample(thin: f64, asked: f64, noise: f64) -> Sample<'static> {
         let mut shape = [0.0; SHAPE];
         shape[..LENGTHS_MM.len()].iter_mut().enumerate().for_each(|(n, value)| *value = thin.powi(n as i32 + 1));
         let printed = asked * (1.0 + 0.4 * thin * (1.0 - asked)) * (1.0 + noise);
-        Sample { shape: Shape(shape), asked, printed, variance: (asked * noise).powi(2) }
+        Sample { shape: Shape(shape), grain: &[], asked, printed, variance: (asked * noise).powi(2) }
     }
 
     #[test]
@@ -179,8 +202,29 @@ mod tests {
         let fit = ByShape::fit(&samples);
         for (thin, asked) in [(0.0, 0.3), (0.5, 0.2), (0.9, 0.5)] {
             let exact = 1.0 + 0.4 * thin * (1.0 - asked);
-            let found = fit.ratio(&sample(thin, asked, 0.0).shape, asked);
+            let found = fit.ratio(&sample(thin, asked, 0.0));
             assert!((found - exact).abs() < 0.02, "{thin} {asked}: {found} for {exact}");
+        }
+    }
+
+    /// What a percent too much of a resin does, beside what shapes do.
+    #[test]
+    fn what_grain_does_is_found_under_noise() {
+        let part = |n: usize, step: f64| (n as f64 * step).fract();
+        // Of three resins, whose shares sum to nothing.
+        let grain = |n: usize| [0.755, 0.569].map(|step| 0.04 * (part(n, step) - 0.5));
+        let grains: Vec<[f64; 3]> = (0..6000).map(grain).map(|[a, b]| [a, b, -a - b]).collect();
+        let printed = |thin: f64, grain: &[f64]| (1.0 + 0.4 * thin * 0.7) * (1.0 - 1.3 * grain[0] + 0.4 * grain[1]);
+        let of = |n: usize, noise: f64| {
+            let thin = part(n, 0.618);
+            let plain = sample(thin, 0.3, noise);
+            Sample { grain: &grains[n], printed: 0.3 * printed(thin, &grains[n]) * (1.0 + noise), ..plain }
+        };
+        let samples: Vec<Sample<'_>> = (0..6000).map(|n| of(n, if n % 2 == 0 { 0.05 } else { -0.05 })).collect();
+        let fit = ByShape::fit(&samples);
+        for n in [7, 77, 777] {
+            let [found, exact] = [fit.ratio(&samples[n]), printed(part(n, 0.618), &grains[n])];
+            assert!((found - exact).abs() < 0.006, "{n}: {found} for {exact}");
         }
     }
 
@@ -188,7 +232,7 @@ mod tests {
     fn few_lit_samples_among_black_ones_say_nothing() {
         let lit = |n: i32| if n % 400 == 0 { 0.4 } else { 0.0 };
         let samples: Vec<Sample> = (0..20_000).map(|n| sample((f64::from(n) * 0.618).fract(), lit(n), 0.3)).collect();
-        assert_eq!(ByShape::fit(&samples).ratio(&samples[400].shape, 0.4), 1.0);
+        assert_eq!(ByShape::fit(&samples).ratio(&samples[400]), 1.0);
     }
 
     #[test]
@@ -208,7 +252,7 @@ mod tests {
         let outside: Vec<Sample> = (0..3000).map(|n| sample((f64::from(n) * 0.618).fract(), 0.5, 0.0)).collect();
         let with: Vec<Sample> = outside.iter().copied().chain([inside; 3000]).collect();
         for thin in [0.1, 0.7] {
-            let ratio = |samples: &[Sample]| ByShape::fit(samples).ratio(&sample(thin, 0.5, 0.0).shape, 0.5);
+            let ratio = |samples: &[Sample]| ByShape::fit(samples).ratio(&sample(thin, 0.5, 0.0));
             assert_eq!(ratio(&with), ratio(&outside), "{thin}");
         }
         let half_lit = Shape::with([0.0, 0.0, 1.0 - 0.5 * shade::LIT_SKY]);
@@ -221,7 +265,7 @@ mod tests {
         let mut numbers = [0.0; SHAPE];
         // Primes: equal products would be of the same factors.
         numbers.iter_mut().zip([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0]).for_each(|(number, prime)| *number = prime);
-        let mut terms = Shape(numbers).terms(19.0, DEGREE);
+        let mut terms = Shape(numbers).products(19.0, DEGREE);
         assert_eq!(terms.len(), 165);
         terms.sort_by(f64::total_cmp);
         terms.dedup();
@@ -232,6 +276,6 @@ mod tests {
     #[test]
     fn few_samples_say_nothing() {
         let samples: Vec<Sample> = (0..20).map(|n| sample(f64::from(n) / 20.0, 0.3, 0.0)).collect();
-        assert_eq!(ByShape::fit(&samples).ratio(&samples[7].shape, 0.3), 1.0);
+        assert_eq!(ByShape::fit(&samples).ratio(&samples[7]), 1.0);
     }
 }

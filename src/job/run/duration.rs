@@ -63,8 +63,9 @@ impl Prepared {
         };
         let fits = self.lattice.voxels() <= LOOK_VOXELS;
         let points: usize = self.plans.iter().map(|plan| plan.points.points().len()).sum();
-        let rounds = if fits && points > 0 { f64::from(self.job.rounds()) } else { 0.0 };
-        let light = (points as u64 * walks_of_a_round(points, &self.plans)) as f64 * walk;
+        let rounds =
+            if self.looked_at_voxels() <= LOOK_VOXELS && points > 0 { f64::from(self.job.rounds()) } else { 0.0 };
+        let light = (points as u64 * walks_of_a_round(points, self.materials.channels.len())) as f64 * walk;
         let rounds = match rounds {
             0.0 => 0.0,
             rounds => LAYING * (rounds + FIRST) * (slicing + light) + slicing + LAST * light,
