@@ -62,12 +62,7 @@ pub fn gamut<'py>(
     Ok(document)
 }
 
-fn channel<'py>(
-    py: Python<'py>,
-    set: &MaterialSet,
-    name: &str,
-    found: &ChannelGamut,
-) -> PyResult<Bound<'py, PyDict>> {
+fn channel<'py>(py: Python<'py>, set: &MaterialSet, name: &str, found: &ChannelGamut) -> PyResult<Bound<'py, PyDict>> {
     let outline = |places: &[[f64; 2]]| -> PyResult<Bound<'py, PyArray2<f64>>> {
         Ok(PyArray2::from_vec2(py, &places.iter().map(|place| place.to_vec()).collect::<Vec<_>>())?)
     };

@@ -10,8 +10,8 @@
 //! print on the lit side. On a flat slab that is L(x) of [`crate::optics::EdgeResponse`].
 //!
 //! A spot is a few sites on the mesh, each of which stands for a small disc. A walk starts outside of the steps that
-//! voxels have, on a line through a place of such a disc, and enters the first printed voxel there is near that place. A
-//! line that meets none, by the edge of a mesh that lies between voxels, shows no print and is drawn again. Whether a
+//! voxels have, on a line through a place of such a disc, and enters the first printed voxel there is near that place.
+//! A line that meets none, by the edge of a mesh that lies between voxels, shows no print and is drawn again. Whether a
 //! site is in the open is asked of its middle: a disc may reach beyond an edge, or into the wall of a narrow gap, by as
 //! much as its radius, which is 0.03 mm for the spots of looks.
 

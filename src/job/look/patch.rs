@@ -2,8 +2,8 @@
 //!
 //! Depth that is measured from the top of a box is that of a patch: what was asked for was measured or painted without
 //! its sides, which are not layered, and let in light that no layer can make up for. So the patch is looked at between
-//! its mirror images, as equation 7 has it and `lumislice compare` looks at it, on more of its core: no light comes from
-//! below it, for which nothing was asked.
+//! its mirror images, as equation 7 has it and `lumislice compare` looks at it, on more of its core: no light comes
+//! from below it, for which nothing was asked.
 
 use std::sync::Arc;
 
@@ -22,8 +22,8 @@ use crate::{
 const MARGIN_MM: f64 = 6.0;
 
 impl Prepared {
-    /// Voxels that light goes through when the print is looked at: a patch's and those of its mirror images. The core below
-    /// them takes hardly any memory.
+    /// Voxels that light goes through when the print is looked at: a patch's and those of its mirror images. The core
+    /// below them takes hardly any memory.
     pub(in crate::job) fn looked_at_voxels(&self) -> u64 {
         let Lattice { dims: [x, y, z], pitch, .. } = self.lattice;
         if !self.objects.first().is_some_and(|object| object.is_patch) {

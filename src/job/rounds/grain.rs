@@ -28,8 +28,8 @@ const DEPTHS_MM: [f64; 2] = [SHALLOW_MM, 4.0 * SHALLOW_MM];
 /// surface is bent, and voxels are steps.
 const DEEPEST_MM: f64 = 0.4;
 const ABOVE_MM: f64 = 0.1;
-/// What lies beside a point counts within so many radii of its spot, by (1 − d²/reach²)²: as much as a disc of the spot's
-/// size and what light travels beside it.
+/// What lies beside a point counts within so many radii of its spot, by (1 − d²/reach²)²: as much as a disc of the
+/// spot's size and what light travels beside it.
 const REACH: f64 = 1.5;
 /// Every so many sites of a spot stand for what was meant there.
 const SITES_APART: usize = 4;

@@ -51,8 +51,8 @@ use crate::{
     watch::{StopOnly, Watch},
 };
 
-/// Walks of a round in all channels, and at most in one; and how many a point has at least and at most in each. With 400
-/// in place of 125 at each of a rabbit's 20,000 points, what bells and shape cannot tell of a miss is smaller by a
+/// Walks of a round in all channels, and at most in one; and how many a point has at least and at most in each. With
+/// 400 in place of 125 at each of a rabbit's 20,000 points, what bells and shape cannot tell of a miss is smaller by a
 /// tenth in thin parts; with 400 in place of 200 a cube of albedo 0.2 is off by 1.2% in place of 1.4%.
 const WALKS: u64 = 12_000_000;
 const WALKS_OF_A_CHANNEL: u64 = 8_000_000;
