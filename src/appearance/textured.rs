@@ -15,7 +15,7 @@ use multiversion::multiversion;
 use super::{
     ClusterId,
     blends::Shares,
-    borders::Borders,
+    borders::{BORDER, Borders},
     charts::{Atlas, Place, for_covered_texels, wrap},
     filling::{Blend, Filling},
     layers::BrickQuery,
@@ -56,7 +56,7 @@ pub struct TexturedLayers {
     pub(super) pages: Vec<Page>,
     pub(super) texels: Vec<Texel>,
     /// Where materials end.
-    borders: Borders,
+    pub(super) borders: Borders,
     /// Page and chart of every triangle.
     pub(super) places: Vec<Place>,
     /// Per triangle the least and then the greatest bottom of every slot, mm.
@@ -83,10 +83,6 @@ struct Stretch {
     /// Or the mark of a mixture.
     id: MaterialId,
 }
-
-/// Stands for the chart of a texel beside a border of materials, so that it is looked at more closely; no triangle has
-/// a chart of that number.
-const BORDER: u16 = u16::MAX;
 
 /// Marks voxels whose texels decide; the background's id, which no slot has.
 const UNCERTAIN: u8 = MaterialId::BACKGROUND.0;
@@ -143,34 +139,6 @@ impl TexturedLayers {
             layers.starts.push(layers.stretches.len() as u32);
         }
         layers
-    }
-
-    /// With borders where labels differ much in their `albedo`, by channel: materials that lie side by side do not fade
-    /// into each other, and texels show where they end.
-    #[must_use]
-    pub fn parted(mut self, albedo: &[Vec<f64>]) -> Self {
-        let mut borders = Borders::of(albedo);
-        let mut at_border = Vec::new();
-        for page in &self.pages {
-            let (width, height) = (page.width as usize, page.height as usize);
-            let texel = |x: usize, y: usize| self.texels[page.start + x + width * y];
-            let of_row = |y: usize| -> Vec<bool> {
-                let is_apart = |x: usize| {
-                    let here = texel(x, y);
-                    let around = [0, 1, 2].map(|dy| (y + height + dy - 1) % height);
-                    let all = around.iter().flat_map(|&y| [0, 1, 2].map(|dx| texel((x + width + dx - 1) % width, y)));
-                    all.into_iter().any(|there| there.chart == here.chart && borders.part(here.label, there.label))
-                };
-                (0..width).map(is_apart).collect()
-            };
-            at_border.extend(parallel::map(height, of_row).into_iter().flatten());
-        }
-        if at_border.contains(&true) {
-            borders.charts = self.texels.iter().map(|texel| texel.chart).collect();
-            let marked = self.texels.iter_mut().zip(at_border).filter(|(_, at_border)| *at_border);
-            marked.for_each(|(texel, _)| texel.chart = BORDER);
-        }
-        Self { borders, ..self }
     }
 
     /// The chart of a texel, counted through all pages.

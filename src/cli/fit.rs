@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use lumislice::measure::{
-    Coupon, CouponFit, Photographs, Reading, Totals, TotalsFit, fit_coupon, fit_totals, plus_minus,
+    CARD_ERROR, Coupon, CouponFit, Photographs, Reading, Totals, TotalsFit, fit_coupon, fit_totals, plus_minus,
 };
 use serde_json::json;
 
@@ -80,9 +80,6 @@ fn share(text: &str) -> std::result::Result<f64, String> {
     let share = text.parse().ok().filter(|share| *share > 0.0 && *share <= 1.0);
     share.ok_or_else(|| format!("found `{text}`, expected a share above 0 and at most 1"))
 }
-
-/// What a card's albedo is uncertain by, as a share of it, where that is not said.
-const CARD_ERROR: f64 = 0.01;
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<Answer> {

@@ -8,6 +8,8 @@ use super::{Finding, MeasureError, Series};
 /// A sample or card of fewer pixels, or darker than so many standard errors, says nothing.
 const MIN_PIXELS: usize = 64;
 const MIN_SIGNAL: f64 = 20.0;
+/// What a card's albedo is uncertain by where that is not said, as a share of it.
+pub const CARD_ERROR: f64 = 0.01;
 /// A region brighter by this share on one side than on the other is lit unevenly; this much of it goes into the error.
 const UNEVEN_SHARE: f64 = 0.1;
 

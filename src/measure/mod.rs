@@ -46,7 +46,7 @@ mod scan;
 pub mod simulate;
 mod totals;
 
-pub use albedo::MeasuredAlbedo;
+pub use albedo::{CARD_ERROR, MeasuredAlbedo};
 pub use capture::{Albedo, Aperture, Camera, Capture, Exposure, Rect, ResinFacts, Series};
 pub use coupon::{Coupon, CouponFit, CouponResin, NamedResin, Photographs, Reading, fit_coupon};
 pub use error::MeasureError;

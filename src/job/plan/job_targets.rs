@@ -3,7 +3,8 @@
 use super::{
     asked::wanted,
     context::TargetContext,
-    prepare::{complete_uvs, finish_materials, load_solids, read_materials},
+    placed::{finish_materials, read_materials},
+    solids::{complete_uvs, load_solids},
 };
 use crate::{
     job::{Job, RunError, file::DepthFrom},

@@ -4,7 +4,8 @@
 //!
 //! | file | what it does |
 //! | --- | --- |
-//! | `prepare`  | reads the inputs, places the meshes, builds the fields |
+//! | `placed`, `solids` | read the inputs, place the meshes on the tray |
+//! | `prepare`  | builds the fields |
 //! | `asked`, `appearance`, `images`, `factored` | what each surface point should reflect: targets, and where each is wanted |
 //! | `stackings`, `gamut_mapping`  | one stacking per target |
 //! | `on_surface`, `lattice`, `answers` | other stackings where an object is thin, or its print would miss |
@@ -26,7 +27,9 @@ mod lattice;
 mod layer_maps;
 mod object;
 mod on_surface;
+mod placed;
 mod prepare;
+mod solids;
 mod stacking_report;
 mod stackings;
 

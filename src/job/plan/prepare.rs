@@ -1,41 +1,33 @@
 //! From a job to objects on a lattice: everything that is done before the first slice.
 
 use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
+    path::PathBuf,
     time::{Duration, Instant},
 };
 
-use glam::{DMat4, DVec3};
+use glam::DMat4;
 use serde::Serialize;
 
 use super::{
-    CHANNELS, ObjectPlan,
-    arrange::arrange,
-    checks,
+    CHANNELS, ObjectPlan, checks,
     context::TargetContext,
-    factored::FactoredMap,
-    images::picture_size,
     object::{PreparedObject, bounds},
+    placed::{Placed, finish_materials},
+    solids::complete_uvs,
     stackings::{ObjectLayers, object_layers},
 };
 use crate::{
     job::{
         Job, RunError,
-        file::{
-            AlbedoSource, DepthFrom, Distance, InputPath, MaterialSource, ObjectJob, OutputFormat, Overlap, Projection,
-            Scaling, StackingModel, TargetSpec,
-        },
+        file::{DepthFrom, Distance, MaterialSource, OutputFormat, StackingModel},
         record::Rounds,
     },
-    mesh::{self, InCommon, LoadOptions, Placement, Size, Solid},
-    optics::{Grains, MaterialFile, MaterialSet, OpticsError, ResinId},
-    output::digest,
+    mesh::Solid,
+    optics::{Grains, MaterialSet, ResinId},
     sdf::Surface,
     slice::{DistanceKind, ObjectField, Palette, Slicer, join},
     voxel::{Lattice, MaterialId},
-    watch::{StopOnly, Watch},
-    words::{counted, short},
+    watch::Watch,
 };
 
 /// A job with everything read, matched and placed; slicing can begin.
@@ -95,7 +87,7 @@ impl Prepared {
     /// Any input that cannot be used; see [`RunError`].
     pub fn draft(mut job: Job, watch: &dyn Watch) -> Result<Self, RunError> {
         let started = Instant::now();
-        let Placed { inputs, draft, solids, touching, bodies, lattice, mut warnings } = place(&job, watch)?;
+        let Placed { inputs, draft, solids, touching, bodies, lattice, mut warnings } = Placed::new(&job, watch)?;
         watch.stage("materials", 0);
         let mut materials = finish_materials(draft, &job, watch)?;
         materials.grains = Grains::of_voxels(job.printer.pitch_mm.to_array());
@@ -186,7 +178,7 @@ impl Prepared {
     /// # Errors
     /// As [`Prepared::draft`].
     pub fn check(job: &Job, watch: &dyn Watch) -> Result<Vec<String>, RunError> {
-        let Placed { solids, lattice, mut warnings, .. } = place(job, watch)?;
+        let Placed { solids, lattice, mut warnings, .. } = Placed::new(job, watch)?;
         let sizes = solids.iter().zip(&job.objects).map(|((solid, _), object)| (object.mesh.shown(), bounds(solid)));
         let sizes: Vec<_> = sizes.collect();
         checks::tiny_objects(job, &sizes, &lattice, &mut warnings)?;
@@ -255,248 +247,9 @@ impl Prepared {
     }
 }
 
-/// A job with its meshes on the lattice and nothing searched.
-struct Placed {
-    inputs: Inputs,
-    draft: MaterialDraft,
-    solids: Vec<(Solid, DMat4)>,
-    /// Those that touch or share space, by their numbers.
-    touching: Vec<Vec<usize>>,
-    /// Those of them that are one body, which depth is measured from.
-    bodies: Vec<Vec<usize>>,
-    lattice: Lattice,
-    warnings: Vec<String>,
-}
-
-/// Reads the inputs and refuses what can be refused without a search.
-fn place(job: &Job, watch: &dyn Watch) -> Result<Placed, RunError> {
-    let mut warnings = Vec::new();
-    let mut inputs = read_inputs(job)?;
-    let draft = read_materials(job)?;
-    checks::resins(job, &checks::requested(job, &draft.resins()))?;
-    if let MaterialSource::File(named) = &job.materials {
-        for path in draft.file.profile_files() {
-            add_input(&mut inputs, named.beside(path), path)?;
-        }
-    }
-    watch.stage("meshes", job.objects.len() as u64);
-    let (loaded, touching) = load_solids(job, &mut warnings, watch)?;
-    let bodies = bodies(job, &touching);
-    let mut solids = Vec::new();
-    for (object, (solid, transform, companions)) in job.objects.iter().zip(loaded) {
-        for path in companions {
-            add_input(&mut inputs, object.mesh.beside(&path), &path)?;
-        }
-        solids.push((solid, transform));
-    }
-    let extent = solids.iter().fold(DVec3::ZERO, |extent, solid| extent.max(bounds(&solid.0)[1]));
-    let lattice = Lattice::covering(extent, job.printer.pitch_mm)?;
-    checks::formats(job, &lattice, &mut warnings)?;
-    Ok(Placed { inputs, draft, solids, touching, bodies, lattice, warnings })
-}
-
 /// The faces of all objects of a body.
 fn faces_of(body: &[usize], solids: &[(Solid, DMat4)]) -> Option<Surface> {
     Surface::of_triangles(body.iter().flat_map(|&object| solids[object].0.mesh.corners()).collect())
-}
-
-/// Digests of files and where they lie, by their paths as shown.
-type Inputs = BTreeMap<String, (String, PathBuf)>;
-
-fn add_input(inputs: &mut Inputs, shown: String, path: &Path) -> Result<(), RunError> {
-    if let std::collections::btree_map::Entry::Vacant(entry) = inputs.entry(shown) {
-        let sha256 = digest(path).map_err(|source| OpticsError::File { file: path.to_path_buf(), source })?;
-        entry.insert((sha256, path.to_path_buf()));
-    }
-    Ok(())
-}
-
-/// Digests of all files the job names; those that these name are added once they are read.
-fn read_inputs(job: &Job) -> Result<Inputs, RunError> {
-    let mut files = Inputs::new();
-    let mut add = |shown: String, path: &Path| add_input(&mut files, shown, path);
-    for object in &job.objects {
-        add(object.mesh.shown(), object.mesh.as_ref())?;
-        for path in object.target.files() {
-            add(path.shown(), path.as_ref())?;
-        }
-        if let TargetSpec::Bssrdf { map, .. } = &object.target {
-            for file in FactoredMap::files(map.as_ref())? {
-                add(format!("{}/{file}", map.shown().trim_end_matches('/')), &map.as_ref().join(&file))?;
-            }
-        }
-    }
-    if let MaterialSource::File(path) = &job.materials {
-        add(path.shown(), path.as_ref())?;
-    }
-    Ok(files)
-}
-
-/// Materials as far as they can be checked quickly.
-pub(super) struct MaterialDraft {
-    file: MaterialFile,
-    built_in: bool,
-}
-
-/// Reads the materials and checks every resin that the job names.
-pub(super) fn read_materials(job: &Job) -> Result<MaterialDraft, RunError> {
-    let draft = match &job.materials {
-        MaterialSource::Set(name) => {
-            job.check_material_set(&MaterialSet::builtin_names().collect::<Vec<_>>())?;
-            MaterialDraft { file: MaterialFile::builtin(name)?, built_in: true }
-        }
-        MaterialSource::File(path) => MaterialDraft { file: MaterialFile::read(path.as_ref())?, built_in: false },
-    };
-    let names: Vec<_> = draft.resins().into_iter().map(|resin| resin.0).collect();
-    job.check_resins(&names)?;
-    Ok(draft)
-}
-
-impl MaterialDraft {
-    /// The resins' names, each with whether it is printed, as the background is not.
-    fn resins(&self) -> Vec<(&str, bool)> {
-        self.file.resins_printed().collect()
-    }
-}
-
-/// Simulates the resins that come without profiles, and fits coefficients to those that come with nothing else if the
-/// job's model asks for them.
-pub(super) fn finish_materials(draft: MaterialDraft, job: &Job, watch: &dyn Watch) -> Result<MaterialSet, RunError> {
-    let MaterialDraft { mut file, built_in } = draft;
-    let watch = StopOnly(watch);
-    if !built_in && job.stacking.model != StackingModel::KubelkaMunk {
-        file.fit(None, &watch)?;
-    }
-    Ok(file.into_set(&watch)?)
-}
-
-/// Objects of a body that are named.
-const NAMED: usize = 2;
-
-/// Objects read and placed: the solid, file coordinates to the lattice's, files read beside the mesh.
-type Loaded = Vec<(Solid, DMat4, Vec<PathBuf>)>;
-
-/// Reads all objects and leaves of them what is surface of their union; and which of them touch or share space, by
-/// their numbers.
-pub(super) fn load_solids(
-    job: &Job,
-    warnings: &mut Vec<String>,
-    watch: &dyn Watch,
-) -> Result<(Loaded, Vec<Vec<usize>>), RunError> {
-    let mut loaded = Vec::new();
-    for (index, object) in job.objects.iter().enumerate() {
-        loaded.push(load_solid(job, index, object, warnings)?);
-        watch.advance(1);
-        watch.go_on()?;
-    }
-    if let Some(gap_mm) = job.arrange_gap_mm {
-        arrange(job, gap_mm, &mut loaded);
-    }
-    let mut solids: Vec<&mut Solid> = loaded.iter_mut().map(|(solid, ..)| solid).collect();
-    let InCommon { space: shared, bodies: touching } = mesh::unite(&mut solids);
-    let name = |index: usize| format!("object {} ({})", index + 1, job.objects[index].mesh.shown());
-    if let (Some(&[first, second]), Overlap::Refuse) = (shared.first(), job.overlap) {
-        let found = format!("{} and {} at the same place", name(first), name(second));
-        let expected = "objects that share no space, or overlap = \"union\"";
-        return Err(job.refuse(&format!("object[{second}].position-mm"), found, expected).into());
-    }
-    for &[first, second] in &shared {
-        warnings.push(format!(
-            "{} and {} share space: they are one body, and a voxel is laid by the one whose face is nearest",
-            name(first),
-            name(second)
-        ));
-    }
-    for body in bodies(job, &touching) {
-        let said = |object: &usize| shared.iter().flatten().any(|other| other == object);
-        if !body.iter().all(said) {
-            let more = body.len().saturating_sub(NAMED);
-            let names: Vec<_> = body.iter().take(NAMED).map(|&object| name(object)).collect();
-            let names = if more == 0 { names.join(" and ") } else { names.join(", ") };
-            let more = if more == 0 { String::new() } else { format!(" and {}", counted(more, "other")) };
-            warnings.push(format!(
-                "{names}{more} touch: they are one body, and a voxel is laid by the one whose face is nearest"
-            ));
-        }
-    }
-    if let Some(buried) = solids.iter().position(|solid| solid.mesh.triangles.is_empty()) {
-        let found = format!("{}, which lies wholly within others", name(buried));
-        let expected = "an object some of which can be seen";
-        return Err(job.refuse(&format!("object[{buried}].mesh"), found, expected).into());
-    }
-    Ok((loaded, touching))
-}
-
-/// Of objects that touch those that depth is measured from together. Depth from the top is of an object by itself.
-fn bodies(job: &Job, touching: &[Vec<usize>]) -> Vec<Vec<usize>> {
-    let from_surface = |&object: &usize| job.objects[object].depth_from == DepthFrom::Surface;
-    let bodies = touching.iter().map(|body| body.iter().copied().filter(from_surface).collect::<Vec<_>>());
-    bodies.filter(|body| body.len() > 1).collect()
-}
-
-fn load_solid(
-    job: &Job,
-    index: usize,
-    object: &ObjectJob,
-    warnings: &mut Vec<String>,
-) -> Result<(Solid, DMat4, Vec<PathBuf>), RunError> {
-    let loaded = mesh::load(object.mesh.as_ref(), &LoadOptions { unit: object.unit })?;
-    let own_color =
-        matches!(&object.target, TargetSpec::Texture(texture) if texture.albedo == AlbedoSource::MeshBaseColor);
-    if let Some(lost) = loaded.lost_color.filter(|_| own_color) {
-        let found = format!("{}: {lost}", object.mesh.shown());
-        return Err(job
-            .refuse("target", found, "the mesh's own base colour, or an albedo or albedo-value in its place")
-            .into());
-    }
-    let mut warn = |warning: String| warnings.push(format!("{}: {warning}", object.mesh.shown()));
-    // Texture files that the mesh names do not matter where the job brings its own.
-    loaded.warnings.into_iter().for_each(&mut warn);
-    let placement = Placement {
-        size: match object.scaling {
-            Scaling::Scale(scale) => Size::Scale(scale),
-            Scaling::HeightMm(height) => Size::HeightMm(height),
-        },
-        rotate_deg: DVec3::from(object.rotate_deg),
-        position_mm: DVec3::from(object.position_mm),
-    };
-    let in_file = |source| RunError::Shape { file: object.mesh.as_ref().to_owned(), source };
-    let (placed, to_lattice) = mesh::place(loaded.mesh, &placement).map_err(in_file)?;
-    let low = placed.positions.iter().fold(DVec3::MAX, |low, p| low.min(*p));
-    if low.min_element() < 0.0 {
-        let key = format!("object[{index}].position-mm");
-        let found = format!("an object from ({}) mm", low.to_array().map(short).join(", "));
-        return Err(job.refuse(&key, found, "a position on the tray, 0 or more in x, y and z").into());
-    }
-    let mut solid = mesh::close(placed).map_err(in_file)?;
-    let settled = solid.settle(&placement);
-    solid.health.warnings().into_iter().for_each(&mut warn);
-    Ok((solid, settled * to_lattice * loaded.file_to_mesh, loaded.companions))
-}
-
-/// Gives a mesh without texture coordinates some, for nothing varies within a page then and any will do; whether it had
-/// its own. Where the target is made of the mesh's colour, what is not a repeating texture becomes one.
-pub(super) fn complete_uvs(solid: &mut Solid, target: &TargetSpec) -> Result<bool, RunError> {
-    let had = !solid.mesh.uvs.is_empty();
-    solid.mesh.uvs.resize(solid.mesh.triangles.len(), Default::default());
-    let TargetSpec::Texture(texture) = target else { return Ok(had) };
-    let size = |path: &InputPath| picture_size(path.as_ref());
-    let detail = texture.mean_free_path.as_ref().map(size).transpose()?;
-    if let Projection::Triplanar { tile_mm } = texture.projection {
-        let albedo = if let AlbedoSource::Texture(path) = &texture.albedo { Some(size(path)?) } else { None };
-        let widest = detail.into_iter().chain(albedo).map(|(width, _)| width).max();
-        let has_albedo = texture.albedo != AlbedoSource::MeshBaseColor || !solid.mesh.materials.is_empty();
-        if let Some(widest) = widest.filter(|_| has_albedo) {
-            let [low, high] = bounds(solid);
-            let tile_mm = tile_mm.unwrap_or((high - low).max_element());
-            solid.mesh.bake_projection(tile_mm, f64::from(widest) / tile_mm);
-            return Ok(had);
-        }
-    }
-    if texture.albedo == AlbedoSource::MeshBaseColor {
-        solid.mesh.bake_base_color(detail);
-    }
-    Ok(had)
 }
 
 /// Colours of the ids; a resin that prints as background is transparent.
@@ -506,22 +259,6 @@ fn palette(materials: &MaterialSet) -> Palette {
         palette[usize::from(MaterialId::from_resin(index).0)] = resin.rgba;
     }
     palette
-}
-
-impl TargetSpec {
-    /// Files the target names.
-    fn files(&self) -> Vec<&InputPath> {
-        match self {
-            Self::Stacking { .. } => Vec::new(),
-            Self::Profile { paths } => paths.iter().collect(),
-            Self::Texture(texture) => {
-                let albedo = if let AlbedoSource::Texture(path) = &texture.albedo { Some(path) } else { None };
-                albedo.into_iter().chain(&texture.mean_free_path).collect()
-            }
-            Self::Clusters { labels, profiles } => std::iter::once(labels).chain(profiles.iter().flatten()).collect(),
-            Self::Bssrdf { .. } => Vec::new(), // a folder; see [`read_inputs`]
-        }
-    }
 }
 
 impl Job {

@@ -5,11 +5,9 @@ use std::path::PathBuf;
 use super::reader::{Headers, Reader, Result, bounds};
 use super::{Albedo, Exposure, Rect};
 use crate::measure::MeasureError;
+use crate::measure::albedo::CARD_ERROR;
 use crate::measure::frame::Header;
 use crate::toml_reader::At;
-
-/// What a card may be off by where nothing is said, as a share of its albedo.
-const CARD_ERROR: f64 = 0.01;
 
 /// Its keys.
 pub(super) const ALBEDO_KEYS: [&str; 13] = [
