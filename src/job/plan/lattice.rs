@@ -17,6 +17,10 @@ pub(super) const THICKEST_MM: f64 = 4.8;
 const THICKNESS_STEP: f64 = std::f64::consts::SQRT_2;
 /// Logarithm of the step between albedos; wider, by so much at a time, where there would be too many labels.
 const FINEST_STEP: f64 = 0.02;
+/// The same where one number tells albedos apart, so that finer steps make few labels more: in steps of 2% a whole ball
+/// was laid of seven, up to 1% lighter or darker than it was to be. Finer ones than a quarter of a percent would tell
+/// apart what a round does not.
+const FINEST_IN_ONE: f64 = 0.0025;
 const WIDER: f64 = 1.25;
 /// Albedos below this have wider steps, alike in lightness.
 const DARK: f64 = 0.1;
@@ -37,6 +41,9 @@ pub(super) struct Place {
     /// Between two steps the upper is taken from here on, 0 to 1: one for all, so that of a cell's corners no more
     /// are used than there are coordinates, and one.
     pub threshold: f64,
+    /// Whether it is so near to others that these may take the other step, however large; else that is so where steps
+    /// are small, and half-way for the others.
+    pub near: bool,
 }
 
 /// What tells labels apart.
@@ -113,7 +120,9 @@ impl<'a> Lattice<'a> {
             answers.promised(of).iter().map(|albedo| coordinate(ln(*albedo))).collect()
         };
         let origins = (0..answers.len()).map(origin).collect();
-        let mut lattice = Self { answers, classes, step: FINEST_STEP, origins };
+        let in_one = matches!(classes, Classes::OneEach { alike: true }) || answers.channels() == 1;
+        let step = if in_one { FINEST_IN_ONE } else { FINEST_STEP };
+        let mut lattice = Self { answers, classes, step, origins };
         loop {
             let cells: Vec<Cell> = places.par_iter().map(|place| lattice.cell(place)).collect();
             let mut occurring = cells.clone();
@@ -153,14 +162,17 @@ impl<'a> Lattice<'a> {
     }
 
     fn cell(&self, place: &Place) -> Cell {
-        let on_ladder = |steps: f64| steps.floor() + if steps - steps.floor() > place.threshold { 1.0 } else { 0.0 };
+        let on_ladder = |steps: f64, small: bool| {
+            let threshold = if place.near || small { place.threshold } else { 0.5 };
+            steps.floor() + if steps - steps.floor() > threshold { 1.0 } else { 0.0 }
+        };
         let thickness = place.half_ln.map_or(THICK, |half_ln| {
             let steps = (libm::log(THICKEST_MM) - half_ln) / libm::log(THICKNESS_STEP);
-            on_ladder(steps).clamp(0.0, f64::from(THICK - 1)) as u8
+            on_ladder(steps, false).clamp(0.0, f64::from(THICK - 1)) as u8
         });
         let mut rungs = [0; CHANNELS];
         let mut take = |n: usize, from_origin: f64| {
-            rungs[n] = on_ladder(from_origin / self.step).clamp(-9999.0, 9999.0) as i16;
+            rungs[n] = on_ladder(from_origin / self.step, self.step < FINEST_STEP).clamp(-9999.0, 9999.0) as i16;
         };
         let origin = &self.origins[usize::from(place.cluster)];
         match self.classes {
@@ -247,6 +259,7 @@ mod tests {
                 half_ln: Some(0.15_f64.ln() + 3.5 * part(0.618)),
                 ln,
                 threshold: part(0.414),
+                near: true,
             }
         };
         let places: Vec<Place> = (0..40_000).map(place).collect();
@@ -265,5 +278,29 @@ mod tests {
                 None => assert!(half_ln > (answers.thickness_mm(usize::from(key.cluster)) / THICKNESS_STEP).ln()),
             }
         }
+    }
+
+    /// One colour in one channel: places are laid within a quarter of a percent, and all that ask for the same are, on
+    /// the mean, laid at it, far apart as they are; thicknesses are the nearer of two.
+    #[test]
+    fn one_colour_is_laid_as_it_is_wanted_on_the_mean() {
+        let answers = Answers::grey();
+        let promised = answers.promised(0)[0].ln();
+        let place = |n: usize| Place {
+            cluster: 0,
+            half_ln: Some(0.45_f64.ln()),
+            ln: [promised + 0.0511, 0.0, 0.0, 0.0],
+            threshold: (n as f64 * 0.618).fract(),
+            near: false,
+        };
+        let places: Vec<Place> = (0..1000).map(place).collect();
+        let classes = Classes::OneEach { alike: false };
+        let (lattice, keys, distinct) = Lattice::finest(&answers, &classes, &places, 4096);
+        assert_eq!(distinct.len(), 2);
+        let laid: Vec<f64> = keys.iter().map(|key| lattice.ln_albedo(key)[0] - promised).collect();
+        assert!(laid.iter().all(|ln| (ln - 0.0511).abs() <= 0.0025), "{laid:?}");
+        let mean = laid.iter().sum::<f64>() / laid.len() as f64;
+        assert!((mean - 0.0511).abs() < 1e-4, "{mean}");
+        assert!(keys.windows(2).all(|pair| pair[0].half_mm() == pair[1].half_mm()));
     }
 }

@@ -61,7 +61,8 @@ pub(in crate::job) const HALF_THICKNESSES_MM: [f64; 2] = [THINNEST_MM, 1.5 * THI
 const NEAR: f64 = 0.02;
 /// Most labels beside the clusters' own: each is a row of a table that is read at every voxel.
 const MOST_LABELS: usize = 4096;
-/// Texels of pages as fine as this, mm, share out what lies between two steps.
+/// Texels of pages as fine as this, mm, share out what lies between two steps; others where steps are small, for what
+/// is wanted all over a plate would all be laid at the same one.
 const FINE_MM: f64 = 0.2;
 
 /// One object whose layers depend on where they lie.
@@ -270,8 +271,9 @@ impl ObjectPlan {
             }
             let page = usize::from(site.page);
             let width = self.atlas.pages()[page].width;
-            let threshold = if self.shared_out[page] { threshold(site.texel, width) } else { 0.5 };
-            Place { cluster: cluster.0, half_ln: by_thickness.then_some(known[0]), ln, threshold }
+            let threshold = threshold(site.texel, width);
+            let near = self.shared_out[page];
+            Place { cluster: cluster.0, half_ln: by_thickness.then_some(known[0]), ln, threshold, near }
         };
         let places: Vec<Place> = self.sites.par_iter().map(place).collect();
         watch.go_on()?;

@@ -123,7 +123,16 @@ pub struct TransportEntry {
 impl StackingReport {
     /// Every stacking over the core.
     pub fn stacks(&self) -> impl Iterator<Item = Stack<String>> {
-        self.stackings.iter().map(|entry| Stack { layers: entry.layers.clone(), core: Some(self.core.clone()) })
+        self.stackings.iter().map(|entry| self.over_core(&entry.layers))
+    }
+
+    /// Those of all labels over the core: the stackings, and what was made of them.
+    pub fn stacks_of_labels(&self) -> impl Iterator<Item = Stack<String>> {
+        self.stacks().chain(self.variants.iter().map(|variant| self.over_core(&variant.layers)))
+    }
+
+    fn over_core(&self, layers: &[Layer<String>]) -> Stack<String> {
+        Stack { layers: layers.to_vec(), core: Some(self.core.clone()) }
     }
 
     /// The entry of a label's cluster, and the albedo predicted of its stacking.

@@ -34,8 +34,8 @@ use std::{path::Path, time::Instant};
 
 use grain::Meant;
 use progress::{Wanting, is_worse};
-use residual::{Looked, Seen, Sums, residuals};
-use response::Response;
+use residual::{Looked, Residuals, Seen, Sums};
+use response::Responses;
 use shape::Shape;
 
 use super::{
@@ -102,7 +102,7 @@ struct Followed<'a> {
 struct Judged {
     round: Round,
     record: RoundRecord,
-    /// Why no correction should follow, if none should.
+    /// Why no other round should follow, if none should.
     ends: Option<Ended>,
     /// The factors to ask for next, by object.
     next: Vec<Factors>,
@@ -185,7 +185,7 @@ impl Prepared {
             // After the last round no other would have followed.
             record.ended = ends.filter(|&ends| round + 1 < rounds || ends == Ended::Worse);
             records.push(record);
-            if let Some(ends) = ends {
+            if let Some(ends) = ends.filter(|&ends| ends != Ended::NothingLeft) {
                 laid = now.laid;
                 if let (Some(better), Ended::Worse) = (before.take(), ends) {
                     laid = better.laid;
@@ -198,12 +198,17 @@ impl Prepared {
             laid = plans.iter().zip(&next).map(|(plan, next)| factors(&correction(plan, next))).collect();
             short_of = self.lay_all_again(plans, &laid, watch)?;
             self.took.rounds.push(started.elapsed());
+            // What little is left is laid, and needs no other round.
+            if ends == Some(Ended::NothingLeft) {
+                break;
+            }
         }
         if let Some(before) = before {
             let started = Instant::now();
             let looked = self.look_at_print(plans, &mut spots, rounds, watch)?;
             if is_worse(&before.looked, &looked) {
                 let Judged { mut record, .. } = self.judge(plans, looked, laid, &short_of, Some(&before));
+                records.iter_mut().for_each(|record| record.ended = None);
                 record.ended = Some(Ended::Worse);
                 records.push(record);
                 laid = before.laid;
@@ -269,16 +274,16 @@ impl Prepared {
         let mut next = Vec::with_capacity(plans.len());
         for (n, (plan, short)) in plans.iter().zip(&short).enumerate() {
             let now = round.followed(n, plan);
-            let (off, worst) = residuals(plan, &now.sums);
-            record.worst = record.worst.max(worst);
+            let residuals = Residuals::of(plan, &now.sums);
+            record.worst = record.worst.max(residuals.worst);
             let factors = plan.factors();
-            for (off, short) in off.iter().zip(short) {
+            for (off, short) in residuals.off.iter().zip(short) {
                 lost += usize::from(short[..factors].iter().any(|short| short.abs() > SHORT));
                 wanting.count(&off[..factors], &short[..factors], SHORT);
             }
             let before = before.map(|before| before.followed(n, plan));
-            let response = |channel: usize| Response::of(channel, before.as_ref(), &now);
-            next.push(corrected(&now, &off, &(0..factors).map(response).collect::<Vec<_>>()));
+            let response = |channel: usize| Responses::of(plan, channel, before.as_ref(), &now);
+            next.push(corrected(&now, &residuals, &(0..factors).map(response).collect::<Vec<_>>()));
         }
         record.out_of_reach = lost as f64 / record.points.max(1) as f64;
         let ends = wanting.ends(before.map(|before| &before.looked), &round.looked);
@@ -339,18 +344,38 @@ impl Prepared {
         let sites: Vec<Spot> = spots.iter().map(|spot| spot.spot.clone()).collect();
         let printed = scene.printed_albedo(&sites, walks, seed, watch)?;
         let mut looked = Looked::new(plans, walks, channels);
+        for (spot, printed) in spots.iter().zip(printed) {
+            if let Some(printed) = printed.into_iter().collect() {
+                let (asked, shape) = (spot.asked.clone(), spot.shape);
+                looked.objects[spot.plan][spot.at] = Some(Seen { asked, printed, shape, grain: Vec::new() });
+            }
+        }
+        // In several channels it tells next to nothing, and no correction follows the last look.
+        if channels == 1 && round < self.job.rounds() {
+            self.count_grain(plans, scene, spots, &mut looked)?;
+        }
+        Ok(looked)
+    }
+
+    /// Counts what lies below the points that were seen.
+    fn count_grain(
+        &self,
+        plans: &[ObjectPlan],
+        scene: &Scene,
+        spots: &[PointSpot],
+        looked: &mut Looked,
+    ) -> Result<(), RunError> {
         let meant = plans.iter().map(|plan| Meant::of(self, plan.object)).collect::<Result<Vec<_>, _>>()?;
         let grain = parallel::map_all(spots, |spot| {
             let field = &self.slicer().objects()[plans[spot.plan].object];
             meant[spot.plan].beside(scene.volume(), field, &spot.spot.sites, spot.radius_mm)
         });
-        for ((spot, printed), grain) in spots.iter().zip(printed).zip(grain) {
-            if let Some(printed) = printed.into_iter().collect() {
-                let (asked, shape) = (spot.asked.clone(), spot.shape);
-                looked.objects[spot.plan][spot.at] = Some(Seen { asked, printed, shape, grain });
+        for (spot, grain) in spots.iter().zip(grain) {
+            if let Some(seen) = &mut looked.objects[spot.plan][spot.at] {
+                seen.grain = grain;
             }
         }
-        Ok(looked)
+        Ok(())
     }
 }
 
@@ -365,21 +390,22 @@ fn minus(a: &[f64; CHANNELS], b: &[f64; CHANNELS]) -> [f64; CHANNELS] {
     std::array::from_fn(|channel| a[channel] - b[channel])
 }
 
-/// The factors of the next round: those reached, as far as a place is lit, and most of what is `off`, as far as the
+/// The factors of the next round: those reached, as far as a place is lit, and most of what is off, as far as the
 /// print follows.
-fn corrected(now: &Followed<'_>, off: &Factors, responses: &[Response]) -> Factors {
-    let at = |((reached, sums), off): ((&[f64; CHANNELS], &Option<Sums<'_>>), &[f64; CHANNELS])| {
+fn corrected(now: &Followed<'_>, residuals: &Residuals, responses: &[Responses]) -> Factors {
+    let at = |n: usize| {
         let mut factor = [0.0; CHANNELS];
         for (channel, response) in responses.iter().enumerate() {
-            let shape = sums.as_ref().map(|sums| &sums[channel].shape);
-            let response = shape.map_or(1.0, |shape| response.at(shape));
-            let kept = shape.map_or(1.0, Shape::lit) * reached[channel];
-            let corrected = kept + DAMPING * off[channel] / response;
-            factor[channel] = corrected.clamp(-GREATEST, GREATEST);
+            let shape = now.sums[n].as_ref().map(|sums| &sums[channel].shape);
+            let [of_means, of_points] = shape.map_or([1.0; 2], |shape| response.at(shape));
+            let kept = shape.map_or(1.0, Shape::lit) * now.reached[n][channel];
+            let of_grain = residuals.of_grain[n][channel];
+            let off = (residuals.off[n][channel] - of_grain) / of_means + of_grain / of_points;
+            factor[channel] = (kept + DAMPING * off).clamp(-GREATEST, GREATEST);
         }
         factor
     };
-    now.reached.iter().zip(&now.sums).zip(off).map(at).collect()
+    (0..now.sums.len()).map(at).collect()
 }
 
 /// A point of a plan as it is looked at.
@@ -432,8 +458,23 @@ mod tests {
         let sums: Vec<_> = [dark, dim, lit].map(|shape| Some(vec![sample(shape)])).to_vec();
         let reached = vec![[-0.5; CHANNELS]; 3];
         let now = Followed { reached: &reached, sums };
-        let next = corrected(&now, &vec![[0.0; CHANNELS]; 3], &[Response::of(0, None, &now)]);
+        let none = vec![[0.0; CHANNELS]; 3];
+        let residuals = Residuals { off: none.clone(), of_grain: none, worst: 0.0 };
+        let next = corrected(&now, &residuals, &[Responses::WHOLE]);
         let factors: Vec<f64> = next.iter().map(|factor| factor[0]).collect();
         assert!(factors[0] == 0.0 && (factors[1] + 0.25).abs() < 1e-9 && factors[2] == -0.5, "{factors:?}");
+    }
+
+    /// What is asked for against grain is divided by how far the print follows single points, the rest by how far it
+    /// follows means.
+    #[test]
+    fn corrections_are_divided_by_how_far_the_print_follows_them() {
+        let shape = Shape::with([0.0; 3]);
+        let sample = shape::Sample { shape, grain: &[], asked: 0.1, printed: 0.1, variance: 0.0 };
+        let reached = vec![[0.0; CHANNELS]];
+        let now = Followed { reached: &reached, sums: vec![Some(vec![sample])] };
+        let residuals = Residuals { off: vec![[0.15; CHANNELS]], of_grain: vec![[0.05; CHANNELS]], worst: 0.0 };
+        let next = corrected(&now, &residuals, &[Responses::with(1.0, 0.5)]);
+        assert!((next[0][0] - DAMPING * (0.1 + 0.05 / 0.5)).abs() < 1e-12, "{next:?}");
     }
 }

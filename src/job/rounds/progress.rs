@@ -30,7 +30,7 @@ impl Wanting {
         self.within_reach += usize::from(off.iter().zip(short).any(reachable));
     }
 
-    /// Why no correction should follow, if none should.
+    /// Why no other round should follow, if none should.
     pub fn ends(self, before: Option<&Looked>, now: &Looked) -> Option<Ended> {
         let few = |count: usize| (count as f64) < FEW * self.points.max(1) as f64;
         if few(self.wanting) {

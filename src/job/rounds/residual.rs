@@ -22,9 +22,14 @@ const LIKENESS: f64 = 0.15;
 const WIDE: Bell = Bell { reach_mm: 2.4, spacings: 5.0, likeness: None };
 const ALIKE: Bell = Bell { likeness: Some(LIKENESS), ..WIDE };
 const NARROW: Bell = Bell { reach_mm: 1.0, spacings: 2.0, likeness: Some(LIKENESS) };
-/// Misses are averaged over bells, one after the other, each of which adds what differs from those before as far as it
-/// is more than noise: a wide one, one over places of like shape, which lie along edges, and a narrow one of these.
+/// After what places of like shape miss all over an object, misses are averaged over bells, one after the other, each
+/// of which adds what differs from those before as far as it is more than noise: a wide one, one over places of like
+/// shape, which lie along edges, and a narrow one of these.
 const BELLS: [Bell; 3] = [WIDE, ALIKE, NARROW];
+/// Places all over an object around which what is missed is told first, for whatever is of like shape: the cubic of
+/// [`ByShape`] leaves half a percent on the faces of a cube for its edges' sake, which noise hides from single bells.
+/// Around so many, some twenty and more points each, are all points of an object.
+pub(super) const PLACES: usize = 1000;
 /// Where points are those of texels, what is left at each is its own: within two spacings of
 /// [`SurfacePoints::apart`] there is no other. With it a chess board's texels are off by 1.7% after four rounds where
 /// the bells alone leave 2.1% of spots as wide as two texels and 3.4% of texels.
@@ -91,46 +96,69 @@ impl Looked {
     }
 }
 
-/// By how much the albedo must rise at each point, as logarithms by channel, as far as noise allows; and the greatest
-/// miss of means over some mm². What places of like shape miss alike comes first, and then what is left around each.
-/// Places that are hardly lit are to change by as much less.
-pub(super) fn residuals(plan: &ObjectPlan, sums: &[Option<Sums<'_>>]) -> (Vec<[f64; CHANNELS]>, f64) {
-    let by_shape: Vec<ByShape> = (0..plan.factors())
-        .map(|channel| ByShape::fit(&sums.iter().flatten().map(|sums| sums[channel]).collect::<Vec<_>>()))
-        .collect();
-    let expected: Vec<Option<Sums<'_>>> = sums
-        .iter()
-        .map(|sums| {
-            let sums = sums.as_ref()?.iter().zip(&by_shape);
-            Some(sums.map(|(sample, fit)| Sample { asked: sample.asked * fit.ratio(sample), ..*sample }).collect())
-        })
-        .collect();
-    let points = plan.points.points();
-    let mut off = vec![[0.0; CHANNELS]; points.len()];
-    for bell in BELLS.iter().chain(plan.point_a_texel_mm.map(|_| &OWN)) {
-        let differences = parallel::map(points.len(), |n| {
-            let Missed { off: missed, variance } = miss(plan, &expected, n, bell);
-            Missed { off: std::array::from_fn(|channel| missed[channel] - off[n][channel]), variance }
-        });
-        let shares = parallel::map(points.len(), |n| signal_shares(&plan.points, &expected, n, &differences));
-        for (off, (difference, shares)) in off.iter_mut().zip(differences.iter().zip(shares)) {
-            off.iter_mut().zip(difference.off).zip(shares).for_each(|((off, one), share)| *off += share * one);
+/// By how much the albedo must rise at each point, as logarithms by channel, as far as noise allows.
+pub(super) struct Residuals {
+    /// All of it.
+    pub off: Vec<[f64; CHANNELS]>,
+    /// What of it is for grain alone, which differs from point to point.
+    pub of_grain: Vec<[f64; CHANNELS]>,
+    /// The greatest miss of means over some mm².
+    pub worst: f64,
+}
+
+impl Residuals {
+    /// What places of like shape miss alike comes first, and then what is left around each. Places that are hardly lit
+    /// are to change by as much less.
+    pub fn of(plan: &ObjectPlan, sums: &[Option<Sums<'_>>]) -> Self {
+        let by_shape: Vec<ByShape> = (0..plan.factors())
+            .map(|channel| ByShape::fit(&sums.iter().flatten().map(|sums| sums[channel]).collect::<Vec<_>>()))
+            .collect();
+        let expected: Vec<Option<Sums<'_>>> = sums
+            .iter()
+            .map(|sums| {
+                let sums = sums.as_ref()?.iter().zip(&by_shape);
+                Some(sums.map(|(sample, fit)| Sample { asked: sample.asked * fit.ratio(sample), ..*sample }).collect())
+            })
+            .collect();
+        let points = plan.points.points();
+        let mut off = vec![[0.0; CHANNELS]; points.len()];
+        add_signal(&plan.points, &expected, &mut off, &everywhere(&plan.points, &expected));
+        for bell in BELLS.iter().chain(plan.point_a_texel_mm.map(|_| &OWN)) {
+            let differences = parallel::map(points.len(), |n| {
+                let Missed { off: missed, variance } = miss(&plan.points, &expected, n, bell);
+                Missed { off: std::array::from_fn(|channel| missed[channel] - off[n][channel]), variance }
+            });
+            add_signal(&plan.points, &expected, &mut off, &differences);
         }
-    }
-    let at = |n: usize| {
-        let lit = sums[n].as_ref().map_or(1.0, lit);
-        let mut off = off[n];
-        if let (Some(asked), Some(expected)) = (&sums[n], &expected[n]) {
-            for (off, (asked, expected)) in off.iter_mut().zip(asked.iter().zip(expected)) {
-                *off += if asked.asked > 0.0 { libm::log(asked.asked / expected.asked) } else { 0.0 };
+        let at = |n: usize| {
+            let lit = sums[n].as_ref().map_or(1.0, lit);
+            let (mut off, mut of_grain) = (off[n], [0.0; CHANNELS]);
+            let samples = sums[n].iter().flatten().zip(&by_shape);
+            for ((off, of_grain), (sample, fit)) in off.iter_mut().zip(&mut of_grain).zip(samples) {
+                if sample.asked > 0.0 {
+                    *of_grain = libm::log(fit.ratio(&sample.without_grain()) / fit.ratio(sample));
+                    *off -= libm::log(fit.ratio(sample));
+                }
             }
-        }
-        (off.map(|off| lit * off), miss(plan, sums, n, &WIDE).off.map(|off| lit * off))
-    };
-    let found = parallel::map(points.len(), at);
-    let (off, wide): (Vec<_>, Vec<[f64; CHANNELS]>) = found.into_iter().unzip();
-    let worst = wide.iter().flatten().fold(0.0, |worst: f64, off| worst.max(off.abs()));
-    (off, worst)
+            let wide = miss(&plan.points, sums, n, &WIDE).off;
+            [off, of_grain, wide].map(|of| of.map(|off| lit * off))
+        };
+        let found = parallel::map(points.len(), at);
+        let worst = found.iter().flat_map(|[.., wide]| wide).fold(0.0, |worst: f64, off| worst.max(off.abs()));
+        let (off, of_grain): (_, Vec<_>) = found.into_iter().map(|[off, of_grain, _]| (off, of_grain)).unzip();
+        // What it has in common around a point is no grain: counts are of voxels, whose middles lie below the surface.
+        let common = parallel::map(points.len(), |n| mean_alike(&plan.points, sums, n, &of_grain));
+        let of_grain = of_grain.iter().zip(&common).map(|(a, b)| std::array::from_fn(|n| a[n] - b[n])).collect();
+        Self { off, of_grain, worst }
+    }
+}
+
+/// Adds of the `differences` to what is `off` what is no noise.
+fn add_signal(points: &SurfacePoints, seen: &[Option<Sums<'_>>], off: &mut [[f64; CHANNELS]], differences: &[Missed]) {
+    let shares = parallel::map(off.len(), |n| signal_shares(points, seen, n, differences));
+    for (off, (difference, shares)) in off.iter_mut().zip(differences.iter().zip(shares)) {
+        off.iter_mut().zip(difference.off).zip(shares).for_each(|((off, one), share)| *off += share * one);
+    }
 }
 
 /// What is asked and printed at a point, by factor.
@@ -183,10 +211,25 @@ fn around(
     });
 }
 
+/// The mean of `values` at places of like shape around a point.
+fn mean_alike(
+    points: &SurfacePoints,
+    seen: &[Option<Sums<'_>>],
+    at: usize,
+    values: &[[f64; CHANNELS]],
+) -> [f64; CHANNELS] {
+    let (mut weights, mut mean) = (0.0, [0.0; CHANNELS]);
+    around_alike(points, seen, at, |other, _, weight| {
+        weights += weight;
+        mean.iter_mut().zip(values[other]).for_each(|(mean, value)| *mean += weight * value);
+    });
+    mean.map(|mean| mean / f64::max(weights, f64::MIN_POSITIVE))
+}
+
 /// What is missed in a bell around a point.
-fn miss(plan: &ObjectPlan, seen: &[Option<Sums<'_>>], at: usize, bell: &Bell) -> Missed {
+fn miss(points: &SurfacePoints, seen: &[Option<Sums<'_>>], at: usize, bell: &Bell) -> Missed {
     let (mut asked, mut printed, mut variance) = ([0.0; CHANNELS], [0.0; CHANNELS], [0.0; CHANNELS]);
-    around(&plan.points, seen, at, bell, |_, samples, weight| {
+    around(points, seen, at, bell, |_, samples, weight| {
         for (channel, sample) in samples.iter().enumerate() {
             asked[channel] += weight * sample.asked;
             printed[channel] += weight * sample.printed;
@@ -194,12 +237,61 @@ fn miss(plan: &ObjectPlan, seen: &[Option<Sums<'_>>], at: usize, bell: &Bell) ->
         }
     });
     let mut missed = Missed { off: [0.0; CHANNELS], variance: [0.0; CHANNELS] };
-    for channel in (0..plan.factors()).filter(|&channel| asked[channel] > 0.0) {
+    for channel in (0..CHANNELS).filter(|&channel| asked[channel] > 0.0) {
         let printed = printed[channel].max(BLACK * asked[channel]);
         missed.off[channel] = libm::log(asked[channel] / printed);
         missed.variance[channel] = variance[channel] / (printed * printed);
     }
     missed
+}
+
+/// What is missed at places of like shape wherever they lie, for every point: means of what is missed around
+/// [`PLACES`].
+fn everywhere(points: &SurfacePoints, seen: &[Option<Sums<'_>>]) -> Vec<Missed> {
+    let shape = |n: usize| seen[n].as_ref().and_then(|samples| Some(samples.first()?.shape));
+    let apart = seen.len().div_ceil(PLACES).max(1);
+    let places: Vec<(usize, Shape)> = (0..seen.len()).step_by(apart).filter_map(|n| Some((n, shape(n)?))).collect();
+    let missed = parallel::map_all(&places, |&(n, _)| {
+        let (mut weights, mut squares) = (0.0, 0.0);
+        around_alike(points, seen, n, |_, _, weight| {
+            weights += weight;
+            squares += weight * weight;
+        });
+        // So many places see each point, whose noise they share.
+        let shared = (weights * weights / f64::max(squares, f64::MIN_POSITIVE) / apart as f64).max(1.0);
+        let Missed { off, variance } = miss(points, seen, n, &ALIKE);
+        Missed { off, variance: variance.map(|variance| shared * variance) }
+    });
+    let asks = |n: usize, channel: usize| {
+        seen[n].as_ref().and_then(|samples| samples.get(channel)).is_some_and(|sample| sample.asked > 0.0)
+    };
+    parallel::map(seen.len(), |n| {
+        let (mut sums, mut mean) = ([0.0; CHANNELS], Missed { off: [0.0; CHANNELS], variance: [0.0; CHANNELS] });
+        let Some(here) = shape(n) else { return mean };
+        for ((place, there), missed) in places.iter().zip(&missed) {
+            let weight = here.likeness(there, LIKENESS) * there.lit();
+            for channel in (0..CHANNELS).filter(|&channel| asks(*place, channel)) {
+                sums[channel] += weight;
+                mean.off[channel] += weight * missed.off[channel];
+                mean.variance[channel] += weight * weight * missed.variance[channel];
+            }
+        }
+        for (channel, sum) in sums.into_iter().enumerate().filter(|(_, sum)| *sum > 0.0) {
+            mean.off[channel] /= sum;
+            mean.variance[channel] = mean.variance[channel] / sum / sum;
+        }
+        mean
+    })
+}
+
+/// [`around`] over places of like shape.
+pub(super) fn around_alike(
+    points: &SurfacePoints,
+    seen: &[Option<Sums<'_>>],
+    at: usize,
+    visit: impl FnMut(usize, &Sums<'_>, f64),
+) {
+    around(points, seen, at, &ALIKE, visit);
 }
 
 /// How much of the difference at a point is no noise, by channel, 0 to 1: Wiener's filter, by the squares of the
@@ -244,6 +336,53 @@ mod tests {
         let differences: Vec<Missed> =
             (0..seen.len()).map(missed).map(|[off, variance]| Missed { off, variance }).collect();
         signal_shares(&points, &seen, seen.len() / 2, &differences)[0]
+    }
+
+    /// What places of one shape miss alike is found under noise of ten times as much at each point, and is none of
+    /// what other places miss.
+    #[test]
+    fn what_is_alike_everywhere_is_found_under_noise() {
+        let corner = |x: f64, y: f64| glam::DVec3::new(x, y, 0.0);
+        let [a, b, c, d] = [corner(0.0, 0.0), corner(20.0, 0.0), corner(20.0, 20.0), corner(0.0, 20.0)];
+        let points = SurfacePoints::spread(&[[a, b, c], [a, c, d]], 0.2, 10_000);
+        let sample = |n: usize| {
+            let (near, missed) = if n.is_multiple_of(3) { (0.6, 0.05) } else { (0.0, -0.005) };
+            let noise = if (n as f64 * 0.618).fract() < 0.5 { 0.05 } else { -0.05 };
+            let (shape, printed) = (Shape::with([near, 0.0, 0.0]), 0.3 * (1.0 + missed + noise));
+            Sample { shape, grain: &[], asked: 0.3, printed, variance: (0.3_f64 * 0.05).powi(2) }
+        };
+        let seen: Vec<_> = (0..points.points().len()).map(|n| Some(vec![sample(n)])).collect();
+        let found = everywhere(&points, &seen);
+        // A third of the points are of the one shape.
+        let least = 0.05 / (points.points().len() as f64).sqrt();
+        for (n, found) in found.iter().enumerate().skip(3000).take(3) {
+            let wanted = if n.is_multiple_of(3) { -0.05 } else { 0.005 };
+            let error = found.variance[0].sqrt();
+            assert!((found.off[0] - wanted).abs() < 0.002, "{n}: {} ± {error}", found.off[0]);
+            assert!(error > least && error < 4.0 * least, "{n}: {error} for {least}");
+        }
+        // In the dark, or where nothing is asked for, nothing is missed.
+        let dark = |n: usize| Sample { shape: Shape::with([0.0, 0.0, 1.0]), ..sample(n) };
+        let black = |n: usize| Sample { asked: 0.0, ..sample(n) };
+        for other in [&dark as &dyn Fn(usize) -> Sample<'static>, &black] {
+            let seen: Vec<_> = (0..points.points().len()).map(|n| Some(vec![other(n)])).collect();
+            assert!(everywhere(&points, &seen).iter().all(|none| none.off[0] == 0.0 && none.variance[0] == 0.0));
+        }
+    }
+
+    #[test]
+    fn means_are_of_places_of_like_shape() {
+        let corner = |x: f64, y: f64| glam::DVec3::new(x, y, 0.0);
+        let [a, b, c, d] = [corner(0.0, 0.0), corner(9.0, 0.0), corner(9.0, 9.0), corner(0.0, 9.0)];
+        let points = SurfacePoints::spread(&[[a, b, c], [a, c, d]], 0.3, 1000);
+        let of = |n: usize| if n.is_multiple_of(3) { 0.9 } else { 0.0 };
+        let shape = |n: usize| Shape::with([of(n), 0.0, 0.0]);
+        let sample = |n: usize| Sample { shape: shape(n), grain: &[], asked: 0.3, printed: 0.3, variance: 0.0 };
+        let seen: Vec<_> = (0..points.points().len()).map(|n| Some(vec![sample(n)])).collect();
+        let values: Vec<_> = (0..seen.len()).map(|n| [1.0 + of(n); CHANNELS]).collect();
+        for n in [300, 301] {
+            assert!((mean_alike(&points, &seen, n, &values)[0] - 1.0 - of(n)).abs() < 1e-6);
+        }
     }
 
     #[test]

@@ -125,6 +125,11 @@ pub(super) struct Sample<'a> {
 }
 
 impl Sample<'_> {
+    /// The same place, laid as it was meant.
+    pub fn without_grain(&self) -> Self {
+        Self { grain: &[], ..*self }
+    }
+
     /// What printed over asked is a sum of: products of the shape's numbers and the albedo, and what each share of a
     /// resin does, which depends on the albedo too.
     fn terms(&self, degree: usize, with_grain: bool) -> Vec<f64> {

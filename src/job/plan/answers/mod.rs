@@ -169,6 +169,11 @@ impl Answers {
         self.limits.get(resin.0).copied().unwrap_or(ResinLimit::NONE)
     }
 
+    /// Channels.
+    pub fn channels(&self) -> usize {
+        self.volumes.len()
+    }
+
     /// Clusters.
     pub fn len(&self) -> usize {
         self.clusters.len()

@@ -14,8 +14,11 @@ use crate::{
 
 /// Slopes are taken anew where a step leaves more than this of the square of what was missing.
 const STALE: f64 = 0.25;
-/// Newton's steps, and the error of ln albedo that ends them.
+/// Newton's steps, and the error of ln albedo that ends them. Questions of a run are answered one from the other: with
+/// eight times the error corrections of up to 0.4% came to nothing, or to twice as much, and all over a plate alike.
 const STEPS: usize = 12;
+pub(super) const EXACT: f64 = 0.0005;
+/// What misses by more is not answered.
 pub(super) const CLOSE: f64 = 0.004;
 /// Change of a thickness, as a logarithm, that tells what gives way to it.
 const DIFFERENCE: f64 = 1e-6;
@@ -45,7 +48,7 @@ impl Answers {
         let mut albedo = self.albedo(base, &numbers, way.below);
         let mut off = missing(&albedo);
         for _ in 0..STEPS {
-            if off.iter().all(|ln| ln.abs() < CLOSE) {
+            if off.iter().all(|ln| ln.abs() < EXACT) {
                 break;
             }
             let (known, fresh) = match slopes.take() {

@@ -2,7 +2,10 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{newton::CLOSE, *};
+use super::{
+    newton::{CLOSE, EXACT},
+    *,
+};
 use crate::{
     optics::{FrequencyGrid, Light, MaterialSet, Transport},
     watch::Unwatched,
@@ -41,6 +44,14 @@ impl Answers {
     }
 
     /// So many clusters, each with a top of another colour.
+    /// One cluster of a grey over support over white.
+    pub(in crate::job::plan) fn grey() -> Self {
+        let set = MaterialSet::builtin("synthetic").unwrap();
+        let [white, support, black] = ["white", "support", "black"].map(|name| set.resin(name).unwrap().0);
+        let grey = Mixture::new([(white, 0.9), (black, 0.1)]).unwrap();
+        answers(&set, &[(grey, 0.3), (support.into(), 0.8), (white.into(), 0.5)], true)
+    }
+
     pub(in crate::job::plan) fn coloured(clusters: usize) -> Self {
         let set = MaterialSet::builtin("inks-rgb-7").unwrap();
         let [white, support, inks @ ..] =
@@ -212,6 +223,17 @@ fn answers_of_a_ladder_rise_with_it() {
             |n: usize| (pair[0].stacking.layers[n].thickness_mm / pair[1].stacking.layers[n].thickness_mm).ln().abs();
         assert!((0..3).all(|n| apart(n) < 0.15), "{pair:?}");
     }
+}
+
+/// Steps of a quarter of a percent, up and down: none is passed over.
+#[test]
+fn small_changes_are_answered_by_as_small_ones() {
+    let answers = Answers::grey();
+    let promised = answers.promised(0)[0].ln();
+    let question = |n: i32| Question { cluster: 0, half_mm: None, ln_albedo: vec![promised + 0.0025 * f64::from(n)] };
+    let questions: Vec<_> = (-40..=40).map(question).collect();
+    let found = answers.answer(&questions, &Unwatched).unwrap();
+    assert!(found.iter().all(|answer| answer.short[0].abs() < EXACT + 1e-6), "{found:?}");
 }
 
 /// A part thinner than what was found for it, in mixtures: no core shows up where it is thicker here and there. Where
