@@ -43,7 +43,6 @@ impl Answers {
         self.slot_depths = self.depths_of_slots();
     }
 
-    /// So many clusters, each with a top of another colour.
     /// One cluster of a grey over support over white.
     pub(in crate::job::plan) fn grey() -> Self {
         let set = MaterialSet::builtin("synthetic").unwrap();
@@ -52,6 +51,7 @@ impl Answers {
         answers(&set, &[(grey, 0.3), (support.into(), 0.8), (white.into(), 0.5)], true)
     }
 
+    /// So many clusters, each with a top of another colour.
     pub(in crate::job::plan) fn coloured(clusters: usize) -> Self {
         let set = MaterialSet::builtin("inks-rgb-7").unwrap();
         let [white, support, inks @ ..] =
