@@ -2,7 +2,7 @@
 
 use super::{
     super::look::Fit,
-    RoundRecord,
+    RoundRecord, minus,
     shape::{ByShape, Sample, Shape},
 };
 use crate::{
@@ -136,8 +136,11 @@ impl Residuals {
             let samples = sums[n].iter().flatten().zip(&by_shape);
             for ((off, of_grain), (sample, fit)) in off.iter_mut().zip(&mut of_grain).zip(samples) {
                 if sample.asked > 0.0 {
-                    *of_grain = libm::log(fit.ratio(&sample.without_grain()) / fit.ratio(sample));
-                    *off -= libm::log(fit.ratio(sample));
+                    let ratio = fit.ratio(sample);
+                    *off -= libm::log(ratio);
+                    if !sample.grain.is_empty() {
+                        *of_grain = libm::log(fit.ratio(&sample.without_grain()) / ratio);
+                    }
                 }
             }
             let wide = miss(&plan.points, sums, n, &WIDE).off;
@@ -145,10 +148,12 @@ impl Residuals {
         };
         let found = parallel::map(points.len(), at);
         let worst = found.iter().flat_map(|[.., wide]| wide).fold(0.0, |worst: f64, off| worst.max(off.abs()));
-        let (off, of_grain): (_, Vec<_>) = found.into_iter().map(|[off, of_grain, _]| (off, of_grain)).unzip();
+        let (off, mut of_grain): (_, Vec<_>) = found.into_iter().map(|[off, of_grain, _]| (off, of_grain)).unzip();
         // What it has in common around a point is no grain: counts are of voxels, whose middles lie below the surface.
-        let common = parallel::map(points.len(), |n| mean_alike(&plan.points, sums, n, &of_grain));
-        let of_grain = of_grain.iter().zip(&common).map(|(a, b)| std::array::from_fn(|n| a[n] - b[n])).collect();
+        if counts_grain(sums) {
+            let common = parallel::map(points.len(), |n| mean_alike(&plan.points, sums, n, &of_grain));
+            of_grain = of_grain.iter().zip(&common).map(|(all, common)| minus(all, common)).collect();
+        }
         Self { off, of_grain, worst }
     }
 }
@@ -163,6 +168,11 @@ fn add_signal(points: &SurfacePoints, seen: &[Option<Sums<'_>>], off: &mut [[f64
 
 /// What is asked and printed at a point, by factor.
 pub(super) type Sums<'a> = Vec<Sample<'a>>;
+
+/// Whether what lies below the points was counted.
+pub(super) fn counts_grain(sums: &[Option<Sums<'_>>]) -> bool {
+    sums.iter().flatten().flatten().any(|sample| !sample.grain.is_empty())
+}
 
 /// Where all channels have the same factor, their means count.
 fn sums_of(seen: &Seen, factors: usize) -> Sums<'_> {
@@ -304,7 +314,7 @@ fn signal_shares(
     differences: &[Missed],
 ) -> [f64; CHANNELS] {
     let (mut signal, mut weights) = ([0.0; CHANNELS], 0.0);
-    around(points, seen, at, &ALIKE, |other, _, weight| {
+    around_alike(points, seen, at, |other, _, weight| {
         weights += weight;
         let Missed { off, variance } = &differences[other];
         for (signal, (off, variance)) in signal.iter_mut().zip(off.iter().zip(variance)) {
