@@ -207,6 +207,21 @@ fn init_writes_no_job_that_is_refused() {
     assert!(!bench.path("flat.toml").exists());
 }
 
+/// What `init` leaves out for a printer of three resins is in no stacking, and no stacking is refused for it.
+#[test]
+fn what_init_writes_for_printers_of_few_resins_goes_through() {
+    let bench = Bench::new();
+    bench.write("figure.stl", &stl(&cube(2.0)));
+    let flags = ["--height-mm", "2", "--printer", "j750-hs-27um", "--materials", "inks-rgb", "--colour", "#806040"];
+    bench.run(["init", "figure.stl"].iter().chain(&flags)).exits(0);
+    let job = fs::read_to_string(bench.path("figure.toml")).unwrap();
+    assert!(job.contains("there is none of it") && job.contains("gamut-map = true"), "{job}");
+    let ran = bench.run(["slice", "figure.toml", "--dry-run", "--json"]).exits(0);
+    let found = ran.json();
+    let used = found["materials"].as_array().unwrap().iter().filter(|resin| resin["voxels"].as_u64() > Some(0));
+    assert!((1..=3).contains(&used.count()), "{}", found["materials"]);
+}
+
 #[test]
 fn a_quick_look_is_pictures_alone() {
     let bench = Bench::new();

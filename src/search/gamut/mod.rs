@@ -97,7 +97,11 @@ const PARTS: f64 = 16.0;
 fn layer_space(options: &SearchOptions, refine: &RefineOptions, resins: usize) -> SearchOptions {
     let step_mm = refine.step_mm.unwrap_or(refine.min_layer_mm / PARTS);
     let given = |resin: usize| options.limits.get(resin).copied().unwrap_or(ResinLimit::NONE);
-    let limit = |limit: ResinLimit| ResinLimit { min_mm: limit.min_mm.max(refine.min_layer_mm), ..limit };
+    let limit = |limit: ResinLimit| match limit.min_mm.max(refine.min_layer_mm) {
+        min_mm if min_mm <= limit.max_mm => ResinLimit { min_mm, ..limit },
+        // What may not be as thick as the thinnest layer is in none.
+        _ => ResinLimit { min_mm: 0.0, max_mm: 0.0, ..limit },
+    };
     SearchOptions {
         units: (options.max_thickness_mm / step_mm).ceil().min(MAX_UNITS as f64) as usize,
         limits: (0..resins).map(|resin| limit(given(resin))).collect(),

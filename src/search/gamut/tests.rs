@@ -134,6 +134,22 @@ fn limits_are_kept_and_the_answer_is_the_same_again() {
     }
 }
 
+/// As limits say that keep a resin out: by no thickness at all, or by less than the thinnest layer.
+#[test]
+fn resins_that_no_layer_may_hold_are_in_none() {
+    let mut world = synthetic();
+    let [(support, _), (black, _)] = ["support", "black"].map(|name| world.set.resin(name).unwrap());
+    let layers = RefineOptions { min_layer_mm: world.options.unit_mm(), ..RefineOptions::default() };
+    world.options.core = None;
+    world.options.limits[support.0].max_mm = 0.0;
+    world.options.limits[black.0].max_mm = 0.9 * layers.min_layer_mm;
+    let space = layer_space(&world.options, &layers, world.resins.len());
+    let gamut = Gamut::of_space(&world.resins, None, &world.set.grid, &space, &Unwatched).unwrap();
+    let points = &gamut.channels[0].points;
+    let holds = |resin: ResinId| points.iter().any(|point| point.stacking.layers.iter().any(|l| l.resin == resin));
+    assert!(!points.is_empty() && !holds(support) && !holds(black), "{points:?}");
+}
+
 /// Four times the work: how far does the boundary move?
 #[test]
 #[ignore = "half a minute; in scripts/prove search"]
