@@ -7,7 +7,7 @@
 //! ```text
 //!   fields ──► voxels ──► printed albedo at points of the surface
 //!     ▲                                │
-//!     │                   ln (asked / printed): what places of like shape and like grain
+//!     │                   ln (asked / printed): what places of like shape, contrast and grain
 //!     │                   of their voxels miss alike, and means over some mm² of what is
 //!     │                   left, as far as noise allows
 //!     │                                │
@@ -24,6 +24,7 @@
 //! Points, walks and means are drawn and summed in a fixed order, and factors are rounded to a thousandth before they
 //! are used: what is found is the same for any number of threads, and reads back from a file as what it was.
 
+mod contrast;
 mod grain;
 mod progress;
 mod residual;
@@ -32,6 +33,7 @@ mod shape;
 
 use std::{path::Path, time::Instant};
 
+use contrast::Contrast;
 use grain::Meant;
 use progress::{Wanting, is_worse};
 use residual::{Looked, Residuals, Seen, Sums};
@@ -320,12 +322,16 @@ impl Prepared {
             let shape = Shape::new(scene, &spot.middle, sky, plan.half_ln(at), turn);
             let asked = &self.objects[plan.object].asked;
             let goal = |texel: usize, albedo: &[f64]| plan.within_reach(texel, albedo, asked);
-            let asked = shade::all_shown(&self.expected_as(&spot, &goal).asked?, sky);
-            Some(PointSpot { plan: n, at, spot: spot.spot, radius_mm, asked, shape })
+            let albedo = self.expected_as(&spot, &goal).asked?;
+            let asked = shade::all_shown(&albedo, sky);
+            Some((PointSpot { plan: n, at, spot: spot.spot, radius_mm, asked, contrast: Vec::new(), shape }, albedo))
         };
         let points = |(n, plan): (usize, &ObjectPlan)| (0..plan.points.points().len()).map(move |at| (n, at));
         let points: Vec<_> = plans.iter().enumerate().flat_map(points).collect();
-        parallel::map_all(&points, of_point).into_iter().flatten().collect()
+        let (mut spots, albedos): (Vec<_>, Vec<_>) = parallel::map_all(&points, of_point).into_iter().flatten().unzip();
+        let contrasts = contrast::of_spots(plans, &spots, &albedos);
+        spots.iter_mut().zip(contrasts).for_each(|(spot, contrast)| spot.contrast = contrast);
+        spots
     }
 
     /// Looks at the points of all objects that can be corrected.
@@ -346,8 +352,9 @@ impl Prepared {
         let mut looked = Looked::new(plans, walks, channels);
         for (spot, printed) in spots.iter().zip(printed) {
             if let Some(printed) = printed.into_iter().collect() {
-                let (asked, shape) = (spot.asked.clone(), spot.shape);
-                looked.objects[spot.plan][spot.at] = Some(Seen { asked, printed, shape, grain: Vec::new() });
+                let (asked, contrast) = (spot.asked.clone(), spot.contrast.clone());
+                let seen = Seen { asked, printed, shape: spot.shape, grain: Vec::new(), contrast };
+                looked.objects[spot.plan][spot.at] = Some(seen);
             }
         }
         // In several channels it tells next to nothing, and no correction follows the last look.
@@ -399,8 +406,8 @@ fn corrected(now: &Followed<'_>, residuals: &Residuals, responses: &[Responses])
             let shape = now.sums[n].as_ref().map(|sums| &sums[channel].shape);
             let [of_means, of_points] = shape.map_or([1.0; 2], |shape| response.at(shape));
             let kept = shape.map_or(1.0, Shape::lit) * now.reached[n][channel];
-            let of_grain = residuals.of_grain[n][channel];
-            let off = (residuals.off[n][channel] - of_grain) / of_means + of_grain / of_points;
+            let own = residuals.of_points[n][channel];
+            let off = (residuals.off[n][channel] - own) / of_means + own / of_points;
             factor[channel] = (kept + DAMPING * off).clamp(-GREATEST, GREATEST);
         }
         factor
@@ -417,6 +424,7 @@ struct PointSpot {
     /// Albedo that is asked for, as far as it can be reached, less what other parts of the object take of the light
     /// there, by channel.
     asked: Vec<f64>,
+    contrast: Vec<Contrast>,
     shape: Shape,
 }
 
@@ -454,26 +462,34 @@ mod tests {
     #[test]
     fn places_that_see_no_sky_go_back_to_what_was_found() {
         let [dark, dim, lit] = [0.0, 0.15, 1.0].map(|sky| Shape::with([0.0, 0.0, 1.0 - sky]));
-        let sample = |shape: Shape| shape::Sample { shape, grain: &[], asked: 0.1, printed: 0.1, variance: 0.0 };
+        let sample = |shape: Shape| shape::Sample {
+            shape,
+            grain: &[],
+            contrast: contrast::EVEN,
+            asked: 0.1,
+            printed: 0.1,
+            variance: 0.0,
+        };
         let sums: Vec<_> = [dark, dim, lit].map(|shape| Some(vec![sample(shape)])).to_vec();
         let reached = vec![[-0.5; CHANNELS]; 3];
         let now = Followed { reached: &reached, sums };
         let none = vec![[0.0; CHANNELS]; 3];
-        let residuals = Residuals { off: none.clone(), of_grain: none, worst: 0.0 };
+        let residuals = Residuals { off: none.clone(), of_points: none, worst: 0.0 };
         let next = corrected(&now, &residuals, &[Responses::WHOLE]);
         let factors: Vec<f64> = next.iter().map(|factor| factor[0]).collect();
         assert!(factors[0] == 0.0 && (factors[1] + 0.25).abs() < 1e-9 && factors[2] == -0.5, "{factors:?}");
     }
 
-    /// What is asked for against grain is divided by how far the print follows single points, the rest by how far it
+    /// What is asked for against grain and contrast is divided by how far the print follows single points, the rest by how far it
     /// follows means.
     #[test]
     fn corrections_are_divided_by_how_far_the_print_follows_them() {
         let shape = Shape::with([0.0; 3]);
-        let sample = shape::Sample { shape, grain: &[], asked: 0.1, printed: 0.1, variance: 0.0 };
+        let sample =
+            shape::Sample { shape, grain: &[], contrast: contrast::EVEN, asked: 0.1, printed: 0.1, variance: 0.0 };
         let reached = vec![[0.0; CHANNELS]];
         let now = Followed { reached: &reached, sums: vec![Some(vec![sample])] };
-        let residuals = Residuals { off: vec![[0.15; CHANNELS]], of_grain: vec![[0.05; CHANNELS]], worst: 0.0 };
+        let residuals = Residuals { off: vec![[0.15; CHANNELS]], of_points: vec![[0.05; CHANNELS]], worst: 0.0 };
         let next = corrected(&now, &residuals, &[Responses::with(1.0, 0.5)]);
         assert!((next[0][0] - DAMPING * (0.1 + 0.05 / 0.5)).abs() < 1e-12, "{next:?}");
     }

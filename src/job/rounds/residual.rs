@@ -2,7 +2,9 @@
 
 use super::{
     super::look::Fit,
-    RoundRecord, minus,
+    RoundRecord,
+    contrast::Contrast,
+    minus,
     shape::{ByShape, Sample, Shape},
 };
 use crate::{
@@ -52,6 +54,8 @@ pub(super) struct Seen {
     pub shape: Shape,
     /// [`Meant::beside`](super::grain::Meant::beside).
     pub grain: Vec<f64>,
+    /// By channel.
+    pub contrast: Vec<Contrast>,
 }
 
 /// The print at the points of all objects.
@@ -100,8 +104,8 @@ impl Looked {
 pub(super) struct Residuals {
     /// All of it.
     pub off: Vec<[f64; CHANNELS]>,
-    /// What of it is for grain alone, which differs from point to point.
-    pub of_grain: Vec<[f64; CHANNELS]>,
+    /// What of it is for grain and contrast alone, which differ from point to point.
+    pub of_points: Vec<[f64; CHANNELS]>,
     /// The greatest miss of means over some mm².
     pub worst: f64,
 }
@@ -132,29 +136,30 @@ impl Residuals {
         }
         let at = |n: usize| {
             let lit = sums[n].as_ref().map_or(1.0, lit);
-            let (mut off, mut of_grain) = (off[n], [0.0; CHANNELS]);
+            let (mut off, mut of_points) = (off[n], [0.0; CHANNELS]);
             let samples = sums[n].iter().flatten().zip(&by_shape);
-            for ((off, of_grain), (sample, fit)) in off.iter_mut().zip(&mut of_grain).zip(samples) {
+            for ((off, of_points), (sample, fit)) in off.iter_mut().zip(&mut of_points).zip(samples) {
                 if sample.asked > 0.0 {
                     let ratio = fit.ratio(sample);
                     *off -= libm::log(ratio);
-                    if !sample.grain.is_empty() {
-                        *of_grain = libm::log(fit.ratio(&sample.without_grain()) / ratio);
+                    if sample.differs() {
+                        *of_points = libm::log(fit.ratio(&sample.like_any()) / ratio);
                     }
                 }
             }
             let wide = miss(&plan.points, sums, n, &WIDE).off;
-            [off, of_grain, wide].map(|of| of.map(|off| lit * off))
+            [off, of_points, wide].map(|of| of.map(|off| lit * off))
         };
         let found = parallel::map(points.len(), at);
         let worst = found.iter().flat_map(|[.., wide]| wide).fold(0.0, |worst: f64, off| worst.max(off.abs()));
-        let (off, mut of_grain): (_, Vec<_>) = found.into_iter().map(|[off, of_grain, _]| (off, of_grain)).unzip();
-        // What it has in common around a point is no grain: counts are of voxels, whose middles lie below the surface.
-        if counts_grain(sums) {
-            let common = parallel::map(points.len(), |n| mean_alike(&plan.points, sums, n, &of_grain));
-            of_grain = of_grain.iter().zip(&common).map(|(all, common)| minus(all, common)).collect();
+        let (off, mut of_points): (_, Vec<_>) = found.into_iter().map(|[off, of_points, _]| (off, of_points)).unzip();
+        // What it has in common around a point is no single point's: counts of grain are of voxels, whose middles lie
+        // below the surface.
+        if differ(sums) {
+            let common = parallel::map(points.len(), |n| mean_alike(&plan.points, sums, n, &of_points));
+            of_points = of_points.iter().zip(&common).map(|(all, common)| minus(all, common)).collect();
         }
-        Self { off, of_grain, worst }
+        Self { off, of_points, worst }
     }
 }
 
@@ -169,23 +174,26 @@ fn add_signal(points: &SurfacePoints, seen: &[Option<Sums<'_>>], off: &mut [[f64
 /// What is asked and printed at a point, by factor.
 pub(super) type Sums<'a> = Vec<Sample<'a>>;
 
-/// Whether what lies below the points was counted.
-pub(super) fn counts_grain(sums: &[Option<Sums<'_>>]) -> bool {
-    sums.iter().flatten().flatten().any(|sample| !sample.grain.is_empty())
+/// Whether anything is known of the points that differs from one to the next.
+pub(super) fn differ(sums: &[Option<Sums<'_>>]) -> bool {
+    sums.iter().flatten().flatten().any(Sample::differs)
 }
 
 /// Where all channels have the same factor, their means count.
 fn sums_of(seen: &Seen, factors: usize) -> Sums<'_> {
     let each = (seen.asked.len() / factors.max(1)).max(1);
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
-    let of = |(asked, printed): (&[f64], &[Estimate])| Sample {
+    let of = |((asked, printed), contrast): ((&[f64], &[Estimate]), &[Contrast])| Sample {
         shape: seen.shape,
         grain: &seen.grain,
+        contrast: std::array::from_fn(|n| {
+            contrast.iter().map(|of_channel| of_channel[n]).sum::<f64>() / contrast.len() as f64
+        }),
         asked: mean(asked),
         printed: printed.iter().map(|printed| printed.mean).sum::<f64>() / printed.len().max(1) as f64,
         variance: printed.iter().map(|one| (one.standard_error / printed.len() as f64).powi(2)).sum(),
     };
-    seen.asked.chunks(each).zip(seen.printed.chunks(each)).map(of).collect()
+    seen.asked.chunks(each).zip(seen.printed.chunks(each)).zip(seen.contrast.chunks(each)).map(of).collect()
 }
 
 /// How much a place counts, of whose samples there is at least one.
@@ -332,7 +340,7 @@ fn signal_share(signal: f64, noise: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::contrast::EVEN, *};
 
     /// The share at a point amid a plate that sees so much of the `sky`, where points differ by (miss, variance).
     fn share_amid(sky: f64, difference: impl Fn(usize) -> [f64; 2]) -> f64 {
@@ -340,7 +348,7 @@ mod tests {
         let [a, b, c, d] = [corner(0.0, 0.0), corner(10.0, 0.0), corner(10.0, 10.0), corner(0.0, 10.0)];
         let points = SurfacePoints::spread(&[[a, b, c], [a, c, d]], 0.5, 1000);
         let shape = Shape::with([0.0, 0.0, 1.0 - sky]);
-        let sample = Sample { shape, grain: &[], asked: 0.3, printed: 0.3, variance: 0.0 };
+        let sample = Sample { shape, grain: &[], contrast: EVEN, asked: 0.3, printed: 0.3, variance: 0.0 };
         let seen: Vec<_> = points.points().iter().map(|_| Some(vec![sample])).collect();
         let missed = |n: usize| difference(n).map(|number| [number; CHANNELS]);
         let differences: Vec<Missed> =
@@ -359,7 +367,7 @@ mod tests {
             let (near, missed) = if n.is_multiple_of(3) { (0.6, 0.05) } else { (0.0, -0.005) };
             let noise = if (n as f64 * 0.618).fract() < 0.5 { 0.05 } else { -0.05 };
             let (shape, printed) = (Shape::with([near, 0.0, 0.0]), 0.3 * (1.0 + missed + noise));
-            Sample { shape, grain: &[], asked: 0.3, printed, variance: (0.3_f64 * 0.05).powi(2) }
+            Sample { shape, grain: &[], contrast: EVEN, asked: 0.3, printed, variance: (0.3_f64 * 0.05).powi(2) }
         };
         let seen: Vec<_> = (0..points.points().len()).map(|n| Some(vec![sample(n)])).collect();
         let found = everywhere(&points, &seen);
@@ -387,7 +395,8 @@ mod tests {
         let points = SurfacePoints::spread(&[[a, b, c], [a, c, d]], 0.3, 1000);
         let of = |n: usize| if n.is_multiple_of(3) { 0.9 } else { 0.0 };
         let shape = |n: usize| Shape::with([of(n), 0.0, 0.0]);
-        let sample = |n: usize| Sample { shape: shape(n), grain: &[], asked: 0.3, printed: 0.3, variance: 0.0 };
+        let sample =
+            |n: usize| Sample { shape: shape(n), grain: &[], contrast: EVEN, asked: 0.3, printed: 0.3, variance: 0.0 };
         let seen: Vec<_> = (0..points.points().len()).map(|n| Some(vec![sample(n)])).collect();
         let values: Vec<_> = (0..seen.len()).map(|n| [1.0 + of(n); CHANNELS]).collect();
         for n in [300, 301] {

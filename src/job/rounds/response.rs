@@ -4,7 +4,7 @@
 //! edges, in hollows and thin parts, the print follows them by half, or answers to its neighbours' in the end; on wide
 //! flat parts by all of it. What the last correction did is seen in the round after: the change of ln printed over the
 //! change of the factors, by least squares over all points, as a function of the [`Shape`]. The next one is divided by
-//! it: once by single points, and once by means around places. What differs from point to point, against grain, the
+//! it: once by single points, and once by means around places. What differs from point to point, against grain and contrast, the
 //! print follows by less than what a whole face has in common; divided by the former, faces were corrected by twice
 //! what they missed. On a rabbit in one colour a correction of 0.8 of a miss moves flat parts by 0.8, hollows by 0.65
 //! and thin parts by 0.55, and the next one, of what is left, by 0.8, 0.5 and 0.45.
@@ -15,7 +15,7 @@
 
 use super::{
     Followed,
-    residual::{PLACES, around_alike, counts_grain},
+    residual::{PLACES, around_alike, differ},
     shape::{Sample, Shape},
 };
 use crate::{job::plan::ObjectPlan, numeric::positive_definite::NormalEquations, parallel};
@@ -59,7 +59,7 @@ impl Step {
 pub(super) struct Responses {
     /// Where it changes alike over a millimetre or two.
     of_means: Response,
-    /// Where it differs from point to point, as what is asked for against grain does.
+    /// Where it differs from point to point, as what is asked for against grain and contrast does.
     of_points: Response,
 }
 
@@ -80,7 +80,7 @@ impl Responses {
             Step::between(&before, &now, reached - reached_before)
         };
         let single = |at: usize| step([before, now].map(|round| at_point(round, at, channel)));
-        let of_points = match counts_grain(&now.sums) || plan.point_a_texel_mm.is_some() {
+        let of_points = match differ(&now.sums) || plan.point_a_texel_mm.is_some() {
             true => Response::fit((0..all).filter_map(single)),
             false => Response::WHOLE,
         };

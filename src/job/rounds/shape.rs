@@ -15,12 +15,15 @@
 //! 4.7 and 6.2% (red, held back points).
 //!
 //! With it is fitted what the voxels right below each point do, which hold a little more or less of a resin than was
-//! meant ([`grain`](super::grain)).
+//! meant ([`grain`](super::grain)), and what is asked for around each ([`contrast`](super::contrast)).
 //!
 //! A place that sees less than 0.3 of the sky counts less the less it sees ([`Shape::lit`], and why
 //! [`shade`](mod@super::super::look::shade)): where none is seen, layers stay as they were found.
 
-use super::super::{look::shade, plan::HALF_THICKNESSES_MM};
+use super::{
+    super::{look::shade, plan::HALF_THICKNESSES_MM},
+    contrast::{Contrast, EVEN},
+};
 use crate::{
     look::{Scene, Site},
     numeric::positive_definite::NormalEquations,
@@ -117,6 +120,7 @@ pub(super) struct Sample<'a> {
     pub shape: Shape,
     /// Shares of the resins below it, less those that were meant ([`Meant::beside`](super::grain::Meant::beside)).
     pub grain: &'a [f64],
+    pub contrast: Contrast,
     /// Albedo that is asked for there.
     pub asked: f64,
     /// Albedo that is printed, and the square of its standard error.
@@ -125,23 +129,27 @@ pub(super) struct Sample<'a> {
 }
 
 impl Sample<'_> {
-    /// The same place, laid as it was meant.
-    pub fn without_grain(&self) -> Self {
-        Self { grain: &[], ..*self }
+    /// Whether anything is known of it that differs from point to point.
+    pub fn differs(&self) -> bool {
+        !self.grain.is_empty() || self.contrast != EVEN
     }
 
-    /// What printed over asked is a sum of: products of the shape's numbers and the albedo, and what each share of a
-    /// resin does, which depends on the albedo too.
+    /// A place of the same shape, laid as it was meant, and with the same asked for all around.
+    pub fn like_any(&self) -> Self {
+        Self { grain: &[], contrast: EVEN, ..*self }
+    }
+
+    /// What printed over asked is a sum of: products of the shape's numbers and the albedo, and what contrasts and each
+    /// share of a resin do, which depends on the albedo too.
     fn terms(&self, degree: usize, with_grain: bool) -> Vec<f64> {
         let mut terms = self.shape.products(self.asked, degree);
-        if with_grain {
-            terms.extend(self.grain.iter().flat_map(|share| [*share, share * self.asked]));
-        }
+        let grain = if with_grain { self.grain } else { &[] };
+        terms.extend(self.contrast.iter().chain(grain).flat_map(|number| [*number, number * self.asked]));
         terms
     }
 }
 
-/// Printed over asked, as a function of shape, grain and albedo.
+/// Printed over asked, as a function of shape, contrast, grain and albedo.
 #[derive(Debug, Clone)]
 pub(super) struct ByShape {
     degree: usize,
@@ -156,7 +164,8 @@ impl ByShape {
     pub fn fit(samples: &[Sample<'_>]) -> Self {
         let told: Vec<&Sample<'_>> =
             samples.iter().filter(|sample| sample.asked > 0.0 && sample.shape.lit() > 0.0).collect();
-        let terms = |degree: usize| (1..=degree).fold(1, |terms, n| terms * (VARIABLES + n) / n);
+        let products = |degree: usize| (1..=degree).fold(1, |terms, n| terms * (VARIABLES + n) / n);
+        let terms = |degree: usize| products(degree) + 2 * EVEN.len();
         let enough = |terms: usize| told.len() >= SAMPLES_A_TERM * terms;
         let degree = (1..=DEGREE).rev().find(|&degree| enough(terms(degree)));
         let Some(degree) = degree else { return Self { degree: 0, with_grain: false, coefficients: vec![0.0] } };
@@ -192,7 +201,7 @@ mod tests {
         let mut shape = [0.0; SHAPE];
         shape[..LENGTHS_MM.len()].iter_mut().enumerate().for_each(|(n, value)| *value = thin.powi(n as i32 + 1));
         let printed = asked * (1.0 + 0.4 * thin * (1.0 - asked)) * (1.0 + noise);
-        Sample { shape: Shape(shape), grain: &[], asked, printed, variance: (asked * noise).powi(2) }
+        Sample { shape: Shape(shape), grain: &[], contrast: EVEN, asked, printed, variance: (asked * noise).powi(2) }
     }
 
     #[test]
@@ -230,6 +239,25 @@ mod tests {
         for n in [7, 77, 777] {
             let [found, exact] = [fit.ratio(&samples[n]), printed(part(n, 0.618), &grains[n])];
             assert!((found - exact).abs() < 0.006, "{n}: {found} for {exact}");
+        }
+    }
+
+    /// Narrow veins that show a quarter less of what is asked for around them.
+    #[test]
+    fn what_contrast_does_is_found_under_noise() {
+        let part = |n: usize, step: f64| (n as f64 * step).fract();
+        let contrast = |n: usize| [part(n, 0.755) - 0.5, 1.5 * (part(n, 0.569) - 0.5)];
+        let printed = |[near, far]: Contrast| 1.0 + 0.25 * near - 0.1 * far;
+        let of = |n: usize, noise: f64| {
+            let plain = Sample { shape: Shape([0.0; SHAPE]), ..sample(0.0, 0.1 + 0.5 * part(n, 0.618), noise) };
+            Sample { contrast: contrast(n), printed: plain.printed * printed(contrast(n)), ..plain }
+        };
+        let samples: Vec<Sample<'_>> = (0..6000).map(|n| of(n, if n % 2 == 0 { 0.1 } else { -0.1 })).collect();
+        let fit = ByShape::fit(&samples);
+        for n in [7, 77, 777] {
+            let [found, exact] = [fit.ratio(&samples[n]), printed(contrast(n))];
+            assert!((found - exact).abs() < 0.01, "{n}: {found} for {exact}");
+            assert!((fit.ratio(&samples[n].like_any()) - 1.0).abs() < 0.01);
         }
     }
 
