@@ -313,9 +313,7 @@ impl ObjectPlan {
         let page = starts.partition_point(|start| *start <= texel) - 1;
         let cluster = self.clusters[page].0[texel - starts[page]];
         let Some(target) = asked.targets.get(cluster.index()) else { return albedo.to_vec() };
-        let of = |((own, channel), promised): ((&f64, &Vec<f64>), &f64)| {
-            if channel[0] > 0.0 { own * within_reach(channel[0], *promised) / channel[0] } else { *promised }
-        };
+        let of = |((own, channel), promised): ((&f64, &Vec<f64>), &f64)| as_far_off(*own, channel[0], *promised);
         albedo.iter().zip(&target.channels).zip(self.answers.promised(cluster.index())).map(of).collect()
     }
 
@@ -332,6 +330,16 @@ fn within_reach(asked: f64, promised: f64) -> f64 {
     }
     let off = libm::log(promised / asked);
     asked * libm::exp(off.signum() * (off.abs() - NEAR).max(0.0))
+}
+
+/// What `own` asks for among places whose mean `asked` for what [`within_reach`] of `promised` is: as far off as that,
+/// but no farther than the promise, and not at all beyond it.
+fn as_far_off(own: f64, asked: f64, promised: f64) -> f64 {
+    if asked <= 0.0 || own <= 0.0 {
+        return own.max(promised);
+    }
+    let moved = own * within_reach(asked, promised) / asked;
+    if promised > asked { own.max(moved.min(promised)) } else { own.min(moved.max(promised)) }
 }
 
 fn points_of(sites: &[TexelSite], triangles: &[[DVec3; 3]]) -> Vec<PointOfSurface> {
@@ -428,5 +436,35 @@ impl Laid {
     /// Stackings of its labels beside the clusters' own.
     pub fn stackings(&self) -> impl Iterator<Item = &Stack<Mixture>> {
         self.answers.iter().map(|answer| &answer.stacking)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_near_is_asked_for_and_what_is_far_as_near_as_promised() {
+        assert_eq!(within_reach(0.5, 0.505), 0.5);
+        assert!((within_reach(0.5, 0.4) - 0.4 * NEAR.exp()).abs() < 1e-12);
+        assert!((within_reach(0.03, 0.05) - 0.05 * (-NEAR).exp()).abs() < 1e-12);
+    }
+
+    /// A cluster of black, of which no resin is, holds texels that are not so black.
+    #[test]
+    fn nothing_lighter_than_the_promise_is_asked_for_where_black_is_out_of_reach() {
+        for asked in [0.0, 1e-12, 1e-4, 0.02] {
+            assert!(
+                (as_far_off(0.03, asked, 0.05) - 0.05).abs() < 0.1 * 0.05,
+                "{asked}: {}",
+                as_far_off(0.03, asked, 0.05)
+            );
+            assert_eq!([0.06, 0.3].map(|own| as_far_off(own, asked, 0.05)), [0.06, 0.3], "{asked}");
+        }
+        // The other way round, of white.
+        assert_eq!(as_far_off(0.8, 0.95, 0.82), 0.8);
+        assert!((as_far_off(0.9, 0.95, 0.82) - 0.82).abs() < 1e-12);
+        // And where the promise is near, each is asked for as it is.
+        assert_eq!([0.4, 0.5, 0.6].map(|own| as_far_off(own, 0.5, 0.503)), [0.4, 0.5, 0.6]);
     }
 }
