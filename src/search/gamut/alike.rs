@@ -1,7 +1,7 @@
 //! Whether what was found will do: by eye, or at least without a warning.
 
 use super::{super::SearchTarget, place_of};
-use crate::optics::FrequencyGrid;
+use crate::{colour::lightness, optics::FrequencyGrid};
 
 /// A stacking looks like a target where its albedo is within this of the target's, and its half-energy radius within
 /// that, as shares: both are below what an eye sees.
@@ -10,9 +10,10 @@ const ALIKE: [f64; 2] = [0.02, 0.1];
 /// Where a target is black, or wider than can be told, its spectrum is met this closely.
 const BLACK: f64 = 1e-3;
 
-/// Albedos that differ by less look much alike: wider than [`ALIKE`], as one does not warn of all that an eye sees
-/// side by side.
+/// Albedos that differ by less, and by less in lightness L*, look much alike: wider than [`ALIKE`], as one does not warn
+/// of all that an eye sees side by side. Of 0.03 and 0.06 the albedos differ by little, but eyes tell them from afar.
 const MUCH_ALIKE: f64 = 0.05;
+const MUCH_AS_LIGHT: f64 = 5.0;
 
 impl SearchTarget {
     /// Whether what reflects `found`, R̂ per channel on `grid`, looks like this target in every channel.
@@ -27,10 +28,14 @@ impl SearchTarget {
     }
 }
 
-/// Of albedos asked for and found, the two that are farthest apart if that is far enough for a warning: more than 0.05.
+/// Of albedos asked for and found, the two that are farthest apart if that is far enough for a warning: more than 0.05,
+/// or 5 in L*.
 pub fn far_miss(albedos: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
-    let gap = |[asked, found]: &[f64; 2]| (asked - found).abs();
-    albedos.filter(|pair| gap(pair) > MUCH_ALIKE).max_by(|a, b| gap(a).total_cmp(&gap(b)))
+    let gap = |[asked, found]: &[f64; 2]| {
+        let lighter = lightness(*asked) - lightness(*found);
+        ((asked - found).abs() / MUCH_ALIKE).max(lighter.abs() / MUCH_AS_LIGHT)
+    };
+    albedos.filter(|pair| gap(pair) > 1.0).max_by(|a, b| gap(a).total_cmp(&gap(b)))
 }
 
 /// Glows that differ by no more than this factor in width look much alike; a guess.
@@ -87,7 +92,9 @@ mod tests {
     #[test]
     fn the_farthest_miss_is_told() {
         assert_eq!(far_miss([[0.5, 0.54], [0.3, 0.1], [0.2, 0.3]].into_iter()), Some([0.3, 0.1]));
-        assert_eq!(far_miss([[0.5, 0.54], [0.2, 0.24]].into_iter()), None);
+        assert_eq!(far_miss([[0.5, 0.54], [0.2, 0.22]].into_iter()), None);
+        // Black that no resin is: 0.025 apart, but 8 in lightness.
+        assert_eq!(far_miss([[0.5, 0.54], [0.031, 0.056]].into_iter()), Some([0.031, 0.056]));
         assert_eq!(far_miss(std::iter::empty()), None);
         assert_eq!(far_miss([[f64::NAN, 0.5], [0.5, 0.6]].into_iter()), Some([0.5, 0.6]));
         assert_eq!(far_glow([[1.0, 1.6], [2.0, 0.9], [1.0, 1.4]].into_iter()), Some([2.0, 0.9]));
