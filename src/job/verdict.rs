@@ -20,6 +20,8 @@ const GRADES: [Grade; 3] = [
     ([4.0, 10.0], [0.12, 0.4], "looks like what was asked, with differences that show"),
 ];
 const ELSE: &str = "looks other than asked";
+/// Albedos that are asked for below this are black, of which a share tells nothing.
+const BLACK: f64 = 0.02;
 /// A spot that sees less of the sky lies in a hollow.
 const HOLLOW: f64 = 0.75;
 /// Words for parts of the height up to which they hold.
@@ -66,7 +68,7 @@ impl Manifest {
         let goal = worst.shows(worst.asked.as_ref().unwrap_or(&worst.predicted));
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
         let (printed, wanted) = (mean(&worst.printed), mean(&goal));
-        let percent = 100.0 * (printed / wanted.max(1e-3) - 1.0).abs();
+        let percent = 100.0 * (printed / wanted - 1.0).abs();
         let side = if printed > wanted { "brighter" } else { "darker" };
         let [x, y, z] = worst.position_mm;
         let [low, high] = [0, 1].map(|end| {
@@ -84,8 +86,12 @@ impl Manifest {
             );
         }
         let off = match worst.delta_e_2000 {
-            Some(difference) => format!("ΔE {difference:.1}, {percent:.0}% {side}"),
-            None => format!("{percent:.0}% {side}"),
+            _ if wanted < BLACK => format!("an albedo of {printed:.2} in place of {wanted:.2}"),
+            Some(difference) if percent < 1.0 => {
+                format!("ΔE {difference:.1}, as bright as it should be, of another hue")
+            }
+            Some(difference) => format!("ΔE {difference:.1}, {percent:.0}% {side} than it should be"),
+            None => format!("{percent:.0}% {side} than it should be"),
         };
         let why = if worst.asked.as_deref().is_some_and(|asked| self.is_beyond(worst.object, asked)) {
             "these resins come no nearer to what is asked there".to_owned()
@@ -99,11 +105,11 @@ impl Manifest {
              up for it"
                 .to_owned()
         } else {
-            "most likely a thin part, an edge or a bend, where light comes and goes by other sides; it was corrected \
-             as far as rounds and resins go"
+            "most likely a thin part, an edge or a bend, where light comes and goes by other sides, or a pattern finer \
+             than light travels in these resins; it was corrected as far as rounds and resins go"
                 .to_owned()
         };
-        format!("The worst place is {}: {off} than it should be. Why: {why}.", at(height))
+        format!("The worst place is {}: {off}. Why: {why}.", at(height))
     }
 
     /// Whether the stacking for what is most like `asked` looks another way, though flat and endless.
@@ -136,13 +142,13 @@ impl Manifest {
         let beyond = self.beyond()?;
         let cut = self.rounds.last().map_or(0.0, |round| round.out_of_reach);
         let flat = match percent(beyond) {
-            None => "These resins reach every albedo that is asked for".to_owned(),
+            None => "On a flat slab these resins come near every albedo that is asked for".to_owned(),
             Some(share) => {
                 format!("Out of reach: {share} of the surface asks for an albedo that these resins do not have")
             }
         };
         let shape = percent(cut).map(|share| {
-            format!("at {share} of the places what their shape would need is more than the resins can do")
+            format!("at {share} of the places what their shape and pattern would need is more than the resins can do")
         });
         Some(match shape {
             None => format!("{flat}."),

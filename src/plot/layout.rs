@@ -95,7 +95,7 @@ impl Room {
             labels.map(|label| Line::new(&label, TICK, Weight::Regular).width).fold(0.0, f64::max)
         };
         let mut room = Self { left: 0.0, right: 14.0, above: 10.0, below: TICK_LENGTH + GAP + TICK };
-        for panel in &figure.panels {
+        for panel in figure.panels.iter().filter(|panel| !panel.is_gap()) {
             let axes = Axes::new(panel, Frame { x: 0.0, y: 0.0, width, height });
             let label = if panel.y.label.is_empty() { 0.0 } else { LABEL + GAP };
             room.left = room.left.max(widest(axes.y_ticks()) + TICK_LENGTH + GAP + label);
@@ -143,7 +143,7 @@ pub(super) fn lay_out(figure: &Figure) -> Drawing {
             items.push(Item::Text { line, at, upright: false, colour });
         }
     }
-    for (index, panel) in figure.panels.iter().enumerate() {
+    for (index, panel) in figure.panels.iter().enumerate().filter(|(_, panel)| !panel.is_gap()) {
         let (column, row) = ((index % columns) as f64, (index / columns) as f64);
         let frame = Frame {
             x: PAGE_MARGIN + column * (cell_width + PANEL_GAP) + room.left,

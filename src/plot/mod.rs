@@ -201,9 +201,14 @@ impl Figure {
 }
 
 impl Panel {
-    /// An empty panel.
+    /// An empty panel: nothing is drawn of it before there is anything in it, but it keeps its place in its row.
     pub fn new(x: Axis, y: Axis) -> Self {
         Self { title: String::new(), x, y, raster: None, series: Vec::new(), notes: Vec::new(), legend_beside: false }
+    }
+
+    /// Whether it only keeps a place.
+    fn is_gap(&self) -> bool {
+        self.title.is_empty() && self.raster.is_none() && self.series.is_empty() && self.notes.is_empty()
     }
 
     /// Sets the title.

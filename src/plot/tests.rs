@@ -110,3 +110,14 @@ fn too_many_pixels_are_refused() {
     assert!(matches!(wide.encode(Format::Png), Err(PlotError::Size { .. })));
     assert!(wide.encode(Format::Svg).is_ok());
 }
+
+/// A panel with nothing in it keeps its place, and nothing is drawn there.
+#[test]
+fn an_empty_panel_is_a_gap() {
+    let panel = |title: &str| Panel::new(Axis::linear("x"), Axis::linear("y")).title(title);
+    let figure = |middle: Panel| Figure::new("").columns(3).with(panel("a")).with(middle).with(panel("b"));
+    let [gap, filled] = [panel(""), panel("c")].map(|middle| layout::lay_out(&figure(middle)));
+    assert_eq!((gap.width, gap.height), (filled.width, filled.height));
+    let drawn = |drawing: &drawing::Drawing| drawing.items.len();
+    assert_eq!(drawn(&filled) - drawn(&gap), drawn(&filled) / 3);
+}

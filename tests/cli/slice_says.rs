@@ -197,6 +197,13 @@ fn a_report_opens_with_a_verdict() {
     let bright = verdict("bright");
     says(&bright, &["The print looks ", "places looked at, half are within ", "95% within "]);
     says(&bright, &["these resins come no nearer", "Out of reach: 100% of the surface", "warning"]);
+    // Darker than black is: 0.055 of the synthetic one, which as a share of so little tells nothing.
+    let job = job.replace("albedo-value = 0.95", "albedo-value = 0.01");
+    bench.write("job.toml", job.as_bytes());
+    bench.slice("dark");
+    let dark = verdict("dark");
+    says(&dark, &["an albedo of 0.", " in place of 0.01. Why: these resins come no nearer", "Out of reach: 100%"]);
+    assert!(!dark[0].contains("000%"), "{dark:?}");
 }
 
 /// Paper and looks lie on dark pages without glare.

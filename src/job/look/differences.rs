@@ -10,8 +10,8 @@ use crate::{
     optics::Estimate,
 };
 
-/// Albedos below this are black.
-const BLACK: f64 = 1e-3;
+/// Shares are of no less than this albedo: what is off by a share of black tells nothing.
+const DARKEST: f64 = 0.05;
 
 /// ΔE2000 between an albedo that is asked for and one that is printed; `None` unless there are three channels.
 pub(super) fn of_colours(asked: &[f64], printed: &[Estimate]) -> Option<f64> {
@@ -26,12 +26,12 @@ pub(super) fn of_colours(asked: &[f64], printed: &[Estimate]) -> Option<f64> {
     Some(without_noise(delta_e_2000(asked, here).powi(2), (0..3).map(noise).sum()))
 }
 
-/// How far a spot is from `goal`, as a share of that.
+/// How far a spot is from `goal`, as a share of that, or of an albedo of 0.05 where it is darker.
 pub(super) fn share_off(spot: &SpotRecord, goal: &[f64]) -> f64 {
     let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|value| value * value).sum::<f64>();
     let apart = squares(&mut spot.printed.iter().zip(goal).map(|(printed, goal)| printed - goal));
     let noise = squares(&mut spot.standard_error.iter().copied());
-    without_noise(apart, noise) / squares(&mut goal.iter().copied()).sqrt().max(BLACK)
+    without_noise(apart, noise) / squares(&mut goal.iter().copied()).sqrt().max(DARKEST)
 }
 
 /// A difference, from its square as seen and the square that noise adds to it on average.

@@ -285,8 +285,8 @@ fn texture_wanted(
         .map_err(|error| context.refuse("clusters", error, "profiles that can be grouped"))?;
     context.watch.go_on()?;
     let count = clusters.centroids.len();
-    // One appearance everywhere is what a constant target is, not a lack of clusters.
-    if count < clusters.requested && appearances.distinct.len() > 1 {
+    // As many clusters as appearances lack nothing.
+    if count < clusters.requested.min(appearances.distinct.len()) {
         warnings.push(format!(
             "object {}: its {} distinct appearances make {count} clusters, not the {} asked for",
             context.object + 1,
