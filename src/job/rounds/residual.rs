@@ -104,7 +104,8 @@ impl Looked {
 pub(super) struct Residuals {
     /// All of it.
     pub off: Vec<[f64; CHANNELS]>,
-    /// What of it is for grain and contrast alone, which differ from point to point.
+    /// What of it is for grain and contrast alone, which differ from point to point; nothing where grain was not
+    /// counted.
     pub of_points: Vec<[f64; CHANNELS]>,
     /// The greatest miss of means over some mm².
     pub worst: f64,
@@ -142,7 +143,7 @@ impl Residuals {
                 if sample.asked > 0.0 {
                     let ratio = fit.ratio(sample);
                     *off -= libm::log(ratio);
-                    if sample.differs() {
+                    if !sample.grain.is_empty() {
                         *of_points = libm::log(fit.ratio(&sample.like_any()) / ratio);
                     }
                 }
@@ -155,7 +156,7 @@ impl Residuals {
         let (off, mut of_points): (_, Vec<_>) = found.into_iter().map(|[off, of_points, _]| (off, of_points)).unzip();
         // What it has in common around a point is no single point's: counts of grain are of voxels, whose middles lie
         // below the surface.
-        if differ(sums) {
+        if counts_grain(sums) {
             let common = parallel::map(points.len(), |n| mean_alike(&plan.points, sums, n, &of_points));
             of_points = of_points.iter().zip(&common).map(|(all, common)| minus(all, common)).collect();
         }
@@ -174,9 +175,9 @@ fn add_signal(points: &SurfacePoints, seen: &[Option<Sums<'_>>], off: &mut [[f64
 /// What is asked and printed at a point, by factor.
 pub(super) type Sums<'a> = Vec<Sample<'a>>;
 
-/// Whether anything is known of the points that differs from one to the next.
-pub(super) fn differ(sums: &[Option<Sums<'_>>]) -> bool {
-    sums.iter().flatten().flatten().any(Sample::differs)
+/// Whether what lies below the points was counted.
+pub(super) fn counts_grain(sums: &[Option<Sums<'_>>]) -> bool {
+    sums.iter().flatten().flatten().any(|sample| !sample.grain.is_empty())
 }
 
 /// Where all channels have the same factor, their means count.

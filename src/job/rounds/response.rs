@@ -15,7 +15,7 @@
 
 use super::{
     Followed,
-    residual::{PLACES, around_alike, differ},
+    residual::{PLACES, around_alike, counts_grain},
     shape::{Sample, Shape},
 };
 use crate::{job::plan::ObjectPlan, numeric::positive_definite::NormalEquations, parallel};
@@ -80,7 +80,7 @@ impl Responses {
             Step::between(&before, &now, reached - reached_before)
         };
         let single = |at: usize| step([before, now].map(|round| at_point(round, at, channel)));
-        let of_points = match differ(&now.sums) || plan.point_a_texel_mm.is_some() {
+        let of_points = match counts_grain(&now.sums) || plan.point_a_texel_mm.is_some() {
             true => Response::fit((0..all).filter_map(single)),
             false => Response::WHOLE,
         };

@@ -129,11 +129,6 @@ pub(super) struct Sample<'a> {
 }
 
 impl Sample<'_> {
-    /// Whether anything is known of it that differs from point to point.
-    pub fn differs(&self) -> bool {
-        !self.grain.is_empty() || self.contrast != EVEN
-    }
-
     /// A place of the same shape, laid as it was meant, and with the same asked for all around.
     pub fn like_any(&self) -> Self {
         Self { grain: &[], contrast: EVEN, ..*self }
@@ -144,7 +139,9 @@ impl Sample<'_> {
     fn terms(&self, degree: usize, with_grain: bool) -> Vec<f64> {
         let mut terms = self.shape.products(self.asked, degree);
         let grain = if with_grain { self.grain } else { &[] };
-        terms.extend(self.contrast.iter().chain(grain).flat_map(|number| [*number, number * self.asked]));
+        // What is dark amid light is one thing, what is light beside dark another.
+        let contrast = self.contrast.iter().flat_map(|contrast| [contrast.max(0.0), contrast.min(0.0)]);
+        terms.extend(contrast.chain(grain.iter().copied()).flat_map(|number| [number, number * self.asked]));
         terms
     }
 }
@@ -165,7 +162,7 @@ impl ByShape {
         let told: Vec<&Sample<'_>> =
             samples.iter().filter(|sample| sample.asked > 0.0 && sample.shape.lit() > 0.0).collect();
         let products = |degree: usize| (1..=degree).fold(1, |terms, n| terms * (VARIABLES + n) / n);
-        let terms = |degree: usize| products(degree) + 2 * EVEN.len();
+        let terms = |degree: usize| products(degree) + 4 * EVEN.len();
         let enough = |terms: usize| told.len() >= SAMPLES_A_TERM * terms;
         let degree = (1..=DEGREE).rev().find(|&degree| enough(terms(degree)));
         let Some(degree) = degree else { return Self { degree: 0, with_grain: false, coefficients: vec![0.0] } };
