@@ -105,6 +105,59 @@ fn a_gcvf_holds_its_slices_and_says_what_they_are() {
     assert!(mapping.contains(&format!("{:>14}", counts["white"])), "{mapping}");
 }
 
+/// What the metadata of a VDB's grid says of its active voxels: how many, least and greatest index.
+fn active_of(vdb: &[u8], grid: &str) -> (u64, [[i32; 3]; 2]) {
+    let text = |text: &str| [&(text.len() as u32).to_le_bytes(), text.as_bytes()].concat();
+    let find = |from: usize, what: &[u8]| from + vdb[from..].windows(what.len()).position(|at| at == what).unwrap();
+    // The name stands before the type of its tree.
+    let grid = ["Tree_float_5_4_3", "Tree_int32_5_4_3"].iter().find_map(|kind| {
+        let heading = [text(grid), text(kind)].concat();
+        vdb.windows(heading.len()).position(|at| at == heading)
+    });
+    let grid = grid.unwrap();
+    let value = |key: &str, kind: &str| {
+        let entry = [text(key), text(kind)].concat();
+        &vdb[find(grid, &entry) + entry.len() + 4..]
+    };
+    let index = |key| std::array::from_fn(|axis| value(key, "vec3i")[4 * axis..][..4].try_into().unwrap());
+    let count = u64::from_le_bytes(value("file_voxel_count", "int64")[..8].try_into().unwrap());
+    (count, ["file_bbox_min", "file_bbox_max"].map(|key| index(key).map(i32::from_le_bytes)))
+}
+
+#[test]
+fn a_vdb_says_where_its_active_voxels_are() {
+    let bench = bench("[\"png\", \"vdb\"]");
+    bench.slice("out");
+    let vdb = fs::read(bench.path("out/exports/job.vdb")).unwrap();
+    let manifest = bench.manifest("out");
+    let mut all = (0, [[i32::MAX; 3], [0; 3]]);
+    for material in manifest["materials"].as_array().unwrap().iter().filter(|material| material["voxels"] != 0) {
+        let rgba: Vec<u8> = serde_json::from_value(material["rgba"].clone()).unwrap();
+        if rgba[3] == 0 {
+            // Support, of which slices show nothing: its voxels lie within the black and white ones' box.
+            all.0 += material["voxels"].as_u64().unwrap();
+            continue;
+        }
+        let mut there = (0, [[i32::MAX; 3], [0; 3]]);
+        for k in 0..40 {
+            let slice = image::open(bench.path(format!("out/slices/slice_{k}.png"))).unwrap().into_rgba8();
+            for (x, y, pixel) in slice.enumerate_pixels().filter(|(_, _, pixel)| pixel.0 == rgba[..]) {
+                let at = [x as i32, slice.height() as i32 - 1 - y as i32, k];
+                for found in [&mut there, &mut all] {
+                    found.0 += 1;
+                    found.1[0] = std::array::from_fn(|axis| found.1[0][axis].min(at[axis]));
+                    found.1[1] = std::array::from_fn(|axis| found.1[1][axis].max(at[axis]));
+                }
+            }
+        }
+        let name = material["name"].as_str().unwrap();
+        assert_eq!(active_of(&vdb, name), there, "{name}");
+        // No whole bricks: the ball of 26 × 20 × 40 voxels ends within them.
+        assert!(there.1[0].iter().chain(&there.1[1]).any(|index| index % 8 != 0 && index % 8 != 7), "{there:?}");
+    }
+    assert_eq!(active_of(&vdb, "material"), all);
+}
+
 #[test]
 fn damage_to_a_container_is_found_even_where_the_manifest_agrees() {
     let bench = bench("[\"gcvf\", \"bmp\", \"vti\", \"nrrd\"]");

@@ -8,7 +8,7 @@ use std::{
 use sha2::{Digest, Sha256};
 
 use super::{Content, tree::Tree};
-use crate::{output::GENERATOR, voxel::BRICK, watch::Watch, words::hex};
+use crate::{output::GENERATOR, watch::Watch, words::hex};
 
 /// " BDV", and four bytes of 0.
 const MAGIC: i64 = 0x5644_4220;
@@ -84,9 +84,8 @@ fn write_grid(
     let (count, [low, high]) = grid.tree.active();
     let mut metadata = vec![("file_voxel_count".to_owned(), Value::Long(count as i64))];
     if count > 0 {
-        let edge = BRICK as u32;
-        metadata.push(("file_bbox_min".to_owned(), Value::Index(low.map(|brick| (brick * edge) as i32))));
-        metadata.push(("file_bbox_max".to_owned(), Value::Index(high.map(|brick| (brick * edge + edge - 1) as i32))));
+        metadata.push(("file_bbox_min".to_owned(), Value::Index(low.map(|index| index as i32))));
+        metadata.push(("file_bbox_max".to_owned(), Value::Index(high.map(|index| index as i32))));
     }
     metadata.push(("is_saved_as_half_float".to_owned(), Value::Truth(false)));
     metadata.extend(grid.metadata.iter().map(|(name, value)| (name.clone(), value.clone())));

@@ -14,7 +14,7 @@ use std::{
 };
 
 use super::values;
-use crate::watch::Watch;
+use crate::{voxel::BRICK, watch::Watch};
 
 /// Leaves along the edge of a node, as a power of two.
 const NODE: u32 = 4;
@@ -35,6 +35,26 @@ pub(super) struct Leaf {
     /// Values of the active ones, compressed; `None`: all are 1.
     pub(super) values: Option<Vec<u8>>,
 }
+
+impl Leaf {
+    /// Active voxels.
+    fn count(&self) -> u32 {
+        self.mask.iter().map(|word| word.count_ones()).sum()
+    }
+
+    /// Least and greatest index of an active voxel within the leaf; `None` where there is none.
+    fn extent(&self) -> Option<[[u32; 3]; 2]> {
+        // A word for each x, in it a byte for each y, in it a bit for each z.
+        let along_x = (0..8).filter(|x| self.mask[*x as usize] != 0).fold(0_u8, |bits, x| bits | 1 << x);
+        let rows = self.mask.iter().fold(0, |all, word| all | word).to_le_bytes();
+        let along_y = (0..8).filter(|y| rows[*y as usize] != 0).fold(0_u8, |bits, y| bits | 1 << y);
+        let bits = [along_x, along_y, rows.iter().fold(0, |all, row| all | row)];
+        (along_x != 0).then(|| [bits.map(u8::trailing_zeros), bits.map(|bits| 7 - bits.leading_zeros())])
+    }
+}
+
+/// Least and greatest index within a brick.
+const WHOLE: [[u32; 3]; 2] = [[0; 3], [BRICK as u32 - 1; 3]];
 
 /// 16³ bricks.
 #[derive(Debug, Clone, Default)]
@@ -94,19 +114,19 @@ impl Tree {
         node.leaves.insert(n, leaf);
     }
 
-    /// Active voxels, and least and greatest index of a brick that holds any.
+    /// Active voxels, and least and greatest index of them.
     pub(super) fn active(&self) -> (u64, [[u32; 3]; 2]) {
         let (mut count, mut low, mut high) = (0, [u32::MAX; 3], [0; 3]);
         for (origin, node) in &self.nodes {
-            count += 512 * node.tiles.len() as u64;
-            count +=
-                node.leaves.values().flat_map(|leaf| leaf.mask).map(|word| u64::from(word.count_ones())).sum::<u64>();
-            for n in node.tiles.keys().chain(node.leaves.keys()) {
+            let tiles = node.tiles.keys().map(|n| (n, 512, WHOLE));
+            let leaves = node.leaves.iter().filter_map(|(n, leaf)| Some((n, leaf.count(), leaf.extent()?)));
+            for (n, voxels, extent) in tiles.chain(leaves) {
+                count += u64::from(voxels);
                 let within = [n >> (2 * NODE), n >> NODE & 15, n & 15].map(u32::from);
                 for axis in 0..3 {
-                    let brick = (origin[axis] << NODE) + within[axis];
-                    low[axis] = low[axis].min(brick);
-                    high[axis] = high[axis].max(brick);
+                    let first = ((origin[axis] << NODE) + within[axis]) * BRICK as u32;
+                    low[axis] = low[axis].min(first + extent[0][axis]);
+                    high[axis] = high[axis].max(first + extent[1][axis]);
                 }
             }
         }
@@ -151,8 +171,7 @@ impl Tree {
                 for leaf in node.leaves.values() {
                     write_mask(out, &leaf.mask)?;
                     out.write_all(&[ALL_BACKGROUND])?;
-                    let active: u32 = leaf.mask.iter().map(|word| word.count_ones()).sum();
-                    out.write_all(leaf.values.as_ref().unwrap_or(&ones[active as usize]))?;
+                    out.write_all(leaf.values.as_ref().unwrap_or(&ones[leaf.count() as usize]))?;
                 }
             }
         }
