@@ -1,6 +1,9 @@
 //! Compression, fast rather than tight: rows of ids are long runs.
 
-use std::io::{self, Write};
+use std::{
+    cell::RefCell,
+    io::{self, Write},
+};
 
 use flate2::{Compress, Compression, FlushCompress, Status, write::ZlibEncoder};
 
@@ -15,6 +18,25 @@ pub(super) fn zlib(bytes: &[u8]) -> io::Result<Vec<u8>> {
     let mut encoder = ZlibEncoder::new(Vec::with_capacity(bytes.len() / 16 + 64), Compression::fast());
     encoder.write_all(bytes)?;
     encoder.finish()
+}
+
+thread_local! {
+    /// What [`zlib_of_few`] works with. Making it takes longer than to compress a kilobyte: it has tables of 300.
+    static FEW: RefCell<Compress> = RefCell::new(Compress::new(Compression::fast(), true));
+}
+
+/// The same as [`zlib`] where there are many streams of a few kilobytes.
+pub(super) fn zlib_of_few(bytes: &[u8]) -> io::Result<Vec<u8>> {
+    FEW.with_borrow_mut(|compress| {
+        compress.reset();
+        // Bytes that cannot be compressed are stored, in a block each 16 kB or so, with 5 bytes each.
+        let mut out = Vec::with_capacity(bytes.len() + bytes.len() / 512 + 64);
+        match compress.compress_vec(bytes, &mut out, FlushCompress::Finish) {
+            Ok(Status::StreamEnd) => Ok(out),
+            Ok(_) => zlib(bytes),
+            Err(error) => Err(io::Error::other(error)),
+        }
+    })
 }
 
 /// `bytes` as blocks of a deflate stream that is not ended, and that needs nothing of what came before it.
@@ -33,5 +55,30 @@ pub(super) fn part(bytes: &[u8]) -> io::Result<Vec<u8>> {
             return Err(io::Error::other("the compressor makes no headway"));
         }
         out.reserve(out.capacity().max(1024));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Read;
+
+    use super::*;
+
+    #[test]
+    fn streams_are_the_same_whatever_was_compressed_before() {
+        let scattered = |length: usize, seed: u64| -> Vec<u8> {
+            let next = |state: &u64| Some(state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1));
+            std::iter::successors(Some(seed), next).map(|state| (state >> 56) as u8).take(length).collect()
+        };
+        for length in [0, 1, 2, 7, 511, 512, 1024, 2048, 100_000] {
+            for plain in [vec![3; length], scattered(length, length as u64), (0..length).map(|n| n as u8).collect()] {
+                let packed = zlib_of_few(&plain).unwrap();
+                let mut back = Vec::new();
+                flate2::read::ZlibDecoder::new(&packed[..]).read_to_end(&mut back).unwrap();
+                assert!(back == plain, "{length}");
+                let fresh = std::thread::spawn(move || zlib_of_few(&plain).unwrap()).join().unwrap();
+                assert!(fresh == packed, "{length}");
+            }
+        }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! **In:** ids of materials, bottom up ([`Voxels`]), from slabs as the slicer makes them or from the slices of a
 //! finished folder, and what to say of them ([`Content`]). **Out:** one file. Memory is a few slices, whatever the
-//! height; a `.vdb` holds what is not of one material until it is written.
+//! height; a `.vdb` holds what is not of one material, and distances around the boundary, until it is written.
 //!
 //! | file | what it does |
 //! | --- | --- |
@@ -11,7 +11,7 @@
 //! | `gcvf`    | GrabCAD's container: slices, `ConfigFile.xml`, and `relief`'s outline and heights |
 //! | `relief`  | heights and a coarse surface of what is printed |
 //! | `mapping` | which colour is which resin, for people |
-//! | `vti`, `nrrd`, `vdb` | volumes of ids for ParaView, for napari and 3D Slicer, for Blender and Houdini |
+//! | `vti`, `nrrd`, `vdb` | volumes of ids for ParaView, for napari and 3D Slicer, for Blender and Houdini with distances |
 //! | `deflate` | compression |
 
 pub mod bmp;

@@ -141,7 +141,7 @@ fn a_vdb_says_where_its_active_voxels_are() {
         let mut there = (0, [[i32::MAX; 3], [0; 3]]);
         for k in 0..40 {
             let slice = image::open(bench.path(format!("out/slices/slice_{k}.png"))).unwrap().into_rgba8();
-            for (x, y, pixel) in slice.enumerate_pixels().filter(|(_, _, pixel)| pixel.0 == rgba[..]) {
+            for (x, y, _) in slice.enumerate_pixels().filter(|(_, _, pixel)| pixel.0 == rgba[..]) {
                 let at = [x as i32, slice.height() as i32 - 1 - y as i32, k];
                 for found in [&mut there, &mut all] {
                     found.0 += 1;

@@ -24,6 +24,7 @@ const COMPRESSION: u32 = 1 | 2;
 pub(super) enum Value {
     Text(String),
     Long(i64),
+    Float(f32),
     Index([i32; 3]),
     Truth(bool),
 }
@@ -84,10 +85,10 @@ fn write_grid(
     let (count, [low, high]) = grid.tree.active();
     let mut metadata = vec![("file_voxel_count".to_owned(), Value::Long(count as i64))];
     if count > 0 {
-        metadata.push(("file_bbox_min".to_owned(), Value::Index(low.map(|index| index as i32))));
-        metadata.push(("file_bbox_max".to_owned(), Value::Index(high.map(|index| index as i32))));
+        metadata.push(("file_bbox_min".to_owned(), Value::Index(low)));
+        metadata.push(("file_bbox_max".to_owned(), Value::Index(high)));
     }
-    metadata.push(("is_saved_as_half_float".to_owned(), Value::Truth(false)));
+    metadata.push(("is_saved_as_half_float".to_owned(), Value::Truth(grid.tree.is_signed())));
     metadata.extend(grid.metadata.iter().map(|(name, value)| (name.clone(), value.clone())));
     write_metadata(out, &metadata)?;
     write_transform(out, content)?;
@@ -125,6 +126,7 @@ fn write_metadata(out: &mut impl Write, metadata: &[(String, Value)]) -> io::Res
         let (kind, bytes) = match value {
             Value::Text(text) => ("string", text.as_bytes().to_vec()),
             Value::Long(number) => ("int64", number.to_le_bytes().to_vec()),
+            Value::Float(number) => ("float", number.to_le_bytes().to_vec()),
             Value::Index(index) => ("vec3i", index.iter().flat_map(|value| value.to_le_bytes()).collect()),
             Value::Truth(truth) => ("bool", vec![u8::from(*truth)]),
         };

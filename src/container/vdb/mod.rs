@@ -1,5 +1,6 @@
-//! OpenVDB for Blender, Houdini and whoever reads its grids: a grid of densities for each resin, 1 where it is, and a
-//! grid of ids with the resins' names in its metadata. Sparse: bricks of one resin are tiles, background is nothing.
+//! OpenVDB for Blender, Houdini and whoever reads its grids: a grid of densities for each resin, 1 where it is, a grid
+//! of signed distances, and a grid of ids with the resins' names in its metadata. Sparse: bricks of one resin are tiles,
+//! background is nothing.
 //!
 //! The file format is that of OpenVDB's own sources (`io/Archive.cc`, `io/Compression.h`, `tree/RootNode.h`,
 //! `tree/InternalNode.h`, `tree/LeafNode.h`), version 224: trees of three levels, 32³ nodes of 16³ leaves of 8³ voxels,
@@ -8,10 +9,14 @@
 //!
 //! | file | what it does |
 //! | --- | --- |
+//! | `distance` | signed distances from the boundary of what is printed |
 //! | `tree` | a sparse tree, from bricks to bytes |
 //! | `file` | headers, metadata, transforms |
 
+mod distance;
 mod file;
+#[cfg(test)]
+mod tests;
 mod tree;
 
 use std::{
@@ -20,10 +25,11 @@ use std::{
 };
 
 use self::{
+    distance::{Cell, Distances},
     file::{Grid, Value, write_file},
-    tree::{Leaf, Tree},
+    tree::{Inactive, Leaf, Tree},
 };
-use super::{Container, ContainerError, Content, Counts, SliceImage, Voxels, deflate::zlib};
+use super::{Container, ContainerError, Content, Counts, SliceImage, Voxels, deflate::zlib_of_few};
 use crate::{
     parallel,
     voxel::{BRICK, BRICK_VOXELS, MaterialId},
@@ -33,11 +39,34 @@ use crate::{
 /// Name of the grid of ids.
 pub const IDS: &str = "material";
 
+/// Name of the grid of signed distances.
+pub const DISTANCE: &str = "distance";
+
+/// A grid's name, unlike those of resins.
+fn free_name(content: &Content, name: &str) -> String {
+    let mut name = name.to_owned();
+    while content.resins.iter().any(|resin| resin.name == name) {
+        name.push('_');
+    }
+    name
+}
+
+/// What its metadata says of it.
+const DISTANCE_IS: &str = "signed distance in mm from the boundary of the printed voxels, negative inside";
+
 /// What one brick adds to a grid.
 enum Piece {
     /// All voxels are active and alike.
     Tile(i32),
     Leaf(Leaf),
+}
+
+/// What a row of bricks along x adds, layer by layer.
+#[derive(Default)]
+struct Row {
+    /// Where, to which grid, what.
+    pieces: Vec<([i32; 3], usize, Piece)>,
+    cells: Vec<Cell>,
 }
 
 /// A file being written: its trees in memory.
@@ -47,6 +76,7 @@ pub struct Vdb {
     ids: Tree,
     /// By the index of the resin.
     densities: Vec<Tree>,
+    distances: Option<Distances>,
     /// Ones, compressed, by how many there are.
     ones: Vec<Vec<u8>>,
 }
@@ -62,6 +92,7 @@ impl Vdb {
             out: BufWriter::with_capacity(1 << 20, file),
             ids: Tree::default(),
             densities: content.resins.iter().map(|_| Tree::default()).collect(),
+            distances: Distances::new(&content.lattice),
             ones: ones.collect::<io::Result<_>>()?,
             content,
         })
@@ -70,13 +101,15 @@ impl Vdb {
 
 /// Words as OpenVDB compresses them: their compressed length and the bytes, or the length negated and the words.
 fn values(words: &[u32]) -> io::Result<Vec<u8>> {
-    let plain: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    let zipped = zlib(&plain)?;
+    compressed(&words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>())
+}
+
+/// The same of bytes.
+fn compressed(plain: &[u8]) -> io::Result<Vec<u8>> {
+    let zipped = zlib_of_few(plain)?;
     let (length, bytes) =
-        if zipped.len() < plain.len() { (zipped.len() as i64, zipped) } else { (-(plain.len() as i64), plain) };
-    let mut out = length.to_le_bytes().to_vec();
-    out.extend(bytes);
-    Ok(out)
+        if zipped.len() < plain.len() { (zipped.len() as i64, &zipped[..]) } else { (-(plain.len() as i64), plain) };
+    Ok([&length.to_le_bytes(), bytes].concat())
 }
 
 /// Index within a leaf, z fastest, of the voxel that is the n-th of a brick, x fastest.
@@ -99,11 +132,16 @@ fn pieces(ids: &[u8; BRICK_VOXELS]) -> io::Result<Vec<(usize, Piece)>> {
         mask
     };
     let active: Vec<u32> = leaf_ids.iter().filter(|id| **id != 0).map(|id| u32::from(*id)).collect();
-    let mut found = vec![(0, Piece::Leaf(Leaf { mask: mask(&|id| id != 0), values: Some(values(&active)?) }))];
+    let inactive = Inactive::Background;
+    let mut found =
+        vec![(0, Piece::Leaf(Leaf { mask: mask(&|id| id != 0), values: Some(values(&active)?), inactive }))];
     let mut present = [false; 256];
     active.iter().for_each(|id| present[*id as usize] = true);
     for id in (1..=u8::MAX).filter(|id| present[usize::from(*id)]) {
-        found.push((usize::from(id), Piece::Leaf(Leaf { mask: mask(&|other| other == id), values: None })));
+        found.push((
+            usize::from(id),
+            Piece::Leaf(Leaf { mask: mask(&|other| other == id), values: None, inactive: Inactive::Background }),
+        ));
     }
     Ok(found)
 }
@@ -111,27 +149,32 @@ fn pieces(ids: &[u8; BRICK_VOXELS]) -> io::Result<Vec<(usize, Piece)>> {
 impl Container for Vdb {
     fn take(&mut self, voxels: &dyn Voxels, _: &[SliceImage], watch: &dyn Watch) -> Result<(), ContainerError> {
         let [across, rows, layers] = voxels.bricks();
-        let row = |n: usize| -> io::Result<Vec<([u32; 3], usize, Piece)>> {
+        let row = |n: usize| -> io::Result<Row> {
             let mut ids = [0; BRICK_VOXELS];
-            let mut found = Vec::new();
+            let mut row = Row::default();
             for z in layers.clone() {
                 for x in across.clone() {
-                    let at = [x, rows.start + n as u32, z];
-                    match voxels.brick(at, &mut ids) {
+                    let brick = [x, rows.start + n as u32, z];
+                    let at = brick.map(|index| index as i32);
+                    let uniform = voxels.brick(brick, &mut ids);
+                    row.cells.push(uniform.map_or_else(|| Cell::of(&ids), Cell::uniform));
+                    match uniform {
                         Some(MaterialId::BACKGROUND) => {}
                         Some(MaterialId(id)) => {
-                            found.push((at, 0, Piece::Tile(i32::from(id))));
-                            found.push((at, usize::from(id), Piece::Tile(1.0_f32.to_bits() as i32)));
+                            row.pieces.push((at, 0, Piece::Tile(i32::from(id))));
+                            row.pieces.push((at, usize::from(id), Piece::Tile(1.0_f32.to_bits() as i32)));
                         }
-                        None => found.extend(pieces(&ids)?.into_iter().map(|(grid, piece)| (at, grid, piece))),
+                        None => row.pieces.extend(pieces(&ids)?.into_iter().map(|(grid, piece)| (at, grid, piece))),
                     }
                 }
             }
-            Ok(found)
+            Ok(row)
         };
         let found: Vec<io::Result<_>> = parallel::map(rows.len(), row);
+        let mut cells = vec![Vec::new(); layers.len()];
         for row in found {
-            for (at, grid, piece) in row? {
+            let row = row?;
+            for (at, grid, piece) in row.pieces {
                 let tree = if grid == 0 { Some(&mut self.ids) } else { self.densities.get_mut(grid - 1) };
                 let Some(tree) = tree else { continue };
                 match piece {
@@ -139,17 +182,23 @@ impl Container for Vdb {
                     Piece::Leaf(leaf) => tree.set_leaf(at, leaf),
                 }
             }
+            let mut of_row = row.cells.into_iter();
+            cells.iter_mut().for_each(|layer| layer.extend(of_row.by_ref().take(across.len())));
+        }
+        if let Some(distances) = &mut self.distances {
+            cells.into_iter().try_for_each(|layer| distances.take(layer))?;
         }
         Ok(watch.go_on()?)
     }
 
     fn finish(mut self: Box<Self>, counts: &Counts, watch: &dyn Watch) -> Result<(), ContainerError> {
         let text = |value: &str| Value::Text(value.to_owned());
-        let mut names = vec![("class".to_owned(), text("unknown")), ("name".to_owned(), text(IDS))];
+        let name = free_name(&self.content, IDS);
+        let mut names = vec![("class".to_owned(), text("unknown")), ("name".to_owned(), text(&name))];
         for resin in &self.content.resins {
             names.push((format!("material_{:03}", resin.id.0), text(&resin.name)));
         }
-        let ids = Grid { name: IDS.to_owned(), kind: "Tree_int32_5_4_3", metadata: names, tree: &self.ids };
+        let ids = Grid { name, kind: "Tree_int32_5_4_3", metadata: names, tree: &self.ids };
         let mut grids = Vec::new();
         for (resin, tree) in self.content.resins.iter().zip(&self.densities) {
             if counts[usize::from(resin.id.0)] > 0 || !tree.is_empty() {
@@ -157,8 +206,32 @@ impl Container for Vdb {
                 grids.push(Grid { name: resin.name.clone(), kind: "Tree_float_5_4_3", metadata, tree });
             }
         }
+        if let Some(distances) = &mut self.distances {
+            distances.finish()?;
+            grids.push(distance_grid(&self.content, distances));
+        }
         grids.push(ids);
         write_file(&mut self.out, &self.content, &grids, &self.ones, watch)?;
         Ok(self.out.flush()?)
+    }
+}
+
+/// Signed distances: a level set where voxels are cubes, which OpenVDB's tools for level sets ask for.
+fn distance_grid<'a>(content: &Content, distances: &'a Distances) -> Grid<'a> {
+    let pitch = content.lattice.pitch;
+    let class = if pitch.min_element() == pitch.max_element() { "level set" } else { "unknown" };
+    let text = |value: &str| Value::Text(value.to_owned());
+    let name = free_name(content, DISTANCE);
+    let metadata = [
+        ("class", text(class)),
+        ("name", text(&name)),
+        ("description", text(DISTANCE_IS)),
+        ("half_width_mm", Value::Float(distances.half_width())),
+    ];
+    Grid {
+        name,
+        kind: "Tree_float_5_4_3_HalfFloat",
+        metadata: metadata.map(|(key, value)| (key.to_owned(), value)).to_vec(),
+        tree: distances.tree(),
     }
 }

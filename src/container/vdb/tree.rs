@@ -6,7 +6,9 @@
 //!   upper node        32³ nodes
 //! ```
 //!
-//! Within nodes and leaves z runs fastest. Values are 32-bit words, of integers or of floats; the background is 0.
+//! Within nodes and leaves z runs fastest. Values are 32-bit words, of integers or of floats, and the background is 0,
+//! but in signed trees: there they are 16-bit floats, the background is a length, tiles are not active, and what is not
+//! active is the length or its negative.
 
 use std::{
     collections::BTreeMap,
@@ -26,6 +28,10 @@ const LEAVES: usize = 1 << (3 * NODE);
 const NODES: usize = 1 << (3 * UPPER);
 /// Values that are not active are the background.
 const ALL_BACKGROUND: u8 = 0;
+/// They are the background's negative.
+const ALL_NEGATIVE: u8 = 1;
+/// They are the background where a bit is set, its negative elsewhere.
+const EITHER: u8 = 3;
 
 /// Voxels of a leaf.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +40,17 @@ pub(super) struct Leaf {
     pub(super) mask: [u64; 8],
     /// Values of the active ones, compressed; `None`: all are 1.
     pub(super) values: Option<Vec<u8>>,
+    /// What the others are.
+    pub(super) inactive: Inactive,
+}
+
+/// Values that are not active.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Inactive {
+    Background,
+    Negative,
+    /// The background where a bit is set, its negative elsewhere.
+    Either(Box<[u64; 8]>),
 }
 
 impl Leaf {
@@ -66,11 +83,13 @@ struct Node {
 /// A tree.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tree {
-    nodes: BTreeMap<[u32; 3], Node>,
+    nodes: BTreeMap<[i32; 3], Node>,
+    /// The background of a signed tree.
+    length: Option<f32>,
 }
 
 /// Index of a child among 2^log along each axis, z fastest.
-fn index(at: [u32; 3], log: u32) -> usize {
+fn index(at: [i32; 3], log: u32) -> usize {
     let [x, y, z] = at.map(|value| (value & ((1 << log) - 1)) as usize);
     (x << (2 * log)) | (y << log) | z
 }
@@ -83,8 +102,9 @@ impl Node {
         (self.tiles.len() == LEAVES && values.all(|value| *value == first)).then_some(first)
     }
 
-    fn write_topology(&self, out: &mut dyn Write) -> io::Result<()> {
-        write_node(out, LEAVES, self.leaves.keys().map(|n| usize::from(*n)), &mut self.tiles.iter().map(tile))?;
+    fn write_topology(&self, out: &mut dyn Write, signed: bool) -> io::Result<()> {
+        let leaves = self.leaves.keys().map(|n| usize::from(*n));
+        write_node(out, LEAVES, leaves, &mut self.tiles.iter().map(tile), signed)?;
         self.leaves.values().try_for_each(|leaf| write_mask(out, &leaf.mask))
     }
 }
@@ -94,48 +114,91 @@ fn tile((n, value): (&u16, &i32)) -> (usize, i32) {
 }
 
 impl Tree {
+    /// A signed tree, whose background is `length`.
+    pub(super) fn signed(length: f32) -> Self {
+        Self { length: Some(length), ..Self::default() }
+    }
+
+    pub(super) fn is_signed(&self) -> bool {
+        self.length.is_some()
+    }
+
     pub(super) fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
 
-    fn node(&mut self, brick: [u32; 3]) -> (&mut Node, u16) {
+    fn node(&mut self, brick: [i32; 3]) -> (&mut Node, u16) {
         let node = self.nodes.entry(brick.map(|value| value >> NODE)).or_default();
         (node, index(brick, NODE) as u16)
     }
 
-    /// Makes all voxels of a brick active, with one value.
-    pub(super) fn set_tile(&mut self, brick: [u32; 3], value: i32) {
+    /// Gives all voxels of a brick one value, and makes them active but in a signed tree.
+    pub(super) fn set_tile(&mut self, brick: [i32; 3], value: i32) {
         let (node, n) = self.node(brick);
         node.tiles.insert(n, value);
     }
 
-    pub(super) fn set_leaf(&mut self, brick: [u32; 3], leaf: Leaf) {
+    pub(super) fn set_leaf(&mut self, brick: [i32; 3], leaf: Leaf) {
         let (node, n) = self.node(brick);
         node.leaves.insert(n, leaf);
     }
 
     /// Active voxels, and least and greatest index of them.
-    pub(super) fn active(&self) -> (u64, [[u32; 3]; 2]) {
-        let (mut count, mut low, mut high) = (0, [u32::MAX; 3], [0; 3]);
+    pub(super) fn active(&self) -> (u64, [[i32; 3]; 2]) {
+        let (mut count, mut low, mut high) = (0, [i32::MAX; 3], [i32::MIN; 3]);
         for (origin, node) in &self.nodes {
-            let tiles = node.tiles.keys().map(|n| (n, 512, WHOLE));
+            let tiles = node.tiles.keys().filter(|_| !self.is_signed()).map(|n| (n, 512, WHOLE));
             let leaves = node.leaves.iter().filter_map(|(n, leaf)| Some((n, leaf.count(), leaf.extent()?)));
             for (n, voxels, extent) in tiles.chain(leaves) {
                 count += u64::from(voxels);
-                let within = [n >> (2 * NODE), n >> NODE & 15, n & 15].map(u32::from);
+                let within = [n >> (2 * NODE), n >> NODE & 15, n & 15].map(i32::from);
                 for axis in 0..3 {
-                    let first = ((origin[axis] << NODE) + within[axis]) * BRICK as u32;
-                    low[axis] = low[axis].min(first + extent[0][axis]);
-                    high[axis] = high[axis].max(first + extent[1][axis]);
+                    let first = ((origin[axis] << NODE) + within[axis]) * BRICK as i32;
+                    low[axis] = low[axis].min(first + extent[0][axis] as i32);
+                    high[axis] = high[axis].max(first + extent[1][axis] as i32);
                 }
             }
         }
         (count, [low, high])
     }
 
+    /// Of a signed tree: the value of a voxel, and whether it is active.
+    #[cfg(test)]
+    pub(super) fn value(&self, voxel: [i32; 3]) -> (f32, bool) {
+        let length = self.length.unwrap_or_default();
+        let brick = voxel.map(|index| index >> 3);
+        let n = index(voxel, 3);
+        let is_set = |mask: &[u64; 8], n: usize| mask[n / 64] >> (n % 64) & 1 != 0;
+        let Some(node) = self.nodes.get(&brick.map(|index| index >> NODE)) else { return (length, false) };
+        let within = index(brick, NODE) as u16;
+        if let Some(tile) = node.tiles.get(&within) {
+            return (f32::from_bits(*tile as u32), false);
+        }
+        let Some(leaf) = node.leaves.get(&within) else { return (length, false) };
+        if is_set(&leaf.mask, n) {
+            let packed = leaf.values.as_deref().unwrap_or_default();
+            let mut plain = Vec::new();
+            match i64::from_le_bytes(packed[..8].try_into().expect("eight bytes")) {
+                ..=0 => plain.extend(&packed[8..]),
+                _ => {
+                    io::copy(&mut flate2::read::ZlibDecoder::new(&packed[8..]), &mut plain).expect("a zlib stream");
+                }
+            }
+            let before = (0..n).filter(|n| is_set(&leaf.mask, *n)).count();
+            let bytes = [plain[2 * before], plain[2 * before + 1]];
+            return (half::f16::from_le_bytes(bytes).to_f32(), true);
+        }
+        let is_inside = match &leaf.inactive {
+            Inactive::Background => false,
+            Inactive::Negative => true,
+            Inactive::Either(mask) => !is_set(mask, n),
+        };
+        (if is_inside { -length } else { length }, false)
+    }
+
     /// Nodes by the upper node that holds them.
-    fn uppers(&self) -> BTreeMap<[u32; 3], BTreeMap<usize, &Node>> {
-        let mut uppers: BTreeMap<[u32; 3], BTreeMap<usize, &Node>> = BTreeMap::new();
+    fn uppers(&self) -> BTreeMap<[i32; 3], BTreeMap<usize, &Node>> {
+        let mut uppers: BTreeMap<[i32; 3], BTreeMap<usize, &Node>> = BTreeMap::new();
         for (at, node) in &self.nodes {
             uppers.entry(at.map(|value| value >> UPPER)).or_default().insert(index(*at, UPPER), node);
         }
@@ -146,7 +209,7 @@ impl Tree {
     pub(super) fn write_topology(&self, out: &mut dyn Write, watch: &dyn Watch) -> io::Result<()> {
         let uppers = self.uppers();
         // One buffer of values a leaf; the background; no tiles of the root.
-        for number in [1, 0, 0, uppers.len() as u32] {
+        for number in [1, self.length.map_or(0, f32::to_bits), 0, uppers.len() as u32] {
             out.write_all(&number.to_le_bytes())?;
         }
         for (origin, nodes) in uppers {
@@ -154,10 +217,10 @@ impl Tree {
             voxel.iter().try_for_each(|value| out.write_all(&value.to_le_bytes()))?;
             let children = nodes.iter().filter(|(_, node)| node.uniform().is_none());
             let mut tiles = nodes.iter().filter_map(|(n, node)| Some((*n, node.uniform()?)));
-            write_node(out, NODES, children.clone().map(|(n, _)| *n), &mut tiles)?;
+            write_node(out, NODES, children.clone().map(|(n, _)| *n), &mut tiles, self.is_signed())?;
             for (_, node) in children {
                 watch.go_on().map_err(io::Error::other)?;
-                node.write_topology(out)?;
+                node.write_topology(out, self.is_signed())?;
             }
         }
         Ok(())
@@ -170,7 +233,14 @@ impl Tree {
                 watch.go_on().map_err(io::Error::other)?;
                 for leaf in node.leaves.values() {
                     write_mask(out, &leaf.mask)?;
-                    out.write_all(&[ALL_BACKGROUND])?;
+                    match &leaf.inactive {
+                        Inactive::Background => out.write_all(&[ALL_BACKGROUND])?,
+                        Inactive::Negative => out.write_all(&[ALL_NEGATIVE])?,
+                        Inactive::Either(mask) => {
+                            out.write_all(&[EITHER])?;
+                            write_mask(out, &mask[..])?;
+                        }
+                    }
                     out.write_all(leaf.values.as_ref().unwrap_or(&ones[leaf.count() as usize]))?;
                 }
             }
@@ -179,15 +249,26 @@ impl Tree {
     }
 }
 
-/// Writes the masks of a node of `size` children or tiles, and the values of its tiles, all active, in their order.
+/// Writes the masks of a node of `size` children or tiles, and its tiles in their order: active ones with their values;
+/// in a signed tree those that are the background's negative.
 fn write_node(
     out: &mut dyn Write,
     size: usize,
     children: impl Iterator<Item = usize>,
     tiles: &mut dyn Iterator<Item = (usize, i32)>,
+    signed: bool,
 ) -> io::Result<()> {
     let (mut child_mask, mut tile_mask) = (vec![0_u64; size / 64], vec![0_u64; size / 64]);
     children.for_each(|n| child_mask[n / 64] |= 1 << (n % 64));
+    if signed {
+        let mut background = vec![u64::MAX; size / 64];
+        tiles.for_each(|(n, _)| background[n / 64] &= !(1 << (n % 64)));
+        write_mask(out, &child_mask)?;
+        write_mask(out, &tile_mask)?;
+        // Of no values in 16 bits not even the length is written.
+        out.write_all(&[EITHER])?;
+        return write_mask(out, &background);
+    }
     let words: Vec<u32> = tiles
         .map(|(n, value)| {
             tile_mask[n / 64] |= 1 << (n % 64);
