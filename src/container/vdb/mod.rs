@@ -42,15 +42,6 @@ pub const IDS: &str = "material";
 /// Name of the grid of signed distances.
 pub const DISTANCE: &str = "distance";
 
-/// A grid's name, unlike those of resins.
-fn free_name(content: &Content, name: &str) -> String {
-    let mut name = name.to_owned();
-    while content.resins.iter().any(|resin| resin.name == name) {
-        name.push('_');
-    }
-    name
-}
-
 /// What its metadata says of it.
 const DISTANCE_IS: &str = "signed distance in mm from the boundary of the printed voxels, negative inside";
 
@@ -97,6 +88,15 @@ impl Vdb {
             content,
         })
     }
+}
+
+/// A grid's name, unlike those of resins.
+fn free_name(content: &Content, name: &str) -> String {
+    let mut name = name.to_owned();
+    while content.resins.iter().any(|resin| resin.name == name) {
+        name.push('_');
+    }
+    name
 }
 
 /// Words as OpenVDB compresses them: their compressed length and the bytes, or the length negated and the words.

@@ -1,12 +1,17 @@
-//! Signed distances against brute force, and against a ball's.
+//! Signed distances against brute force, and against a ball's; names of grids.
 
 use glam::DVec3;
 
 use super::{
+    DISTANCE, IDS,
     distance::{Cell, Distances},
+    free_name,
     tree::Tree,
 };
-use crate::voxel::{BRICK, BRICK_VOXELS, Lattice};
+use crate::{
+    container::{Content, ContentResin},
+    voxel::{BRICK, BRICK_VOXELS, Lattice, MaterialId},
+};
 
 /// Whether voxels are inside, x fastest.
 struct Solid {
@@ -164,4 +169,16 @@ fn voxels_like_needles_have_no_distances() {
     for pitch in [[0.1, 0.1, 1.59], [0.1, 1.59, 1.59], [1.0; 3]] {
         assert!(Distances::new(&lattice(pitch)).is_some(), "{pitch:?}");
     }
+}
+
+#[test]
+fn grids_of_ours_have_names_unlike_resins() {
+    let resin = |name: &str| ContentResin { id: MaterialId(1), name: name.to_owned(), rgba: [9; 4] };
+    let content = Content {
+        name: "job".to_owned(),
+        lattice: Lattice { origin: DVec3::ZERO, pitch: DVec3::ONE, dims: [1; 3] },
+        resins: ["white", "distance", "distance_"].map(resin).to_vec(),
+        max_colors: None,
+    };
+    assert_eq!([IDS, DISTANCE].map(|name| free_name(&content, name)), ["material", "distance__"]);
 }
