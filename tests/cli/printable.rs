@@ -81,6 +81,31 @@ fn support_that_lies_bare_or_alone_is_said() {
     }
 }
 
+/// Pixels of a picture in the colour of what is loose or lost, its legend among them.
+fn purple(bench: &Bench, name: &str) -> usize {
+    let file = std::io::BufReader::new(std::fs::File::open(bench.path(name)).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let samples = reader.next_frame(&mut pixels).unwrap().color_type.samples();
+    let is_purple = |pixel: &&[u8]| pixel[0] > pixel[1] + 20 && pixel[2] > pixel[1] + 20;
+    pixels.chunks_exact(samples).filter(|pixel| pixel[0].min(pixel[2]) < 235).filter(is_purple).count()
+}
+
+#[test]
+fn a_piece_in_the_air_is_placed_and_drawn() {
+    let bench = Bench::new();
+    let parts = [block([0.0; 3], [10.0, 10.0, 4.0]), block([3.0, 3.0, 6.0], [6.0, 6.0, 9.0])];
+    bench.write("cube.stl", &stl(&parts.concat()));
+    bench.job_with("[\"png\", \"masks\"]", "[\"png\", \"preview\"]");
+    let ran = bench.slice("out");
+    let word = "27.0 mm³ within 3.0 × 3.0 × 3.0 mm at (4.5, 4.5, 7.5) mm is apart; 1 of them begins above the tray";
+    assert!(ran.stderr.contains(word), "{}", ran.stderr);
+    let json = bench.run(["slice", "job.toml", "--dry-run", "--json"]).exits(0).json();
+    assert_eq!(json["printable"]["pieces"]["loose"].as_array().unwrap().len(), 1);
+    let drawn = purple(&bench, "out/preview/checks.png");
+    assert!(drawn > 5000, "{drawn}");
+}
+
 #[test]
 fn a_sheet_between_the_centres_is_missed_aloud() {
     let bench = Bench::new();

@@ -20,7 +20,7 @@ mod walls;
 
 use serde::Serialize;
 
-pub use pieces::Pieces;
+pub use pieces::{LoosePiece, Pieces};
 pub use shells::LostShells;
 pub use walls::Walls;
 
@@ -72,6 +72,15 @@ fn percent(share: f64) -> String {
     if share >= 0.1 { format!("{:.0}%", 100.0 * share) } else { format!("{:.1}%", 100.0 * share) }
 }
 
+/// What is told of pieces that hold to nothing: the first and how many more.
+fn loose(pieces: &[LoosePiece], one: &str, several: &str) -> String {
+    let Some((first, others)) = pieces.split_first() else { return String::new() };
+    match others.len() {
+        0 => format!("{} {one}", first.words()),
+        more => format!("{} and {more} more {several}", first.words()),
+    }
+}
+
 impl Printable {
     /// What was found, a sentence each, with what cures it; nothing where nothing is wrong.
     pub fn warnings(&self) -> Vec<String> {
@@ -89,9 +98,10 @@ impl Printable {
         let whole = count - crumbs;
         if whole > self.walls.len() as u64 {
             words.push(format!(
-                "{} that nothing holds together, of {}{}: join them in the mesh if they belong together",
+                "{} that nothing holds together, of {}: {}{}; join them in the mesh if they belong together",
                 counted(whole as usize, "piece"),
                 counted(self.walls.len(), "object"),
+                loose(&self.pieces.loose, "is apart", "are apart"),
                 match in_the_air {
                     0 => String::new(),
                     1 => "; 1 of them begins above the tray, on support alone".to_owned(),

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::Printable;
+use super::{LoosePiece, Printable};
 use crate::{
     colour::Rgb,
     job::{Prepared, RunError},
@@ -55,10 +55,12 @@ impl Prepared {
         }
         let triangles = self.all_triangles();
         let slack = self.lattice.pitch;
+        let loose: Vec<_> = found.pieces.loose.iter().map(LoosePiece::corners).collect();
         let mark = |object: usize, point: DVec3, normal: DVec3| -> Option<Rgb> {
             let within = |[low, high]: &[DVec3; 2]| point.cmpge(*low - slack).all() && point.cmple(*high + slack).all();
             let lost = found.lost_shells.get(object);
-            if found.pieces.boxes.iter().chain(lost.iter().flat_map(|lost| &lost.boxes)).any(within) {
+            let boxes = found.pieces.boxes.iter().chain(lost.iter().flat_map(|lost| &lost.boxes));
+            if boxes.chain(&loose).any(within) {
                 return Some(LOOSE);
             }
             let marks = found.walls.get(object)?.marks.as_ref()?;
@@ -73,7 +75,7 @@ impl Prepared {
         };
         let legend = [
             (THIN, "wall or wire thinner than 3 voxels"),
-            (LOOSE, "loose crumb, or lost"),
+            (LOOSE, "loose or lost"),
             (SUPPORT, "support bare or alone"),
             (SHALLOW, "thinner than its layers"),
         ];

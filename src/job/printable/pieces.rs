@@ -35,6 +35,9 @@ pub struct Pieces {
     pub first_crumb_mm: Option<[f64; 3]>,
     /// Other pieces that begin above the lowest slice.
     pub in_the_air: u64,
+    /// Pieces besides crumbs that are no object's largest, the first [`MOST_LOOSE`], from below.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub loose: Vec<LoosePiece>,
     /// Pairs of objects, by their numbers from 0, whose voxels share faces though their meshes do not touch.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub glued: Vec<[usize; 2]>,
@@ -43,23 +46,57 @@ pub struct Pieces {
     pub(in crate::job) boxes: Vec<[DVec3; 2]>,
 }
 
+/// A piece that holds to nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LoosePiece {
+    /// Its volume, mm³.
+    pub mm3: f64,
+    /// Least corner of the box around it, mm in the lattice's frame.
+    pub low_mm: [f64; 3],
+    /// Greatest corner.
+    pub high_mm: [f64; 3],
+}
+
+impl LoosePiece {
+    /// Corners of the box around it.
+    pub(super) fn corners(&self) -> [DVec3; 2] {
+        [self.low_mm, self.high_mm].map(DVec3::from)
+    }
+
+    /// How large it is and where.
+    pub(super) fn words(&self) -> String {
+        let [low, high] = self.corners();
+        let size = high - low;
+        format!(
+            "{:.1} mm³ within {:.1} × {:.1} × {:.1} mm at {}",
+            self.mm3,
+            size.x,
+            size.y,
+            size.z,
+            super::at((0.5 * (low + high)).to_array())
+        )
+    }
+}
+
 /// What is smaller is a crumb, mm³.
 const CRUMB_MM3: f64 = 1.0;
 /// Boxes that are kept.
 pub(super) const MOST_BOXES: usize = 4096;
+/// Loose pieces that are kept.
+pub(super) const MOST_LOOSE: usize = 256;
 /// Slabs between two looks at the watch.
 const SLABS_AT_ONCE: usize = 8;
 
 /// What is known of a set of runs.
 #[derive(Debug, Clone, Copy)]
-struct Part {
-    voxels: u64,
-    low: [u32; 3],
-    high: [u32; 3],
+pub(super) struct Part {
+    pub voxels: u64,
+    pub low: [u32; 3],
+    pub high: [u32; 3],
 }
 
 impl Part {
-    fn add(&mut self, other: &Self) {
+    pub fn add(&mut self, other: &Self) {
         self.voxels += other.voxels;
         for axis in 0..3 {
             self.low[axis] = self.low[axis].min(other.low[axis]);
@@ -170,22 +207,46 @@ impl Prepared {
                 }
             }
         }
-        let pieces = Pieces::of(growing.finish(), lattice);
+        let pieces = Pieces::of(growing.finish(), lattice, &self.boxes_of_objects());
         Ok((Pieces { glued: beside.finish(), ..pieces }, inside))
     }
 }
 
+impl Prepared {
+    /// Least and greatest corners of the objects, mm.
+    pub(super) fn boxes_of_objects(&self) -> Vec<[DVec3; 2]> {
+        self.objects.iter().map(|object| object.bounds).collect()
+    }
+}
+
 impl Pieces {
-    fn of(mut parts: Vec<Part>, lattice: &Lattice) -> Self {
+    /// What `parts` come to, of objects within `boxes`.
+    pub(super) fn of(mut parts: Vec<Part>, lattice: &Lattice, boxes: &[[DVec3; 2]]) -> Self {
         parts.sort_unstable_by_key(|part| (part.low[2], part.low[1], part.low[0], part.voxels));
         let corner = |index: [u32; 3]| lattice.origin + DVec3::from(index.map(f64::from)) * lattice.pitch;
         let mm3 = |part: &Part| part.voxels as f64 * lattice.voxel_volume();
         let mut found = Self { count: parts.len() as u64, ..Self::default() };
         // A job that is smaller than a crumb by itself has none.
         let largest = parts.iter().map(|part| part.voxels).max().unwrap_or(0);
-        for part in &parts {
-            if mm3(part) < CRUMB_MM3 && part.voxels < largest {
-                let ends = [corner(part.low), corner(part.high)];
+        let ends_of = |part: &Part| [corner(part.low), corner(part.high)];
+        let is_crumb = |part: &Part| mm3(part) < CRUMB_MM3 && part.voxels < largest;
+        // The largest that reaches into its box is the object itself; of objects that touch one piece is both.
+        let own = |[low, high]: &[DVec3; 2]| {
+            let reaches = |part: &Part| {
+                let [least, most] = ends_of(part);
+                !is_crumb(part) && least.cmplt(*high).all() && most.cmpgt(*low).all()
+            };
+            let reaching = (0..parts.len()).filter(|&at| reaches(&parts[at]));
+            reaching.max_by_key(|&at| (parts[at].voxels, std::cmp::Reverse(at)))
+        };
+        let own: Vec<usize> = boxes.iter().filter_map(own).collect();
+        for (at, part) in parts.iter().enumerate() {
+            let ends = ends_of(part);
+            if !is_crumb(part) && !own.contains(&at) && found.loose.len() < MOST_LOOSE {
+                let [low_mm, high_mm] = ends.map(|end| end.to_array());
+                found.loose.push(LoosePiece { mm3: mm3(part), low_mm, high_mm });
+            }
+            if is_crumb(part) {
                 found.crumbs += 1;
                 found.crumbs_mm3 += mm3(part);
                 found.first_crumb_mm.get_or_insert((0.5 * (ends[0] + ends[1])).to_array());
@@ -218,6 +279,22 @@ mod tests {
         let mut parts: Vec<_> = growing.finish().iter().map(|part| (part.voxels, part.low, part.high)).collect();
         parts.sort_unstable();
         parts
+    }
+
+    #[test]
+    fn what_is_no_objects_largest_is_loose() {
+        let lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(1.0), dims: [40, 20, 20] };
+        let part = |voxels, low, high| Part { voxels, low, high };
+        let parts =
+            vec![part(500, [0, 0, 0], [10, 10, 5]), part(8, [2, 2, 8], [4, 4, 10]), part(300, [20, 0, 0], [30, 10, 3])];
+        let boxes = [[0.0, 10.0], [20.0, 30.0]].map(|[x, end]| [DVec3::new(x, 0.0, 0.0), DVec3::new(end, 10.0, 10.0)]);
+        let found = Pieces::of(parts.clone(), &lattice, &boxes);
+        let loose = LoosePiece { mm3: 8.0, low_mm: [2.0, 2.0, 8.0], high_mm: [4.0, 4.0, 10.0] };
+        assert_eq!((found.loose.as_slice(), found.in_the_air), ([loose].as_slice(), 1));
+        assert_eq!(loose.words(), "8.0 mm³ within 2.0 × 2.0 × 2.0 mm at (3.0, 3.0, 9.0) mm");
+        // Of one object that fills the same box all but the largest are.
+        let whole = [[DVec3::ZERO, DVec3::new(30.0, 10.0, 10.0)]];
+        assert_eq!(Pieces::of(parts, &lattice, &whole).loose.len(), 2);
     }
 
     #[test]
