@@ -81,6 +81,46 @@ fn support_that_lies_bare_or_alone_is_said() {
     }
 }
 
+#[test]
+fn layers_that_are_given_are_never_taken_to_follow_thin_parts() {
+    let bench = Bench::new();
+    // Slices and pictures only: layers that are searched for could be mixtures, and would follow.
+    bench.job_with_all(&[["[\"png\", \"masks\"]", "[\"png\"]"], ["white:0.5,support:0.6", "white:0.3,support:1.0"]]);
+    bench.write("cube.stl", &stl(&block([0.0; 3], [12.0, 12.0, 1.6])));
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(0);
+    for word in ["a skin over a wall of support", "too thin for their layers", "write layers that fit"] {
+        assert!(ran.stderr.contains(word), "{word}: {}", ran.stderr);
+    }
+}
+
+#[test]
+fn support_that_comes_out_at_the_sides_lets_the_print_fall_apart() {
+    let bench = Bench::new();
+    bench.write("cube.stl", &stl(&block([0.0; 3], [12.0, 12.0, 1.6])));
+    let top = ["mesh = \"cube.stl\"", "mesh = \"cube.stl\"\ndepth-from = \"top\""];
+    let sheets = ["white:0.5,support:0.6", "white:0.4,support:0.4,white:0.4"];
+    bench.job_with_all(&[top, sheets, ["[\"png\", \"masks\"]", "[\"png\", \"preview\"]"]]);
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(0);
+    let word = "falls into 2 pieces where support is washed off";
+    assert!(ran.stderr.contains(word) && ran.stderr.contains("background-as"), "{}", ran.stderr);
+    let json = bench.run(["slice", "job.toml", "--dry-run", "--json"]).exits(0).json();
+    let washed = &json["printable"]["washed"];
+    assert_eq!(washed["pieces"], 2, "{washed}");
+    // What comes off is the upper sheet: the lower one has the core below it.
+    let loose = &washed["loose"][0];
+    assert!((loose["mm3"].as_f64().unwrap() - 57.6).abs() < 1e-6 && loose["high_mm"][2] == 1.6, "{loose}");
+    bench.slice("out");
+    assert!(purple(&bench, "out/preview/checks.png") > 5000);
+    // Printed in its place there is a resin, and all holds.
+    bench.job_with_all(&[top, sheets, ["[output]", "[output]\nbackground-as = \"white\""]]);
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(0);
+    assert!(!ran.stderr.contains("washed off"), "{}", ran.stderr);
+    // Layers from the top are too many where they come out below.
+    bench.job_with_all(&[top, ["white:0.5,support:0.6", "white:1.5,black:0.5"]]);
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(0);
+    assert!(ran.stderr.contains("100% of its surface is on parts too thin for their layers"), "{}", ran.stderr);
+}
+
 /// Pixels of a picture in the colour of what is loose or lost, its legend among them.
 fn purple(bench: &Bench, name: &str) -> usize {
     let file = std::io::BufReader::new(std::fs::File::open(bench.path(name)).unwrap());

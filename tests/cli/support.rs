@@ -126,6 +126,15 @@ impl Bench {
         self.write("job.toml", JOB.replacen(from, to, 1).as_bytes());
     }
 
+    /// Writes the job with several changes, each `from` something `to` something else that is found in it.
+    pub fn job_with_all(&self, changes: &[[&str; 2]]) {
+        let job = changes.iter().fold(JOB.to_owned(), |job, [from, to]| {
+            assert!(job.contains(from), "{from}");
+            job.replace(from, to)
+        });
+        self.write("job.toml", job.as_bytes());
+    }
+
     /// The program, to run in the folder.
     pub fn command<S: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Command {
         let mut command = lumislice();

@@ -147,6 +147,16 @@ impl StackingReport {
         }
     }
 
+    /// The layers of a label; none of one that there is not.
+    pub fn layers_of(&self, label: u16) -> &[Layer<String>] {
+        let label = usize::from(label);
+        match (self.stackings.get(label), label.checked_sub(self.stackings.len())) {
+            (Some(entry), _) => &entry.layers,
+            (None, Some(variant)) => self.variants.get(variant).map_or(&[], |variant| &variant.layers),
+            (None, None) => &[],
+        }
+    }
+
     /// The cluster of a label.
     pub fn cluster_of(&self, label: u16) -> u16 {
         let variant = usize::from(label).checked_sub(self.stackings.len()).and_then(|at| self.variants.get(at));

@@ -9,6 +9,7 @@
 //! | do objects stay apart? | the same, of two objects whose meshes do not touch: [`beside`] |
 //! | is all of it there? | bodies that no voxel's centre lies in: [`shells`] |
 //! | is it strong enough? | the way straight through at points of the surface: [`walls`] |
+//! | does it still, once support is washed off? | what is printed, and the support that is closed in: [`washed`] |
 //! | does support lie bare, or alone between two skins? | the layers below those points |
 //! | is it thick enough for its layers? | the largest ball inside at those points that is limited from the other side, where thin parts get no stackings of their own |
 
@@ -17,12 +18,14 @@ mod picture;
 mod pieces;
 mod shells;
 mod walls;
+mod washed;
 
 use serde::Serialize;
 
 pub use pieces::{LoosePiece, Pieces};
 pub use shells::LostShells;
 pub use walls::Walls;
+pub use washed::Washed;
 
 use super::{Prepared, RunError};
 use crate::{watch::Watch, words::counted};
@@ -32,6 +35,9 @@ use crate::{watch::Watch, words::counted};
 pub struct Printable {
     /// What hangs together.
     pub pieces: Pieces,
+    /// What is left of the print where support is washed off; `None` where water comes to none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub washed: Option<Washed>,
     /// Shells of every object that no voxel lies in, in the order of the job.
     pub lost_shells: Vec<LostShells>,
     /// Walls and wires of every object, in the order of the job.
@@ -56,10 +62,11 @@ impl Prepared {
     pub fn printable(&self, watch: &dyn Watch) -> Result<Printable, RunError> {
         watch.stage("will it print", 0);
         let (pieces, inside_voxels) = self.pieces(watch)?;
-        let walls = (0..self.objects.len()).map(|object| self.walls(object, watch)).collect::<Result<_, _>>()?;
+        let walls = (0..self.objects.len()).map(|object| self.walls(object, watch)).collect::<Result<Vec<_>, _>>()?;
+        let washed = self.washed(&walls, watch)?;
         let of = |object| self.lost_shells(object, watch);
         let lost_shells = (0..self.objects.len()).map(of).collect::<Result<_, _>>()?;
-        Ok(Printable { pieces, lost_shells, walls, inside_voxels })
+        Ok(Printable { pieces, washed, lost_shells, walls, inside_voxels })
     }
 }
 
@@ -107,6 +114,17 @@ impl Printable {
                     1 => "; 1 of them begins above the tray, on support alone".to_owned(),
                     n => format!("; {n} of them begin above the tray, on support alone"),
                 }
+            ));
+        }
+        if let Some(washed) = &self.washed
+            && washed.pieces > whole
+        {
+            words.push(format!(
+                "the print falls into {} where support is washed off, for support lies right through it and comes out \
+                 at its sides: {}; have the layers close it in (depth-from = \"surface\"), or print a resin in its \
+                 place (output.background-as)",
+                counted(washed.pieces as usize, "piece"),
+                loose(&washed.loose, "comes off", "come off"),
             ));
         }
         if let [first, others @ ..] = self.pieces.glued.as_slice() {
@@ -161,14 +179,18 @@ impl Printable {
             if walls.hollow_share > WORTH_SAYING {
                 words.push(format!(
                     "{mesh}: {} of its surface is a skin over a wall of support, which holds nothing together; thicken \
-                     the part, or limit support with max-mm",
+                     the part, or lay less support (where layers are searched for, by max-mm of a [[stacking.limit]])",
                     percent(walls.hollow_share)
                 ));
             }
             if walls.shallow_share > SHALLOW_WORTH_SAYING {
+                let cure = match walls.takes_thin_parts {
+                    true => "appearance.thin-parts = true gives them layers of their own",
+                    false => "thicken them, or write layers that fit",
+                };
                 words.push(format!(
-                    "{mesh}: {} of its surface is on parts too thin for their layers, which look as a core below them \
-                     would make them; appearance.thin-parts = true gives them layers of their own",
+                    "{mesh}: {} of its surface is on parts too thin for their layers, of which the lowest are left \
+                     out, and look otherwise than predicted; {cure}",
                     percent(walls.shallow_share)
                 ));
             }

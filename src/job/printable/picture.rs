@@ -55,7 +55,8 @@ impl Prepared {
         }
         let triangles = self.all_triangles();
         let slack = self.lattice.pitch;
-        let loose: Vec<_> = found.pieces.loose.iter().map(LoosePiece::corners).collect();
+        let washed = found.washed.iter().flat_map(|washed| &washed.loose);
+        let loose: Vec<_> = found.pieces.loose.iter().chain(washed).map(LoosePiece::corners).collect();
         let mark = |object: usize, point: DVec3, normal: DVec3| -> Option<Rgb> {
             let within = |[low, high]: &[DVec3; 2]| point.cmpge(*low - slack).all() && point.cmple(*high + slack).all();
             let lost = found.lost_shells.get(object);

@@ -5,7 +5,11 @@ use serde::Serialize;
 
 use crate::{
     appearance::{PointOfSurface, SurfacePoints},
-    job::{Prepared, RunError, look::normal_and_area},
+    job::{
+        Prepared, RunError,
+        file::{DepthFrom, OutputFormat, StackingModel, TargetSpec},
+        look::normal_and_area,
+    },
     optics::{Layer, Mixture},
     parallel,
     sdf::{Surface, ball_inside},
@@ -43,9 +47,12 @@ pub struct Walls {
     pub thinnest_mm: Option<f64>,
     /// Where, mm in the lattice's frame.
     pub thinnest_at_mm: Option<[f64; 3]>,
-    /// Share of the surface that is on parts thinner than their layers from both sides, where the job gives such parts
-    /// no stackings of their own.
+    /// Share of the surface that is on parts thinner than their layers, from both sides or from the top, where the
+    /// object has no stackings for such parts.
     pub shallow_share: f64,
+    /// Whether `appearance.thin-parts` would give it such.
+    #[serde(skip)]
+    pub(in crate::job) takes_thin_parts: bool,
     /// Share on which what prints as background lies bare.
     pub bare_share: f64,
     /// Share on walls whose middle is what prints as background.
@@ -101,6 +108,20 @@ fn through(surface: &Surface, point: &PointOfSurface, [a, b, c]: [DVec3; 3], lim
 }
 
 impl Prepared {
+    /// Whether layers of an object can follow its thickness: those that are searched for can, from a surface all around.
+    fn takes_thin_parts(&self, object: usize) -> bool {
+        let object = &self.job.objects[object];
+        !matches!(object.target, TargetSpec::Stacking { .. })
+            && object.depth_from == DepthFrom::Surface
+            && self.job.stacking.model != StackingModel::KubelkaMunk
+            && !self.job.wants(OutputFormat::Heights)
+    }
+
+    /// Whether an object has stackings of their own for parts that are too thin for the others.
+    fn has_layers_for_thin_parts(&self, object: usize) -> bool {
+        self.job.thin_parts() && self.takes_thin_parts(object)
+    }
+
     /// Walls and wires of an object.
     pub(super) fn walls(&self, object: usize, watch: &dyn Watch) -> Result<Walls, RunError> {
         let field = &self.slicer().objects()[object];
@@ -108,9 +129,13 @@ impl Prepared {
         let report = &self.objects[object].stackings;
         let limit_mm = f64::from(VOXELS) * self.lattice.pitch.max_element();
         let thickness = |layers: &[Layer<String>]| layers.iter().map(|layer| layer.thickness_mm).sum::<f64>();
-        let deepest = report.stackings.iter().map(|entry| thickness(&entry.layers)).fold(0.0, f64::max);
-        let asks_depth = !self.job.thin_parts();
-        let most = if asks_depth { deepest.max(limit_mm) } else { limit_mm };
+        let deepest = report.stacks_of_labels().map(|stack| thickness(&stack.layers)).fold(0.0, f64::max);
+        let most = deepest.max(limit_mm);
+        let asks_depth = !self.has_layers_for_thin_parts(object);
+        // Of what is measured from its top the surface is that only; a wall ends at the outline.
+        let from_top = self.job.objects[object].depth_from == DepthFrom::Top;
+        let outline = from_top.then(|| Surface::of_triangles(field.inside().triangles().to_vec())).flatten();
+        let walls = outline.as_ref().unwrap_or(around);
         let points = SurfacePoints::spread(surface.triangles(), SPACING_MM, MOST_POINTS);
         let is_void = |name: &str| {
             let only = Mixture::parts_of_name(name).filter(|parts| parts.len() == 1);
@@ -125,7 +150,7 @@ impl Prepared {
             let shares = field.shares(point.triangle, point.point);
             let most_of =
                 shares.iter().fold(&shares[0], |best, next| if next.share > best.share { next } else { best });
-            let layers = report.of_label(most_of.stacking).map_or(&[][..], |(entry, _)| &entry.layers);
+            let layers = report.layers_of(most_of.stacking);
             let at = |depth: f64| {
                 let mut bottom = 0.0;
                 layers.iter().find(|layer| {
@@ -134,11 +159,17 @@ impl Prepared {
                 })
             };
             let void_at = |depth: f64| at(depth).is_some_and(|layer| is_void(&layer.resin));
+            let through = |most: f64| through(walls, point, surface.triangles()[point.triangle as usize], most);
+            let thickness = thickness(layers);
+            let shallow = match from_top {
+                true => through(thickness).is_some(),
+                false => opposite && ball.radius < thickness,
+            };
             Found {
-                wall_mm: through(around, point, surface.triangles()[point.triangle as usize], limit_mm),
-                shallow: asks_depth && opposite && ball.radius < thickness(layers),
+                wall_mm: through(limit_mm),
+                shallow: asks_depth && shallow,
                 bare: void_at(0.0),
-                hollow: asks_depth && opposite && void_at(ball.radius),
+                hollow: opposite && void_at(ball.radius),
             }
         };
         let mut found = Vec::with_capacity(points.points().len());
@@ -159,6 +190,7 @@ impl Prepared {
             thinnest_mm: thinnest.map(|(mm, _)| mm),
             thinnest_at_mm: thinnest.map(|(_, point)| point.to_array()),
             shallow_share: share(|found| found.shallow),
+            takes_thin_parts: self.takes_thin_parts(object),
             bare_share: share(|found| found.bare),
             hollow_share: share(|found| found.hollow),
             marks: Some(Marks {
