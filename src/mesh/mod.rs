@@ -27,6 +27,7 @@ use std::sync::Arc;
 pub use error::MeshError;
 pub use heal::{InCommon, MAX_CAP_FRACTION, close, unite};
 pub use place::{Placement, Size, place};
+pub(crate) use read::fill_holes;
 pub use read::{LoadOptions, Loaded, MAX_EXTENT_MM, MAX_TRIANGLES, MIN_EXTENT_MM, Unit, extensions, load};
 
 use glam::{DVec3, Vec2};

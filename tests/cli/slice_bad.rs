@@ -132,3 +132,48 @@ fn a_base_colour_that_cannot_be_read_is_no_white() {
     bench.write("job.toml", own.replace("\"texture\"", "\"texture\"\nalbedo-value = 0.3").as_bytes());
     bench.run(["slice", "job.toml", "-o", "out"]).exits(0);
 }
+
+/// A PNG of grey texels with what is said of its numbers.
+fn grey(size: [u32; 2], gamma: Option<u32>, srgb: bool, value: u8) -> Vec<u8> {
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, size[0], size[1]);
+    if let Some(gamma) = gamma {
+        encoder.set_source_gamma(png::ScaledFloat::from_scaled(gamma));
+    }
+    if srgb {
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    }
+    encoder.write_header().unwrap().write_image_data(&vec![value; (size[0] * size[1]) as usize]).unwrap();
+    file
+}
+
+#[test]
+fn images_of_another_space_or_size_are_told_of() {
+    let bench = Bench::new();
+    let target = "kind = \"texture\"\nprojection = \"triplanar\"\nalbedo = \"a.png\"\nmean-free-path = \"m.png\"";
+    bench.job_with_all(&[
+        ["kind = \"stacking\"\nstack = \"white:0.5,support:0.6\"", target],
+        ["core = \"black\"", "core = \"black\"\nmodel = \"km\"\nunits = 8\ndepth = 2"],
+    ]);
+    let told = |albedo: Vec<u8>, path: Vec<u8>| {
+        bench.write("a.png", &albedo);
+        bench.write("m.png", &path);
+        bench.run(["slice", "job.toml", "--dry-run"]).exits(0).stderr
+    };
+    let sound = told(grey([4, 4], None, true, 99), grey([8, 8], Some(100_000), false, 99));
+    assert!(!sound.contains("target."), "{sound}");
+    let marked = told(grey([4, 4], Some(100_000), false, 99), grey([8, 4], None, true, 99));
+    for word in [
+        "target.mean-free-path: m.png: found numbers that are marked as sRGB, expected linear factors",
+        "target.mean-free-path: m.png: found 8 × 4 texels, expected the proportions of a.png, 4 × 4",
+    ] {
+        assert!(marked.contains(word), "{word}: {marked}");
+    }
+    let one = told(grey([1, 1], None, false, 99), grey([8, 4], None, false, 99));
+    assert!(one.contains("target.albedo: a.png: found 1 × 1 texels") && !one.contains("proportions"), "{one}");
+    bench.write("m.png", &grey([8, 4], None, false, 0));
+    bench.run(["slice", "job.toml", "--dry-run"]).exits(2);
+    bench.write("m.png", b"glTF\x02\0\0\0");
+    let told = ["job.toml:", "target.mean-free-path: found ", "m.png: something else", "expected a PNG or JPEG image"];
+    bench.run(["slice", "job.toml"]).refuses(2, &told);
+}

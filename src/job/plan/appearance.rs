@@ -4,17 +4,19 @@ use glam::Vec2;
 
 use super::{
     context::TargetContext,
-    images::{Picture, read_picture},
+    image_checks::{ALBEDO, PATH},
+    images::Picture,
 };
 use crate::{
     appearance::{AppearancePage, Reduction},
     colour::{LUMINANCE, byte_to_linear, to_channels},
     job::{
         RunError,
-        file::{AlbedoSource, OutputFormat, Projection, TextureTarget},
+        file::{AlbedoSource, InputPath, OutputFormat, Projection, TextureTarget},
     },
     machine::{self, Shortage},
     mesh::{Projected, SurfaceMaterial},
+    words::counted,
 };
 
 /// Pages of appearance with the page of every triangle.
@@ -110,11 +112,36 @@ impl TargetContext<'_> {
         (!is_written).then(|| self.job.printer.pitch_mm.min_element())
     }
 
+    /// The image of factors of mean free paths. Where all are 0 light enters nowhere, and nothing could be made of it.
+    fn path_factors(&self, path: &InputPath, warnings: &mut Vec<String>) -> Result<Picture, RunError> {
+        let factors = self.job.picture(PATH, path, warnings)?;
+        let (zeros, texels) = (factors.zeros(), factors.width as usize * factors.height as usize);
+        let name = path.shown();
+        if zeros == texels {
+            return Err(self.refuse(PATH, format!("{name} of zeros"), "factors above 0 of mean-free-path-mm"));
+        }
+        let told = format!(
+            "{PATH}: {name}: found {} of {texels} that {} 0, expected factors above 0 of mean-free-path-mm: light would \
+             enter nowhere there, and goes as little far as is told apart from that",
+            counted(zeros, "texel"),
+            if zeros == 1 { "is" } else { "are" },
+        );
+        if zeros > 0 && !warnings.contains(&told) {
+            warnings.push(told);
+        }
+        Ok(factors)
+    }
+
     /// Reads the textures of a texture target.
-    pub(super) fn appearance(&self, target: &TextureTarget) -> Result<Appearance, RunError> {
+    pub(super) fn appearance(
+        &self,
+        target: &TextureTarget,
+        warnings: &mut Vec<String>,
+    ) -> Result<Appearance, RunError> {
         let channels = self.materials.channels.len();
         let over_coordinates = target.projection == Projection::Coordinates;
-        let factor = target.mean_free_path.as_ref().map(|path| read_picture(path.as_ref())).transpose()?;
+        let factor = target.mean_free_path.as_ref();
+        let factor = factor.map(|path| self.path_factors(path, warnings)).transpose()?;
         if factor.is_some() && over_coordinates {
             self.require_uvs("target.mean-free-path")?;
         }
@@ -126,7 +153,7 @@ impl TargetContext<'_> {
                 if over_coordinates {
                     self.require_uvs("target.albedo")?;
                 }
-                Some(read_picture(path.as_ref())?)
+                Some(self.job.picture(ALBEDO, path, warnings)?)
             }
             _ => None,
         };

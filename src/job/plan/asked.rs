@@ -173,7 +173,8 @@ pub(super) fn wanted(
             map: AskedMap::default(),
         }),
         TargetSpec::Clusters { labels, profiles } => {
-            let (width, height, labels_of) = read_labels(labels.as_ref())?;
+            let (width, height, labels_of) =
+                read_labels(labels.as_ref()).map_err(|error| context.job.image_fault("target.labels", error))?;
             if let Some(odd) = labels_of.iter().find(|label| label.index() >= profiles.len()) {
                 return Err(RunError::Texture {
                     path: labels.path.clone(),
@@ -187,7 +188,7 @@ pub(super) fn wanted(
             Ok(labelled(context, "clusters", (width, height), labels_of, targets, None))
         }
         TargetSpec::Texture(texture) => {
-            let appearance = context.appearance(texture)?;
+            let appearance = context.appearance(texture, warnings)?;
             if appearance.loses_colour {
                 warnings.push(format!(
                     "object {}: colours are asked for, and the resins ({}) have one channel: only lightness is matched. \

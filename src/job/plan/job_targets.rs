@@ -3,6 +3,7 @@
 use super::{
     asked::wanted,
     context::TargetContext,
+    image_checks,
     placed::{finish_materials, read_materials},
     solids::{complete_uvs, load_solids},
 };
@@ -31,6 +32,7 @@ pub fn targets(job: Job, watch: &dyn Watch) -> Result<Vec<JobTarget>, RunError> 
     let mut warnings = Vec::new();
     let materials = finish_materials(read_materials(&job)?, &job, watch)?;
     let mut targets = Vec::new();
+    image_checks::images(&job, &mut warnings)?;
     let (loaded, _) = load_solids(&job, &mut warnings, watch)?;
     for (index, (object, (mut solid, ..))) in job.objects.iter().zip(loaded).enumerate() {
         if object.depth_from == DepthFrom::Top {

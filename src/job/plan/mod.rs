@@ -21,6 +21,7 @@ mod checks;
 mod context;
 mod factored;
 mod gamut_mapping;
+mod image_checks;
 mod images;
 mod job_targets;
 mod lattice;

@@ -10,6 +10,7 @@ use glam::{DMat4, DVec3};
 use super::{
     checks,
     factored::FactoredMap,
+    image_checks,
     object::bounds,
     solids::{bodies, load_solids},
 };
@@ -51,6 +52,7 @@ impl Placed {
                 add_input(&mut inputs, named.beside(path), path)?;
             }
         }
+        image_checks::images(job, &mut warnings)?;
         watch.stage("meshes", job.objects.len() as u64);
         let (loaded, touching) = load_solids(job, &mut warnings, watch)?;
         let bodies = bodies(job, &touching);

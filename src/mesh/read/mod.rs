@@ -49,6 +49,7 @@ mod threemf_parts;
 mod threemf_tag;
 mod weld;
 
+pub(crate) use texture::fill_holes;
 pub(super) use weld::weld;
 
 use std::{

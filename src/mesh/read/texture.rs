@@ -44,11 +44,16 @@ pub(super) fn without_holes(texture: Arc<Texture>, name: &str) -> (Arc<Texture>,
     (Arc::new(filled(&texture, &cut)), Some(told))
 }
 
-/// The texture with each texel that is `cut` out replaced by the nearest one left, in steps over edges; the texture
-/// repeats.
+/// The texture with each texel that is `cut` out replaced by the nearest one left.
 pub(super) fn filled(texture: &Texture, cut: &[bool]) -> Texture {
-    let (width, height) = (texture.width as usize, texture.height as usize);
     let mut texels = texture.texels.clone();
+    fill_holes(&mut texels, [texture.width, texture.height], cut);
+    Texture { width: texture.width, height: texture.height, texels }
+}
+
+/// Replaces each texel that is `cut` out by the nearest one left, in steps over edges; the texture repeats.
+pub(crate) fn fill_holes<T: Copy>(texels: &mut [T], size: [u32; 2], cut: &[bool]) {
+    let [width, height] = size.map(|side| side as usize);
     let mut known: Vec<bool> = cut.iter().map(|cut| !cut).collect();
     let mut front: Vec<usize> = (0..known.len()).filter(|&i| known[i]).collect();
     let mut next = Vec::new();
@@ -67,7 +72,6 @@ pub(super) fn filled(texture: &Texture, cut: &[bool]) -> Texture {
         front.clear();
         std::mem::swap(&mut front, &mut next);
     }
-    Texture { width: texture.width, height: texture.height, texels }
 }
 
 #[cfg(test)]
