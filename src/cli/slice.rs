@@ -74,7 +74,7 @@ fn parse_range(text: &str) -> Result<Range<u32>, String> {
 
 /// Runs the command.
 pub fn run(args: &SliceArgs) -> Result<Answer> {
-    let (job, made_up) = match (is_mesh(&args.job), args.mesh.given()) {
+    let (mut job, made_up) = match (is_mesh(&args.job), args.mesh.given()) {
         (true, _) => job_for(&args.job, &args.mesh).map(|(job, text)| (job, Some(text)))?,
         (false, Some(flag)) => refuse!("{flag}: found beside {}, expected a mesh: a job says it", args.job.display()),
         (false, None) => (Job::load(&args.job).map_err(RunError::from)?, None),
@@ -98,6 +98,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
             job::refuse_another(&job, &folder)?;
         }
     }
+    job.must_fit = !args.dry_run;
     let bars = Bars::new(args.json).followed_by(ahead(&job, args.dry_run));
     let found = args.rounds_from.as_ref().unwrap_or(&folder);
     let corrected = if args.dry_run { Corrected::Draft } else { Corrected::As(std::slice::from_ref(found)) };
@@ -143,7 +144,7 @@ fn ahead(job: &Job, dry_run: bool) -> Vec<(&'static str, String)> {
     if dry_run {
         return vec![("estimate", "an estimate of the rest".to_owned())];
     }
-    let rounds = (job.rounds() > 0)
+    let rounds = (job.rounds() > 0 && job.searches())
         .then(|| ("round", format!("up to {} of correction", counted(job.rounds() as usize, "round"))));
     let pictures = job.wants(OutputFormat::Preview).then(|| ("pictures", "pictures".to_owned()));
     rounds.into_iter().chain([("slices", "slices".to_owned())]).chain(pictures).collect()

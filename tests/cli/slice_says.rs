@@ -53,6 +53,30 @@ fn a_dry_run_tells_and_writes_nothing() {
 }
 
 #[test]
+fn a_crowded_tray_is_told_in_one_line_with_what_would_fit() {
+    let bench = Bench::new();
+    let crowd = |tray: &str| {
+        bench.job_with_all(&[
+            ["mesh = \"cube.stl\"", "mesh = \"cube.stl\"\ncount = 30"],
+            ["\n[[object]]", "arrange = true\ngap-mm = 3\n[[object]]"],
+            ["pitch-mm = [0.2, 0.2, 0.2]", &format!("pitch-mm = [0.2, 0.2, 0.2]\ntray-mm = {tray}")],
+        ]);
+    };
+    crowd("[30, 24, 5]");
+    // Rows of 4 at 7 mm, and of 6 at 5 mm.
+    let told = "12 of 30 objects arranged 3 mm apart fit the tray of custom, 30 × 24 mm: 18 fewer would, or gap-mm = 1";
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(1);
+    assert_eq!(ran.stdout.lines().filter(|line| line.starts_with("does not fit")).count(), 1, "{}", ran.stdout);
+    assert!(ran.stdout.contains(told), "{}", ran.stdout);
+    bench.run(["slice", "job.toml"]).refuses(2, &["printer: found", told]);
+    // Those that fit nowhere are named, once.
+    crowd("[30, 3, 5]");
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(1);
+    assert_eq!(ran.stdout.lines().filter(|line| line.starts_with("does not fit")).count(), 1, "{}", ran.stdout);
+    assert!(ran.stdout.contains("cube.stl reaches 4.000 mm in y"), "{}", ran.stdout);
+}
+
+#[test]
 fn layers_thinner_than_a_voxel_are_counted() {
     let bench = Bench::new();
     bench.job_with("0.2, 0.2, 0.2", "0.1, 0.2, 0.1");

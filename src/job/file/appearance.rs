@@ -3,6 +3,7 @@
 use super::options::{StackingModel, StackingOptions};
 use super::ranges as range;
 use super::read::{Result, Table};
+use super::target::TargetSpec;
 
 /// What is done beyond one stacking for each target; what a job does not say follows from whether layers may be
 /// mixtures, see [`super::Job::rounds`] and [`super::Job::thin_parts`].
@@ -40,6 +41,11 @@ impl super::Job {
     /// resins can make up for little.
     pub fn rounds(&self) -> u32 {
         self.appearance.rounds.unwrap_or(if self.allows_mixtures() { DEFAULT_ROUNDS } else { 0 })
+    }
+
+    /// Whether stackings of any object are searched for, as those that are given are not.
+    pub fn searches(&self) -> bool {
+        self.objects.iter().any(|object| !matches!(object.target, TargetSpec::Stacking { .. }))
     }
 
     /// Whether parts thinner than the stackings get stackings of their own: as the job says, else where layers may be

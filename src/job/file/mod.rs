@@ -81,6 +81,9 @@ pub struct Job {
     /// Where searches are looked up that were made before; `None`, as a file leaves it: nowhere. No result depends on
     /// it.
     pub search_cache: Option<SearchCache>,
+    /// Whether objects that do not fit the printer are refused before anything slow; else they are told of where they
+    /// matter.
+    pub must_fit: bool,
     /// Whether it was made coarse for a first look ([`Job::quick`]).
     pub is_coarse: bool,
     /// Where each key stands, for errors found later.
@@ -190,6 +193,7 @@ impl Job {
             overlap,
             arrange_gap_mm,
             search_cache: None,
+            must_fit: false,
             is_coarse: false,
             places,
         };

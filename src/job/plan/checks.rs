@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::object::PreparedObject;
+use super::{arrange::places, object::PreparedObject};
 use crate::job::{
     Job, JobError,
     file::{DepthFrom, OutputFormat, TargetSpec},
@@ -53,7 +53,7 @@ pub(super) fn requested<'a>(job: &Job, resins: &[(&'a str, bool)]) -> Vec<&'a st
             _ => false,
         })
     };
-    let searches = job.objects.iter().any(|object| !matches!(object.target, TargetSpec::Stacking { .. }));
+    let searches = job.searches();
     let printed = resins.iter().filter(|resin| resin.1).map(|resin| resin.0);
     let laid =
         |name: &&str| name == &job.stacking.core_name() || given(name) || (searches && !job.stacking.leaves_out(name));
@@ -70,8 +70,7 @@ pub(super) fn resins(job: &Job, names: &[&str]) -> Result<(), JobError> {
     for (key, holder, most) in printer.into_iter().chain(formats) {
         if names.len() > most {
             let found = format!("{holder} of {}: {}", counted(names.len(), "resin"), names.join(", "));
-            let searched = job.objects.iter().any(|object| !matches!(object.target, TargetSpec::Stacking { .. }));
-            let cure = match searched {
+            let cure = match job.searches() {
                 true => format!(
                     "a material file without the others, or for each that is to be left out a [[stacking.limit]] with \
                      min-depth-mm = {}",
@@ -110,21 +109,56 @@ pub(super) fn tiny_objects(
     Ok(())
 }
 
-/// What of objects, names and corners, does not fit the printer, a sentence each.
+/// What of objects, names and corners, does not fit the printer, a sentence each; those that the job has arranged and
+/// that fit by themselves are told of together.
 pub(super) fn misfits(job: &Job, objects: &[(String, [DVec3; 2])]) -> Vec<String> {
     let Some(tray) = job.printer.tray_mm else { return Vec::new() };
+    let is_beyond = |high: DVec3| high.cmpgt(tray * (1.0 + 1e-9)).any();
+    let size = |[low, high]: &[DVec3; 2]| *high - *low;
     let mut found = Vec::new();
-    for (mesh, [_, high]) in objects {
-        for (axis, name) in ['x', 'y', 'z'].into_iter().enumerate() {
-            if high[axis] > tray[axis] * (1.0 + 1e-9) {
-                found.push(format!(
-                    "{mesh} reaches {:.3} mm in {name}, the tray of {} ends at {} mm",
-                    high[axis],
-                    job.printer.name,
-                    short(tray[axis])
-                ));
+    let mut told: Vec<&str> = Vec::new();
+    let mut crowded = 0;
+    for (mesh, corners) in objects.iter().filter(|(_, corners)| is_beyond(corners[1])) {
+        let high = match job.arrange_gap_mm {
+            None => corners[1],
+            Some(_) if !is_beyond(size(corners)) => {
+                crowded += 1;
+                continue;
             }
+            // Copies are alike, and none would fit anywhere.
+            Some(_) if told.contains(&mesh.as_str()) => continue,
+            Some(_) => size(corners),
+        };
+        told.push(mesh);
+        for (axis, name) in ['x', 'y', 'z'].into_iter().enumerate().filter(|(axis, _)| high[*axis] > tray[*axis]) {
+            found.push(format!(
+                "{mesh} reaches {:.3} mm in {name}, the tray of {} ends at {} mm",
+                high[axis],
+                job.printer.name,
+                short(tray[axis])
+            ));
         }
+    }
+    if let (Some(gap_mm), true) = (job.arrange_gap_mm, crowded > 0) {
+        let sizes: Vec<_> = objects.iter().map(|(_, corners)| size(corners)).filter(|size| !is_beyond(*size)).collect();
+        let fits = |gap_mm: &f64| {
+            let places = places(job, *gap_mm, &sizes);
+            places.iter().zip(&sizes).all(|(place, size)| !is_beyond(*place + *size))
+        };
+        // From what the job has downwards, in tenths of a millimetre.
+        let gaps = (0..(10.0 * gap_mm).ceil() as u32).rev().map(|tenths| f64::from(tenths) / 10.0);
+        let cure = gaps.into_iter().find(fits).map(|gap| format!(", or gap-mm = {}", short(gap)));
+        found.push(format!(
+            "{} of {} arranged {} mm apart fit the tray of {}, {} × {} mm: {} fewer would{}",
+            sizes.len() - crowded,
+            counted(sizes.len(), "object"),
+            short(gap_mm),
+            job.printer.name,
+            short(tray.x),
+            short(tray.y),
+            crowded,
+            cure.unwrap_or_default()
+        ));
     }
     found
 }

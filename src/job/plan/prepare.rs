@@ -88,6 +88,11 @@ impl Prepared {
     pub fn draft(mut job: Job, watch: &dyn Watch) -> Result<Self, RunError> {
         let started = Instant::now();
         let Placed { inputs, draft, solids, touching, bodies, lattice, mut warnings } = Placed::new(&job, watch)?;
+        if job.must_fit {
+            let sizes =
+                solids.iter().zip(&job.objects).map(|((solid, _), object)| (object.mesh.shown(), bounds(solid)));
+            checks::refuse_misfits(&job, &checks::misfits(&job, &sizes.collect::<Vec<_>>()))?;
+        }
         watch.stage("materials", 0);
         let mut materials = finish_materials(draft, &job, watch)?;
         materials.grains = Grains::of_voxels(job.printer.pitch_mm.to_array());
