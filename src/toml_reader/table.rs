@@ -64,7 +64,9 @@ impl<'a, E: From<Fault>> Table<'a, E> {
     /// Refuses keys that are not among `known`; the first in the file is named.
     pub fn allow_only(&self, known: &[&str]) -> Result<(), E> {
         let Some((name, at)) = self.first_not_in(known) else { return Ok(()) };
-        let (label, known) = (self.label(&name), known.iter().map(|&key| key.to_owned()).collect());
+        // What several kinds of a table share is told once.
+        let firsts = (0..known.len()).filter(|&at| !known[..at].contains(&known[at]));
+        let (label, known) = (self.label(&name), firsts.map(|at| known[at].to_owned()).collect());
         Err(self.source.fault(at, label, Problem::UnknownKey { prefix: self.prefix.clone(), name, known }).into())
     }
 

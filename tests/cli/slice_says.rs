@@ -77,6 +77,14 @@ fn a_crowded_tray_is_told_in_one_line_with_what_would_fit() {
 }
 
 #[test]
+fn keys_of_several_kinds_are_listed_once() {
+    let bench = Bench::new();
+    bench.job_with("stack =", "alpha = 1\nstack =");
+    let ran = bench.run(["slice", "job.toml", "--dry-run"]).exits(2);
+    assert_eq!(ran.stderr.matches("gamut-map").count(), 1, "{}", ran.stderr);
+}
+
+#[test]
 fn layers_thinner_than_a_voxel_are_counted() {
     let bench = Bench::new();
     bench.job_with("0.2, 0.2, 0.2", "0.1, 0.2, 0.1");
