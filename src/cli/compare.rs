@@ -21,7 +21,7 @@ use super::{
     failure::refuse,
     look::{View, parse_view},
     materials::{Corrected, Materials, prepared},
-    print, print_json,
+    print_json, print_words,
     progress::Bars,
     say,
     table::{number, table},
@@ -154,7 +154,7 @@ fn show(args: &CompareArgs, comparison: &Comparison) -> Result<Answer> {
         return Ok(Answer::Yes);
     }
     comparison.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
-    print(&summary(comparison, &args.output.join("sheet.html").display().to_string()))?;
+    print_words(&summary(comparison, &args.output.join("sheet.html").display().to_string()))?;
     Ok(Answer::Yes)
 }
 

@@ -10,7 +10,7 @@ use lumislice::{
     words::counted,
 };
 
-use super::{Answer, Result, failure::refusal, print, print_json, progress::Bars, say};
+use super::{Answer, Result, failure::refusal, print_json, print_words, progress::Bars, say};
 
 /// Factor a measured BSSRDF into a profile per texel, and group the profiles.
 #[derive(Debug, Args)]
@@ -87,7 +87,7 @@ pub fn run(args: &FactorArgs) -> Result<Answer> {
         return Ok(Answer::Yes);
     }
     warn(&factored);
-    print(&summary(&factored, &args.output.display().to_string()))?;
+    print_words(&summary(&factored, &args.output.display().to_string()))?;
     Ok(Answer::Yes)
 }
 

@@ -20,7 +20,7 @@ use super::{
     cache::CacheArgs,
     failure::{Failure, refusal, refuse},
     materials::{Corrected, Materials, prepared},
-    print, print_json,
+    print_json, print_words,
     progress::Bars,
     say,
     start::{default_folder, is_mesh},
@@ -216,7 +216,7 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         print_json(&look)?;
         return Ok(Answer::Yes);
     }
-    print(&summary(&look))?;
+    print_words(&summary(&look))?;
     Ok(Answer::Yes)
 }
 

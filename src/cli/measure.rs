@@ -7,7 +7,8 @@ use lumislice::measure::{Capture, ChannelMeasurement, Measurement, SeriesMeasure
 use serde_json::json;
 
 use super::{
-    Answer, Result, failure::refuse, output_file::OutputFile, print, print_json, progress::Bars, say, table::table,
+    Answer, Result, failure::refuse, output_file::OutputFile, print_json, print_words, progress::Bars, say,
+    table::table,
 };
 
 /// Measure a resin from photographs: exposure brackets under a point of light, dark series, grey card and screen.
@@ -49,7 +50,7 @@ pub fn run(args: &MeasureArgs) -> Result<Answer> {
     if args.json {
         print_json(&record(&measurement, &args.output))?;
     } else {
-        print(&summary(&measurement, &args.output))?;
+        print_words(&summary(&measurement, &args.output))?;
     }
     Ok(Answer::Yes)
 }

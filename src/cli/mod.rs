@@ -47,7 +47,7 @@ use lumislice::{
 };
 
 use failure::{Failure, INTERRUPTED, refusal};
-use table::wrapped;
+use table::{fitted, fitted_toml, wrapped};
 
 /// Slices meshes into voxels of resin that scatter light as specified.
 #[derive(Debug, Parser)]
@@ -100,7 +100,10 @@ pub fn run() -> ExitCode {
             name_the_unit(&mut error);
             let code = if error.use_stderr() { 2 } else { 0 };
             // A closed pipe is no reason to fail twice.
-            let _ = error.print();
+            let _ = match error.use_stderr() && io::stderr().is_terminal() {
+                true => write!(io::stderr(), "{}", fitted(&error.render().to_string(), WIDTH)),
+                false => error.print(),
+            };
             return ExitCode::from(code);
         }
     };
@@ -183,6 +186,16 @@ fn print(text: &str) -> Result<()> {
         Err(error) => Err(Failure::writing("stdout", error)),
         Ok(()) => Ok(()),
     }
+}
+
+/// Writes words to stdout: lines as they are, but broken between words on a terminal.
+fn print_words(text: &str) -> Result<()> {
+    if io::stdout().is_terminal() { print(&fitted(text, WIDTH)) } else { print(text) }
+}
+
+/// Writes a commented job to stdout, its comments broken between words on a terminal.
+fn print_toml(text: &str) -> Result<()> {
+    if io::stdout().is_terminal() { print(&fitted_toml(text, WIDTH)) } else { print(text) }
 }
 
 /// Writes one JSON document to stdout.

@@ -20,7 +20,7 @@ use super::{
     cache::CacheArgs,
     failure::{Failure, refusal, refuse},
     materials::{Corrected, prepared},
-    print, print_json,
+    print_json, print_toml, print_words,
     progress::Bars,
     say,
     start::{MeshArgs, default_folder, is_mesh, job_for},
@@ -85,7 +85,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
         say(&format!("note: {beside} lies beside {mesh} and is not used; `lumislice slice {beside}` slices that job"));
     }
     if let Some(text) = made_up.as_ref().filter(|_| !args.json) {
-        print(text)?;
+        print_toml(text)?;
     }
     if args.quick {
         return quick(args, job, made_up.as_deref());
@@ -135,7 +135,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
         return Ok(Answer::Yes);
     }
     manifest.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
-    print(&summary(&manifest, &folder.display().to_string()))?;
+    print_words(&summary(&manifest, &folder.display().to_string()))?;
     Ok(Answer::Yes)
 }
 
@@ -179,8 +179,8 @@ fn quick(args: &SliceArgs, job: Job, made_up: Option<&str>) -> Result<Answer> {
         return Ok(Answer::Yes);
     }
     warnings.iter().chain(&look.warnings).for_each(|warning| say(&format!("warning: {warning}")));
-    print(&super::look::summary(&look))?;
-    print(&format!(
+    print_words(&super::look::summary(&look))?;
+    print_words(&format!(
         "\npictures of a coarse print: {}\nnothing was corrected yet: without --quick, rounds of correction bring the \
          print nearer to what is asked; this one is a coarse first look at it\n",
         folder.display()
@@ -286,6 +286,6 @@ fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool, made_up
     for misfit in &estimate.misfits {
         text += &format!("does not fit: {misfit}\n");
     }
-    print(&text)?;
+    print_words(&text)?;
     Ok(answer)
 }

@@ -40,6 +40,50 @@ pub fn wrapped(text: &str, width: usize) -> String {
     out
 }
 
+/// Every line of a text [`wrapped`].
+pub fn fitted(text: &str, width: usize) -> String {
+    text.split_inclusive('\n').map(|line| wrapped(line, width)).collect()
+}
+
+/// Least characters of a line that a comment is broken into.
+const COMMENT: usize = 20;
+
+/// TOML with its comments broken between words, what follows below its beginning; values are left as they are.
+pub fn fitted_toml(text: &str, width: usize) -> String {
+    let fit = |line: &str| -> String {
+        let begins = if line.starts_with("# ") { Some(0) } else { outside_quotes(line) };
+        let Some((code, comment)) = begins.map(|at| line.split_at(at)) else { return line.to_owned() };
+        let column = code.chars().count();
+        if line.chars().count() <= width || column + COMMENT > width {
+            return line.to_owned();
+        }
+        let mut out = code.to_owned();
+        let mut length = column;
+        for (n, word) in comment.split(' ').enumerate() {
+            let letters = word.chars().count();
+            if n > 1 && length + 1 + letters > width {
+                out += &format!("\n{}#", " ".repeat(column));
+                length = column + 1;
+            }
+            if n > 0 {
+                out.push(' ');
+                length += 1;
+            }
+            out += word;
+            length += letters;
+        }
+        out
+    };
+    let lines: Vec<String> = text.split('\n').map(fit).collect();
+    lines.join("\n")
+}
+
+/// Where the comment of a line begins that is no part of a text in quotation marks.
+fn outside_quotes(line: &str) -> Option<usize> {
+    let begins = line.match_indices(" # ").map(|(at, _)| at + 1);
+    begins.into_iter().find(|&at| line[..at].matches('"').count().is_multiple_of(2))
+}
+
 /// A number with so many decimals, or a dash for none. What rounds to zero has no sign.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
     let Some(value) = value else { return "–".to_owned() };
@@ -51,12 +95,25 @@ mod tests {
     use super::*;
 
     #[test]
+    fn comments_go_on_below_their_beginning() {
+        let text = "# A job of very many words\nmesh = \"a # b\"\nscale = 1.0     # 20 mm × 20 mm as the file has it\n";
+        let fitted = fitted_toml(text, 38);
+        let expected = "# A job of very many words\nmesh = \"a # b\"\nscale = 1.0     # 20 mm × 20 mm as the\n                # file has it\n";
+        assert_eq!(fitted, expected);
+        assert_eq!(fitted_toml(text, 20).lines().next(), Some("# A job of very many"));
+        // What was broken says the same.
+        let words = |text: &str| text.replace('#', " ").split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(words(&fitted_toml(text, 24)), words(text));
+    }
+
+    #[test]
     fn columns_are_aligned_by_characters() {
         let rows = [vec!["häschen".to_owned(), "1".to_owned()], vec!["b".to_owned(), "22.5".to_owned()]];
         assert_eq!(table(&["name", "mm"], &rows), "  name       mm\n  häschen     1\n  b        22.5\n");
         assert_eq!((number(Some(-0.004), 2), number(Some(-0.006), 2)), ("0.00".to_owned(), "-0.01".to_owned()));
         assert_eq!(wrapped("a warning: of many words", 12), "a warning:\n    of many\n    words");
         assert_eq!(wrapped("  as/long/as/a/path is", 8), "  as/long/as/a/path\n    is");
+        assert_eq!(fitted("a few words\nand some more\n", 9), "a few\n    words\nand some\n    more\n");
         assert_eq!((number(None, 2), number(Some(1.005), 1)), ("–".to_owned(), "1.0".to_owned()));
     }
 }

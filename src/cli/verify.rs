@@ -12,7 +12,7 @@ use lumislice::{
 };
 use serde_json::json;
 
-use super::{Answer, Result, print, print_json, progress::Bars, say};
+use super::{Answer, Result, print_json, print_words, progress::Bars, say};
 
 /// Re-read every file of a finished job and check it against the manifest.
 ///
@@ -60,7 +60,7 @@ pub fn run(args: &VerifyArgs) -> Result<Answer> {
             "findings": result.findings,
         }))?;
     } else {
-        print(&result.findings.iter().map(|finding| format!("{finding}\n")).collect::<String>())?;
+        print_words(&result.findings.iter().map(|finding| format!("{finding}\n")).collect::<String>())?;
         let verdict = match result.findings.len() {
             0 => "sound".to_owned(),
             n => counted(n, "finding"),
