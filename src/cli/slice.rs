@@ -52,7 +52,7 @@ pub struct SliceArgs {
     #[arg(long, value_name = "FOLDER", help_heading = "Work")]
     rounds_from: Option<PathBuf>,
     /// Check the job and print what it would take, writing nothing.
-    #[arg(long, conflicts_with_all = ["overwrite", "resume", "slices"], help_heading = "Work")]
+    #[arg(long, conflicts_with = "resume", help_heading = "Work")]
     dry_run: bool,
     /// Only look at it, coarsely and soon: pictures and albedos of a print of larger voxels, no slices.
     #[arg(long, conflicts_with_all = ["resume", "slices", "rounds_from", "dry_run"], help_heading = "Work")]
@@ -107,17 +107,16 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
         let result = prepared.and_then(|prepared| Ok((prepared.estimate(&bars)?, prepared)));
         bars.finish();
         let (estimate, prepared) = result.map_err(Failure::before_writing)?;
-        return report_estimate(&prepared, &estimate, args.json, made_up);
+        let slices = prepared.checked_slices(args.slices.clone()).map_err(refused_slices)?;
+        let part = args.slices.is_some().then_some(slices);
+        return report_estimate(&prepared, &estimate, part, args.json, made_up);
     }
     bars.finish();
     let prepared = prepared.map_err(Failure::before_writing)?;
     let options = RunOptions { existing, slices: args.slices.clone() };
     let result = job::run(&prepared, &folder, &options, &bars);
     bars.finish();
-    let Finished { manifest, kept } = result.map_err(|error| match error {
-        RunError::Slices { .. } => refusal!("--{error}"),
-        error => error.into(),
-    })?;
+    let Finished { manifest, kept } = result.map_err(refused_slices)?;
     if args.resume {
         let slices = manifest.slices[1] - manifest.slices[0];
         say(&format!("note: {kept} of {slices} slices were there and whole"));
@@ -137,6 +136,14 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     manifest.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     print_words(&summary(&manifest, &folder.display().to_string()))?;
     Ok(Answer::Yes)
+}
+
+/// A failure that names the flag where it is about that.
+fn refused_slices(error: RunError) -> Failure {
+    match error {
+        RunError::Slices { .. } => refusal!("--{error}"),
+        error => error.into(),
+    }
 }
 
 /// What a job comes to after its stackings, by stages.
@@ -258,10 +265,19 @@ fn time(prepared: &Prepared, estimate: &Estimate) -> String {
     )
 }
 
-fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool, made_up: Option<String>) -> Result<Answer> {
+fn report_estimate(
+    prepared: &Prepared,
+    estimate: &Estimate,
+    part: Option<Range<u32>>,
+    json: bool,
+    made_up: Option<String>,
+) -> Result<Answer> {
     let answer = if estimate.misfits.is_empty() { Answer::Yes } else { Answer::No };
     if json {
-        let document = serde_json::to_value(estimate).map_err(|error| refusal!("{error}"))?;
+        let mut document = serde_json::to_value(estimate).map_err(|error| refusal!("{error}"))?;
+        if let Some(part) = part {
+            document["slices"] = json!([part.start, part.end]);
+        }
         print_json(&with_job(document, made_up))?;
         return Ok(answer);
     }
@@ -277,6 +293,9 @@ fn report_estimate(prepared: &Prepared, estimate: &Estimate, json: bool, made_up
         voxels(estimate.voxels),
         estimate.memory_bytes >> 20,
     );
+    if let Some(Range { start, end }) = part {
+        text += &format!("slices: {start}..{end} of {z}; what follows is for all of them\n");
+    }
     text += &format!("{}\n", wrapped(&time(prepared, estimate), WIDTH));
     for object in estimate.objects.iter().filter(|_| estimate.objects.len() > 1) {
         let ([x, y, z], [w, d, h]) = (object.position_mm, object.size_mm);

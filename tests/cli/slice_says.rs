@@ -49,7 +49,21 @@ fn a_dry_run_tells_and_writes_nothing() {
     bench.run(["slice", "job.toml"]).refuses(2, &["job.toml:4", "reaches 4.000 mm in y"]);
     bench.write("job.toml", &before["job.toml"]);
     assert_eq!(bench.files(""), before);
-    bench.run(["slice", "job.toml", "--dry-run", "--overwrite"]).exits(2);
+}
+
+#[test]
+fn a_dry_run_of_a_part_says_which() {
+    let bench = Bench::new();
+    let whole = bench.run(["slice", "job.toml", "--dry-run"]).exits(0);
+    let part = bench.run(["slice", "job.toml", "--dry-run", "--slices", "3..7", "--overwrite"]).exits(0);
+    let told = "slices: 3..7 of 20; what follows is for all of them\n";
+    assert!(part.stdout.contains(told), "{}", part.stdout);
+    let but_time = |text: &str| text.lines().filter(|line| !line.starts_with("time:")).collect::<Vec<_>>().join("\n");
+    assert_eq!(but_time(&part.stdout.replace(told, "")), but_time(&whole.stdout));
+    let json = bench.run(["slice", "job.toml", "--dry-run", "--slices", "3..7", "--json"]).exits(0).json();
+    assert_eq!(json["slices"], serde_json::json!([3, 7]));
+    bench.run(["slice", "job.toml", "--dry-run", "--slices", "3..70"]).exits(2);
+    bench.run(["slice", "job.toml", "--dry-run", "--resume"]).exits(2);
 }
 
 #[test]

@@ -298,7 +298,11 @@ impl Prepared {
         *slices == (0..self.lattice.dims[2])
     }
 
-    fn checked_slices(&self, slices: Option<Range<u32>>) -> Result<Range<u32>, RunError> {
+    /// The slices asked for, or all.
+    ///
+    /// # Errors
+    /// [`RunError::Slices`] where they are not among them.
+    pub fn checked_slices(&self, slices: Option<Range<u32>>) -> Result<Range<u32>, RunError> {
         let all = 0..self.lattice.dims[2];
         match slices {
             None => Ok(all),
