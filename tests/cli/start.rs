@@ -85,7 +85,11 @@ fn units_colours_and_heights_are_guessed() {
     assert!(small.contains("preset = \"marble\"") && small.contains("set = \"synthetic\""), "{small}");
     // An image that is named after the mesh is its colour, projected where there are no coordinates.
     bench.write("small-normal.png", b"");
-    bench.write("small_Albedo.png", b"");
+    let mut image = Vec::new();
+    let mut encoder = png::Encoder::new(&mut image, 2, 2);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().unwrap().write_image_data(&[200; 12]).unwrap();
+    bench.write("small_Albedo.png", &image);
     let small = job("small.stl", &["--height-mm", "40", "--printer", "connex500-30um"]);
     for part in ["height-mm = 40", "albedo = \"small_Albedo.png\"", "projection = \"triplanar\"", "connex500-30um"] {
         assert!(small.contains(part), "{part}:\n{small}");

@@ -117,7 +117,7 @@ impl TargetContext<'_> {
         let factors = self.job.picture(PATH, path, warnings)?;
         let (zeros, texels) = (factors.zeros(), factors.width as usize * factors.height as usize);
         let name = path.shown();
-        if zeros == texels {
+        if factors.is_black() {
             return Err(self.refuse(PATH, format!("{name} of zeros"), "factors above 0 of mean-free-path-mm"));
         }
         let told = format!(

@@ -210,6 +210,14 @@ impl Picture {
         }
     }
 
+    /// Whether all channels are 0 everywhere.
+    pub fn is_black(&self) -> bool {
+        match &self.texels {
+            Texels::Bytes(bytes) => bytes.iter().all(|value| *value == 0),
+            Texels::Words(words) => words.iter().all(|value| *value == 0),
+        }
+    }
+
     fn texel(&self, u: f32, v: f32) -> usize {
         let texel = |at: f32, size: u32| ((at * size as f32) as u32).min(size - 1) as usize;
         3 * (texel(u, self.width) + self.width as usize * texel(v, self.height))

@@ -51,6 +51,9 @@ pub struct Printable {
 const WORTH_SAYING: f64 = 1e-3;
 /// Most that a print is advised to grow by.
 const MOST_LARGER: f64 = 10.0;
+/// Skins over a wall of support that they close in hold it as long as they last; the ears of the samples' rabbit, whose
+/// layers are searched for their thickness, are a percent of it.
+const HOLLOW_WORTH_SAYING: f64 = 0.05;
 /// Parts too thin for their layers are common at tips; below a hundredth no one sees them.
 const SHALLOW_WORTH_SAYING: f64 = 0.01;
 
@@ -176,7 +179,7 @@ impl Printable {
                     percent(walls.bare_share)
                 ));
             }
-            if walls.hollow_share > WORTH_SAYING {
+            if walls.hollow_share > HOLLOW_WORTH_SAYING {
                 words.push(format!(
                     "{mesh}: {} of its surface is a skin over a wall of support, which holds nothing together; thicken \
                      the part, or lay less support (where layers are searched for, by max-mm of a [[stacking.limit]])",
