@@ -21,7 +21,7 @@ pub(super) fn zlib(bytes: &[u8]) -> io::Result<Vec<u8>> {
 }
 
 thread_local! {
-    /// What [`zlib_of_few`] works with. Making it takes longer than to compress a kilobyte: it has tables of 300.
+    /// What [`zlib_of_few`] works with. Making it takes longer than to compress a kilobyte: it has tables of 300 kB.
     static FEW: RefCell<Compress> = RefCell::new(Compress::new(Compression::fast(), true));
 }
 

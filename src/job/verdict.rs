@@ -68,7 +68,7 @@ impl Manifest {
         let goal = worst.shows(worst.asked.as_ref().unwrap_or(&worst.predicted));
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
         let (printed, wanted) = (mean(&worst.printed), mean(&goal));
-        let percent = 100.0 * (printed / wanted - 1.0).abs();
+        let percent = 100.0 * (printed / wanted.max(1e-3) - 1.0).abs();
         let side = if printed > wanted { "brighter" } else { "darker" };
         let [x, y, z] = worst.position_mm;
         let [low, high] = [0, 1].map(|end| {
@@ -86,7 +86,7 @@ impl Manifest {
             );
         }
         let off = match worst.delta_e_2000 {
-            _ if wanted < BLACK => format!("an albedo of {printed:.2} in place of {wanted:.2}"),
+            _ if wanted < BLACK => format!("an albedo of {printed:.3} in place of {wanted:.3}"),
             Some(difference) if percent < 1.0 => {
                 format!("ΔE {difference:.1}, as bright as it should be, of another hue")
             }

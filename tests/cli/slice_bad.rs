@@ -172,7 +172,7 @@ fn images_of_another_space_or_size_are_told_of() {
     let one = told(grey([1, 1], None, false, 99), grey([8, 4], None, false, 99));
     assert!(one.contains("target.albedo: a.png: found 1 × 1 texels") && !one.contains("proportions"), "{one}");
     bench.write("m.png", &grey([8, 4], None, false, 0));
-    bench.run(["slice", "job.toml", "--dry-run"]).exits(2);
+    bench.run(["slice", "job.toml", "--dry-run"]).refuses(2, &["target.mean-free-path", "m.png of zeros"]);
     bench.write("m.png", b"glTF\x02\0\0\0");
     let told = ["job.toml:", "target.mean-free-path: found ", "m.png: something else", "expected a PNG or JPEG image"];
     bench.run(["slice", "job.toml"]).refuses(2, &told);

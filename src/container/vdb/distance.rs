@@ -1,7 +1,7 @@
 //! Signed distances from the boundary of what is printed, in a narrow band around it.
 //!
 //! The boundary is made of faces: those between a voxel of the object and one of nothing. So distances are known from
-//! voxels alone, and a job and its folder have the same; from the mesh's surface they are off by what its voxels are.
+//! voxels alone, and a job and its folder have the same, but where support lies open; from the mesh's surface they are off by what its voxels are.
 //! The distance of a voxel's centre from it is that from the nearest voxel of the other kind, a box:
 //!
 //! ```text
@@ -162,7 +162,7 @@ struct Scratch {
 }
 
 impl Distances {
-    /// None yet; `None` for lattices that have none, of voxels 16 times as long as wide or more.
+    /// None yet; `None` for lattices that have none, of voxels more than some 16 times as long as wide.
     pub(super) fn new(lattice: &Lattice) -> Option<Self> {
         let band = Band::new(lattice.pitch)?;
         Some(Self {

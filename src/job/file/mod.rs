@@ -81,8 +81,7 @@ pub struct Job {
     /// Where searches are looked up that were made before; `None`, as a file leaves it: nowhere. No result depends on
     /// it.
     pub search_cache: Option<SearchCache>,
-    /// Whether objects that do not fit the printer are refused before anything slow; else they are told of where they
-    /// matter.
+    /// Whether objects that do not fit the printer are refused before anything slow; else an estimate lists them.
     pub must_fit: bool,
     /// Whether it was made coarse for a first look ([`Job::quick`]).
     pub is_coarse: bool,

@@ -121,10 +121,9 @@ impl TargetContext<'_> {
             return Err(self.refuse(PATH, format!("{name} of zeros"), "factors above 0 of mean-free-path-mm"));
         }
         let told = format!(
-            "{PATH}: {name}: found {} of {texels} that {} 0, expected factors above 0 of mean-free-path-mm: light would \
+            "{PATH}: {name}: found {} of {texels} with a channel of 0, expected factors above 0 of mean-free-path-mm: light would \
              enter nowhere there, and goes as little far as is told apart from that",
             counted(zeros, "texel"),
-            if zeros == 1 { "is" } else { "are" },
         );
         if zeros > 0 && !warnings.contains(&told) {
             warnings.push(told);

@@ -130,7 +130,9 @@ pub(super) fn misfits(job: &Job, objects: &[(String, [DVec3; 2])]) -> Vec<String
             Some(_) => size(corners),
         };
         told.push(mesh);
-        for (axis, name) in ['x', 'y', 'z'].into_iter().enumerate().filter(|(axis, _)| high[*axis] > tray[*axis]) {
+        for (axis, name) in
+            ['x', 'y', 'z'].into_iter().enumerate().filter(|(axis, _)| high[*axis] > tray[*axis] * (1.0 + 1e-9))
+        {
             found.push(format!(
                 "{mesh} reaches {:.3} mm in {name}, the tray of {} ends at {} mm",
                 high[axis],

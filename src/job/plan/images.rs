@@ -43,6 +43,8 @@ pub enum Coding {
 /// The exponent that stands for sRGB's curve, and how far others may be from it, or from 1, to be the same.
 const SRGB_GAMMA: f32 = 1.0 / 2.2;
 const SAME_GAMMA: f32 = 0.02;
+/// Exponents below this, and above what it is the inverse of, are of no camera, screen or program.
+const LEAST_GAMMA: f32 = 0.2;
 
 impl Coding {
     /// What a PNG says, of its profile, its mark and its exponent by the first there is; other files say nothing.
@@ -65,8 +67,8 @@ impl Coding {
     fn of_gamma(gamma: f32) -> Self {
         match gamma {
             _ if (gamma - SRGB_GAMMA).abs() < SAME_GAMMA => Self::Srgb,
-            // No curve at all.
-            _ if gamma <= 0.0 => Self::Unsaid,
+            // No curve that anyone means.
+            _ if !(LEAST_GAMMA..=1.0 / LEAST_GAMMA).contains(&gamma) => Self::Unsaid,
             _ => Self::Gamma(gamma),
         }
     }

@@ -335,10 +335,12 @@ fn within_reach(asked: f64, promised: f64) -> f64 {
 /// What `own` asks for among places whose mean `asked` for what [`within_reach`] of `promised` is: as far off as that,
 /// but no farther than the promise, and not at all beyond it.
 fn as_far_off(own: f64, asked: f64, promised: f64) -> f64 {
-    if asked <= 0.0 || own <= 0.0 {
+    if asked <= 0.0 {
         return own.max(promised);
     }
-    let moved = own * within_reach(asked, promised) / asked;
+    let reached = within_reach(asked, promised);
+    // No factor moves 0: black that is out of reach is asked for as it is promised.
+    let moved = if own <= 0.0 && reached > asked { promised } else { own * reached / asked };
     if promised > asked { own.max(moved.min(promised)) } else { own.min(moved.max(promised)) }
 }
 
@@ -464,6 +466,9 @@ mod tests {
         // The other way round, of white.
         assert_eq!(as_far_off(0.8, 0.95, 0.82), 0.8);
         assert!((as_far_off(0.9, 0.95, 0.82) - 0.82).abs() < 1e-12);
+        // Of black itself, out of reach and among places that are lighter.
+        let black = [0.0, 1e-4, 0.02].map(|asked| as_far_off(0.0, asked, 0.05));
+        assert_eq!((black, as_far_off(0.0, 0.5, 0.503)), ([0.05; 3], 0.0));
         // And where the promise is near, each is asked for as it is.
         assert_eq!([0.4, 0.5, 0.6].map(|own| as_far_off(own, 0.5, 0.503)), [0.4, 0.5, 0.6]);
     }

@@ -230,14 +230,20 @@ impl Pieces {
         let largest = parts.iter().map(|part| part.voxels).max().unwrap_or(0);
         let ends_of = |part: &Part| [corner(part.low), corner(part.high)];
         let is_crumb = |part: &Part| mm3(part) < CRUMB_MM3 && part.voxels < largest;
-        // The largest that reaches into its box is the object itself; of objects that touch one piece is both.
+        // What fills its box is the object itself, else the largest that reaches into it: of objects that touch one
+        // piece is both.
         let own = |[low, high]: &[DVec3; 2]| {
+            let fills = |part: &Part| {
+                let [least, most] = ends_of(part);
+                let off = (least - low).abs().max((most - high).abs());
+                off.cmple(1.5 * lattice.pitch).all()
+            };
             let reaches = |part: &Part| {
                 let [least, most] = ends_of(part);
                 !is_crumb(part) && least.cmplt(*high).all() && most.cmpgt(*low).all()
             };
             let reaching = (0..parts.len()).filter(|&at| reaches(&parts[at]));
-            reaching.max_by_key(|&at| (parts[at].voxels, std::cmp::Reverse(at)))
+            reaching.max_by_key(|&at| (fills(&parts[at]), parts[at].voxels, std::cmp::Reverse(at)))
         };
         let own: Vec<usize> = boxes.iter().filter_map(own).collect();
         for (at, part) in parts.iter().enumerate() {
@@ -295,6 +301,10 @@ mod tests {
         // Of one object that fills the same box all but the largest are.
         let whole = [[DVec3::ZERO, DVec3::new(30.0, 10.0, 10.0)]];
         assert_eq!(Pieces::of(parts, &lattice, &whole).loose.len(), 2);
+        // A ball in a bowl is an object of its own, though the bowl reaches into its box too.
+        let [bowl, ball] = [part(5000, [0, 0, 0], [30, 20, 20]), part(500, [10, 5, 5], [20, 15, 15])];
+        let boxes = [bowl, ball].map(|part| [part.low, part.high].map(|end| DVec3::from(end.map(f64::from))));
+        assert!(Pieces::of(vec![bowl, ball], &lattice, &boxes).loose.is_empty());
     }
 
     #[test]

@@ -3,8 +3,8 @@
 //! Light that goes in at one texel comes out at its neighbours: a dark vein prints lighter the narrower it is, what lies
 //! beside it darker. Walks tell it too slowly for each point, but places of like contrast miss alike. It is fitted
 //! together with what shapes do ([`ByShape`](super::shape::ByShape)), what is dark amid light apart from what is light
-//! beside dark. On the samples' rabbit a spot of albedo 0.2 to 0.6 misses by a quarter of the mean within 0.8 mm over its
-//! own albedo, less 1; of the 2.6% (rms) that its convex parts were off by after four rounds, 2.0% are left.
+//! beside dark. On the samples' rabbit a spot of albedo b amid a mean of a within 0.8 mm is too light by a quarter of
+//! a/b − 1; its convex parts were off by 2.6% rms after four rounds, and are by 2.0% now.
 //!
 //! In one channel a correction for contrast is divided by how far the print follows single points, in colours by how far
 //! it follows means: divided by the former, what lies beside dark letters in seven inks is off by ΔE 1.0 in the median in

@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn the_farthest_miss_is_told() {
         assert_eq!(far_miss([[0.5, 0.54], [0.3, 0.1], [0.2, 0.3]].into_iter()), Some([0.3, 0.1]));
-        assert_eq!(far_miss([[0.5, 0.54], [0.2, 0.22]].into_iter()), None);
+        assert_eq!(far_miss([[0.5, 0.54], [0.2, 0.24], [0.031, 0.04]].into_iter()), None);
         // Black that no resin is: 0.025 apart, but 8 in lightness.
         assert_eq!(far_miss([[0.5, 0.54], [0.031, 0.056]].into_iter()), Some([0.031, 0.056]));
         assert_eq!(far_miss(std::iter::empty()), None);
