@@ -4,7 +4,7 @@ use glam::Vec2;
 
 use super::{
     context::TargetContext,
-    image_checks::{ALBEDO, PATH},
+    image_checks::{ALBEDO, PATH, tell},
     images::Picture,
 };
 use crate::{
@@ -121,12 +121,12 @@ impl TargetContext<'_> {
             return Err(self.refuse(PATH, format!("{name} of zeros"), "factors above 0 of mean-free-path-mm"));
         }
         let told = format!(
-            "{PATH}: {name}: found {} of {texels} with a channel of 0, expected factors above 0 of mean-free-path-mm: light would \
-             enter nowhere there, and goes as little far as is told apart from that",
+            "{PATH}: {name}: found {} of {texels} with a channel of 0, expected factors above 0 of mean-free-path-mm: \
+             light would enter nowhere there, and goes as little far as is told apart from that",
             counted(zeros, "texel"),
         );
-        if zeros > 0 && !warnings.contains(&told) {
-            warnings.push(told);
+        if zeros > 0 {
+            tell(warnings, told);
         }
         Ok(factors)
     }

@@ -113,7 +113,8 @@ pub(super) fn tiny_objects(
 /// that fit by themselves are told of together.
 pub(super) fn misfits(job: &Job, objects: &[(String, [DVec3; 2])]) -> Vec<String> {
     let Some(tray) = job.printer.tray_mm else { return Vec::new() };
-    let is_beyond = |high: DVec3| high.cmpgt(tray * (1.0 + 1e-9)).any();
+    let beyond = |high: DVec3| high.cmpgt(tray * (1.0 + 1e-9));
+    let is_beyond = |high: DVec3| beyond(high).any();
     let size = |[low, high]: &[DVec3; 2]| *high - *low;
     let mut found = Vec::new();
     let mut told: Vec<&str> = Vec::new();
@@ -130,9 +131,7 @@ pub(super) fn misfits(job: &Job, objects: &[(String, [DVec3; 2])]) -> Vec<String
             Some(_) => size(corners),
         };
         told.push(mesh);
-        for (axis, name) in
-            ['x', 'y', 'z'].into_iter().enumerate().filter(|(axis, _)| high[*axis] > tray[*axis] * (1.0 + 1e-9))
-        {
+        for (axis, name) in ['x', 'y', 'z'].into_iter().enumerate().filter(|(axis, _)| beyond(high).test(*axis)) {
             found.push(format!(
                 "{mesh} reaches {:.3} mm in {name}, the tray of {} ends at {} mm",
                 high[axis],

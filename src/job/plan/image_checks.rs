@@ -49,7 +49,7 @@ impl Job {
 }
 
 /// Tells what was not told before, of another object of the same target.
-fn tell(warnings: &mut Vec<String>, words: String) {
+pub(super) fn tell(warnings: &mut Vec<String>, words: String) {
     if !warnings.contains(&words) {
         warnings.push(words);
     }

@@ -28,7 +28,7 @@ pub use walls::Walls;
 pub use washed::Washed;
 
 use super::{Prepared, RunError};
-use crate::{watch::Watch, words::counted};
+use crate::{optics::Mixture, watch::Watch, words::counted};
 
 /// What of a job will not print well.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -58,6 +58,14 @@ const HOLLOW_WORTH_SAYING: f64 = 0.05;
 const SHALLOW_WORTH_SAYING: f64 = 0.01;
 
 impl Prepared {
+    /// Whether a layer of that name prints as background: one resin that does, no mixture, and nothing in its place.
+    fn is_background(&self, layer: &str) -> bool {
+        let only = Mixture::parts_of_name(layer).filter(|parts| parts.len() == 1);
+        let found = only.and_then(|parts| self.materials.resin(parts[0].0));
+        self.job.output.map_background.is_none()
+            && found.is_some_and(|(resin, _)| self.materials[resin].print_as_background)
+    }
+
     /// Looks for what will not print well.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ use crate::{
         file::{DepthFrom, OutputFormat, StackingModel, TargetSpec},
         look::normal_and_area,
     },
-    optics::{Layer, Mixture},
+    optics::Layer,
     parallel,
     sdf::{Surface, ball_inside},
     watch::Watch,
@@ -137,12 +137,6 @@ impl Prepared {
         let outline = from_top.then(|| Surface::of_triangles(field.inside().triangles().to_vec())).flatten();
         let walls = outline.as_ref().unwrap_or(around);
         let points = SurfacePoints::spread(surface.triangles(), SPACING_MM, MOST_POINTS);
-        let is_void = |name: &str| {
-            let only = Mixture::parts_of_name(name).filter(|parts| parts.len() == 1);
-            let found = only.and_then(|parts| self.materials.resin(parts[0].0));
-            self.job.output.map_background.is_none()
-                && found.is_some_and(|(resin, _)| self.materials[resin].print_as_background)
-        };
         let look = |point: &PointOfSurface| -> Found {
             let ball = ball_inside(around, point.point, point.normal, most);
             // A point on an edge touches the face beyond it, at no distance and in no direction.
@@ -158,7 +152,7 @@ impl Prepared {
                     depth < bottom
                 })
             };
-            let void_at = |depth: f64| at(depth).is_some_and(|layer| is_void(&layer.resin));
+            let void_at = |depth: f64| at(depth).is_some_and(|layer| self.is_background(&layer.resin));
             let through = |most: f64| through(walls, point, surface.triangles()[point.triangle as usize], most);
             let thickness = thickness(layers);
             let shallow = match from_top {

@@ -21,7 +21,6 @@ use super::{
 use crate::{
     disjoint_sets::DisjointSets,
     job::{Prepared, RunError, file::DepthFrom},
-    optics::Mixture,
     watch::Watch,
 };
 
@@ -148,17 +147,12 @@ impl Prepared {
     /// What is left where support is washed off; `None` where water comes to none, for it lies nowhere bare: closed in
     /// on all sides where depth is measured from the whole surface, and at the sides where it is from the top.
     pub(super) fn washed(&self, walls: &[Walls], watch: &dyn Watch) -> Result<Option<Washed>, RunError> {
-        let is_void = |name: &str| {
-            let only = Mixture::parts_of_name(name).filter(|parts| parts.len() == 1);
-            let found = only.and_then(|parts| self.materials.resin(parts[0].0));
-            found.is_some_and(|(resin, _)| self.materials[resin].print_as_background)
-        };
         let comes_out = |object: usize| {
             let layers = || self.objects[object].stackings.stacks_of_labels().flat_map(|stack| stack.layers);
             let from_top = self.job.objects[object].depth_from == DepthFrom::Top;
-            walls[object].bare_share > 0.0 || from_top && layers().any(|layer| is_void(&layer.resin))
+            walls[object].bare_share > 0.0 || from_top && layers().any(|layer| self.is_background(&layer.resin))
         };
-        if self.job.output.map_background.is_some() || !(0..self.objects.len()).any(comes_out) {
+        if !(0..self.objects.len()).any(comes_out) {
             return Ok(None);
         }
         let lattice = &self.lattice;
