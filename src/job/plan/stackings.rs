@@ -154,7 +154,7 @@ impl Job {
         let stated = matches!(self.stacking.model, StackingModel::Transport { min_layer_mm: Some(_), .. });
         // A quick look says the minimum itself, by its larger voxels.
         let thin_below_mixtures = self.dithers(object) && (self.is_coarse || !stated);
-        RefineOptions { min_layer_mm, step_mm, thin_below_mixtures, ..RefineOptions::default() }
+        RefineOptions { min_layer_mm, step_mm, thin_below_mixtures, side_by_side: true, ..RefineOptions::default() }
     }
 }
 

@@ -34,6 +34,7 @@ use serde::{Deserialize, Serialize};
 use self::{
     model::Model,
     shape::Shape,
+    shapes::Offer,
     solve::{Asked, Solved, Solver, Spectra, roughly},
     tree::Places,
 };
@@ -96,6 +97,10 @@ const CHEAP: TransportOptions = TransportOptions { polar: 4, orders: 3 };
 /// objective.
 const TRIED: usize = 5;
 const BETTER: f64 = 0.95;
+/// The same of shapes whose coats take in clear, for targets that lie side by side and differ. Alone a slab gains little
+/// by it (worth 0.14 for 0.15), but light goes far through such coats: squares of 3 mm in orange beside blue came out
+/// 4.2 of CIEDE2000 off in the median, 2.2 without; the sample's veins in colour 1.27, 1.15 without.
+const BETTER_DILUTED: f64 = 0.5;
 /// Targets that are fitted from many starts too, and by how much one of those, or a neighbour's answer, must be better.
 const ANCHORS: usize = 6;
 const DEEPER: f64 = 0.95;
@@ -120,7 +125,8 @@ impl Family {
         let mut best: Option<(f64, Shape, Model)> = None;
         let shapes = shapes::offered(&resins.volumes, &resins.background, options, layers);
         let single = shapes.len() == 1;
-        for shape in shapes {
+        let differ = targets.windows(2).any(|pair| pair[0].target != pair[1].target);
+        for Offer { shape, dilutes } in shapes {
             watch.go_on()?;
             if shape.limits(options, options.max_thickness_mm, false).is_none() {
                 continue;
@@ -128,7 +134,8 @@ impl Family {
             let cheap = models.cheap(&shape);
             // Nothing to compare with.
             let worth = if single { 0.0 } else { worth(&shape, &cheap, options, &tried) };
-            if best.as_ref().is_none_or(|best| worth < BETTER * best.0) {
+            let better = if dilutes && differ && layers.side_by_side { BETTER_DILUTED } else { BETTER };
+            if best.as_ref().is_none_or(|best| worth < better * best.0) {
                 best = Some((worth, shape, cheap));
             }
         }

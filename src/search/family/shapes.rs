@@ -13,13 +13,20 @@ const SLAB_MM: f64 = 1.0;
 /// A resin in which light goes this much further than in white between two events, taken isotropically, is clear.
 const CLEAR: f64 = 4.0;
 
+/// An order of slots to try.
+pub(super) struct Offer {
+    pub shape: Shape,
+    /// Whether its coats take in a resin that is clear.
+    pub dilutes: bool,
+}
+
 /// Shapes, the one to be preferred first; none if no resin may be at the surface.
 pub(super) fn offered(
     resins: &[Vec<VolumeCoefficients>],
     background: &[bool],
     options: &SearchOptions,
     layers: &RefineOptions,
-) -> Vec<Shape> {
+) -> Vec<Offer> {
     let limit = |resin: usize| options.limits.get(resin).copied().unwrap_or(ResinLimit::NONE);
     let least_mm = LEAST_MIXED_MM.max(layers.min_layer_mm);
     let room = |resin: &usize| limit(*resin).max_mm >= least_mm;
@@ -57,14 +64,17 @@ pub(super) fn offered(
         slots.extend(clear.map(|_| slot(white, &[], 0.0)));
         Shape { slots }
     };
-    let mut shapes: Vec<Shape> = clears.iter().map(|&clear| shape(&coloured, Some(clear))).collect();
+    let offer = |inks: &[usize], dilutes: bool| -> Vec<Offer> {
+        clears.iter().map(|&clear| Offer { shape: shape(inks, Some(clear)), dilutes }).collect()
+    };
+    let mut offers = offer(&coloured, false);
     if with_clear.len() > coloured.len() {
-        shapes.extend(clears.iter().map(|&clear| shape(&with_clear, Some(clear))));
+        offers.extend(offer(&with_clear, true));
     }
-    if shapes.is_empty() {
-        shapes.push(shape(&coloured, None));
+    if offers.is_empty() {
+        offers.push(Offer { shape: shape(&coloured, None), dilutes: false });
     }
-    shapes
+    offers
 }
 
 fn slot(first: usize, others: &[usize], least_mm: f64) -> Slot {

@@ -39,6 +39,33 @@ fn grey(black: f64) -> Mixture {
     Mixture::new([(WHITE, 1.0 - black), (BLACK, black)]).unwrap()
 }
 
+/// Squares of orange beside blue: what a slab gains by clear in its coats is lost to the neighbour.
+#[test]
+fn colours_side_by_side_are_not_diluted_for_a_little() {
+    let set = MaterialSet::builtin("inks-rgb-7").unwrap();
+    let clear = set.resins.iter().position(|resin| resin.name == "clear").unwrap();
+    let colour = |albedo: [f64; 3]| -> PartTarget {
+        let spectrum = |albedo: f64| NormalizedDiffusion::new(albedo, 0.4).unwrap().spectrum(&set.grid);
+        SearchTarget { channels: albedo.map(spectrum).to_vec() }.into()
+    };
+    let limit = |resin: &Resin| ResinLimit {
+        min_depth_mm: if resin.print_as_background { 0.2 } else { 0.0 },
+        ..ResinLimit::NONE
+    };
+    let options = SearchOptions { limits: set.resins.iter().map(limit).collect(), ..options() };
+    let dilutes = |side_by_side: bool, targets: &[PartTarget]| {
+        let layers = RefineOptions { side_by_side, ..RefineOptions::default() };
+        let family = Family::new(&set, &options, &layers, targets, &Unwatched).unwrap().unwrap();
+        family.shape.slots[0].resins.contains(&clear)
+    };
+    let [orange, blue] = [[0.58, 0.19, 0.045], [0.10, 0.22, 0.35]].map(colour);
+    let both = [orange.clone(), blue];
+    assert!(dilutes(false, &both) && !dilutes(true, &both));
+    // Alone it has no neighbour, whatever the thickness of its parts.
+    let thin = PartTarget { half_thickness_mm: Some(0.4), ..orange.clone() };
+    assert_eq!(dilutes(true, &[orange.clone(), thin.clone()]), dilutes(false, &[orange, thin]));
+}
+
 #[test]
 fn what_a_family_reflects_is_found_again() {
     let stackings = [(0.05, [0.3, 1.2, 0.8]), (0.3, [0.25, 0.4, 0.5]), (0.1, [0.4, 2.0, 0.0])].map(|(black, mm)| {
@@ -214,7 +241,7 @@ fn colours_come_as_near_as_any_stacking_does() {
         let resins = Resins::new(&set).unwrap();
         let shapes = shapes::offered(&resins.volumes, &resins.background, &options, &RefineOptions::default());
         let mut best = vec![f64::INFINITY; colours.len()];
-        for shape in &shapes {
+        for Offer { shape, .. } in &shapes {
             let limits = shape.limits(&options, options.max_thickness_mm, false).unwrap();
             let directions = TransportOptions { polar: 6, orders: 1 };
             let model = |channel: usize| {

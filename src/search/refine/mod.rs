@@ -48,12 +48,15 @@ pub struct RefineOptions {
     /// Whether layers of one resin below mixtures may be thinner than `min_layer_mm` all the same: where boundaries are
     /// dithered, voxels hold layers of any thickness. Of families alone.
     pub thin_below_mixtures: bool,
+    /// Whether targets lie beside each other on one surface, where light that goes far below one comes out of another.
+    /// Of families alone.
+    pub side_by_side: bool,
 }
 
 impl Default for RefineOptions {
     /// Layers of at least 27 µm, a slice of the J750, all of them; 3 finalists.
     fn default() -> Self {
-        Self { min_layer_mm: 0.027, step_mm: None, finalists: 3, thin_below_mixtures: false }
+        Self { min_layer_mm: 0.027, step_mm: None, finalists: 3, thin_below_mixtures: false, side_by_side: false }
     }
 }
 
