@@ -9,7 +9,7 @@ use lumislice::{
     optics::{EdgeResponse, FrequencyGrid, Light, MaterialSet, Mixture, Model, Prediction, Stack, predict},
     plot::Figure,
     search::{
-        Judge, Judged, Match, MatchOptions, Matcher, Norm, Objective, RefineOptions, SearchError, SearchOptions,
+        GLOWS, Judge, Judged, Match, MatchOptions, Matcher, Norm, Objective, RefineOptions, SearchError, SearchOptions,
         SearchTarget, far_glow, far_miss,
     },
     watch::{StopOnly, Unwatched, Watch},
@@ -309,9 +309,6 @@ struct Look {
     edge_mm: Vec<[Option<f64>; 2]>,
     delta_e_2000: f64,
 }
-
-/// A channel returning less shows no glow that anyone sees; a guess.
-const GLOWS: f64 = 0.01;
 
 impl Look {
     /// Says it where the answer comes out lighter or darker than asked, or its glow wider or narrower.

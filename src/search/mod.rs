@@ -36,7 +36,9 @@ mod tests;
 pub use cache::SearchCache;
 pub(crate) use family::LEAST_MIXED_MM;
 pub use family::{Family, FamilyAnswer, PartTarget};
-pub use gamut::{Boundary, ChannelGamut, Gamut, GamutMap, GamutPoint, Lies, Move, Side, far_glow, far_miss, place_of};
+pub use gamut::{
+    Boundary, ChannelGamut, GLOWS, Gamut, GamutMap, GamutPoint, Lies, Move, Side, far_glow, far_miss, place_of,
+};
 pub use matcher::{Found, Judge, Judged, MatchOptions, Matcher};
 pub(crate) use objective::BLACK_RMS;
 pub use objective::{Norm, Objective};

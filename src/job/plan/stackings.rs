@@ -22,8 +22,11 @@ use crate::{
     },
     numeric::rounding::{four_digits, rounded},
     optics::{Mixture, OpticsError, ResinId, Stack},
-    search::{Found, Matcher, RefineOptions, SearchTarget, far_miss},
+    search::{Found, Matcher, RefineOptions, SearchTarget, far_glow, far_miss},
 };
+
+/// Share of a surface whose glow must be far off for a warning.
+const OTHER_GLOW: f64 = 0.05;
 
 /// What an object's target became.
 pub(super) struct ObjectLayers {
@@ -55,7 +58,10 @@ pub(super) fn object_layers(
     let targets = mapped.as_ref().map_or(&wanted.targets, |mapped| &mapped.targets);
     let matches = found.map_or_else(|| context.search(core, targets), Ok)?;
     let mut entries = Vec::with_capacity(matches.len());
+    let mut glows = Vec::with_capacity(matches.len());
     for (index, found) in matches.iter().enumerate() {
+        let asked = &targets[index];
+        glows.push((wanted.shares[index], asked.far_radius(found.reflection(), &context.materials.grid)));
         let mut entry = context.matched_entry(found, &targets[index], wanted.shares[index], wanted.rms[index]);
         if let Some(Mapped { map, .. }) = &mapped {
             entry.target_albedo = Some(wanted.targets[index].channels.iter().map(|channel| channel[0]).collect());
@@ -66,6 +72,8 @@ pub(super) fn object_layers(
     }
     warnings.extend(
         out_of_reach(&entries, context.job.objects[context.object].gamut_map)
+            .into_iter()
+            .chain(other_glow(&glows))
             .map(|words| format!("object {}: {words}", context.object + 1)),
     );
     let mut asked = wanted.map;
@@ -120,6 +128,22 @@ fn out_of_reach(entries: &[StackingEntry], is_mapped: bool) -> Option<String> {
          the resins reach no nearer, {cure}",
         100.0 * share
     ))
+}
+
+/// How much of the surface glows wider or narrower than asked, if more than [`OTHER_GLOW`] does: `glows` are shares
+/// of the surface with the radii asked for and found that are far apart.
+fn other_glow(glows: &[(f64, Option<[f64; 2]>)]) -> Option<String> {
+    let far: Vec<_> = glows.iter().filter_map(|(share, radii)| Some((share, (*radii)?))).collect();
+    let share: f64 = far.iter().map(|(share, _)| *share).sum();
+    let [asked, found] = far_glow(far.into_iter().map(|(_, radii)| radii))?;
+    (share > OTHER_GLOW).then(|| {
+        format!(
+            "{:.0}% of the surface glows wider or narrower than asked, at most so that half of the light leaves within \
+             {found:.2} mm in place of {asked:.2} mm: beside the albedo the resins reach no nearer, see the job's gamut, \
+             gamut-map and dc-weight",
+            100.0 * share
+        )
+    })
 }
 
 /// R̂ per channel of a stacking that was given.

@@ -28,6 +28,23 @@ impl SearchTarget {
     }
 }
 
+/// A channel returning less shows no glow that anyone sees; a guess.
+pub const GLOWS: f64 = 0.01;
+/// What is closer together is one to an eye that reads, mm: an arc minute from 30 cm.
+const SEEN_MM: f64 = 0.1;
+
+impl SearchTarget {
+    /// The half-energy radii asked for and found, mm, of the channel in which they are farthest apart, where that is far
+    /// enough for a warning ([`far_glow`]); `found` is R̂ per channel on `grid`.
+    pub fn far_radius(&self, found: &[Vec<f64>], grid: &FrequencyGrid) -> Option<[f64; 2]> {
+        let radii = |(asked, found): (&Vec<f64>, &Vec<f64>)| {
+            let [[asked, asked_mm], [found, found_mm]] = [place_of(asked, grid)?, place_of(found, grid)?];
+            (asked.min(found) > GLOWS && (asked_mm - found_mm).abs() > SEEN_MM).then_some([asked_mm, found_mm])
+        };
+        far_glow(self.channels.iter().zip(found).filter_map(radii))
+    }
+}
+
 /// Of albedos asked for and found, the two that are farthest apart if that is far enough for a warning: more than 0.05,
 /// or 5 in L*.
 pub fn far_miss(albedos: impl Iterator<Item = [f64; 2]>) -> Option<[f64; 2]> {
@@ -87,6 +104,21 @@ mod tests {
         assert!(black.looks_like(&[vec![0.0; grid.len()]], &grid));
         assert!(black.looks_like(&[spectrum(0.0009, 1.0, &grid)], &grid));
         assert!(!black.looks_like(&[spectrum(0.0011, 1.0, &grid)], &grid));
+    }
+
+    #[test]
+    fn glows_are_told_by_the_radius_of_half_their_light() {
+        let grid = FrequencyGrid::default();
+        let found = |albedo, width| spectrum(albedo, width, &grid);
+        let target = SearchTarget { channels: vec![found(0.5, 1.0), found(0.2, 1.0)] };
+        assert_eq!(target.far_radius(&[found(0.3, 1.4), found(0.2, 0.7)], &grid), None);
+        let [asked, narrower] = target.far_radius(&[found(0.5, 1.4), found(0.2, 0.5)], &grid).unwrap();
+        assert!((asked / narrower - 2.0).abs() < 0.1, "{asked}, {narrower}");
+        // No eye sees a tenth of a millimetre.
+        let fine = SearchTarget { channels: vec![found(0.5, 0.1)] };
+        assert_eq!(fine.far_radius(&[found(0.5, 0.2)], &grid), None);
+        // Of black nothing glows.
+        assert_eq!(target.far_radius(&[found(0.5, 1.0), found(0.005, 0.1)], &grid), None);
     }
 
     #[test]

@@ -21,7 +21,7 @@ mod width;
 
 use serde::{Deserialize, Serialize};
 
-pub use alike::{far_glow, far_miss};
+pub use alike::{GLOWS, far_glow, far_miss};
 pub use boundary::Boundary;
 use explore::{Explorer, Runs, TRIALS};
 pub use map::{GamutMap, Lies, Move};
