@@ -103,6 +103,21 @@ fn mapped_job(bench: &Bench, more: &str) -> serde_json::Value {
 }
 
 #[test]
+fn a_job_says_where_its_glow_is_out_of_reach() {
+    let bench = Bench::new();
+    let told = |mean_free_path_mm: f64| {
+        let target = format!("kind = \"texture\"\nalbedo-value = 0.3\nmean-free-path-mm = {mean_free_path_mm}");
+        bench.job_with("kind = \"stacking\"\nstack = \"white:0.5,support:0.6\"", &target);
+        bench.run(["slice", "job.toml", "-o", "out", "--dry-run"]).exits(0).stderr
+    };
+    for (mean_free_path_mm, how) in [(0.05, "wider"), (4.0, "narrower")] {
+        let told = told(mean_free_path_mm);
+        assert!(told.contains(&format!("100% of the surface glows {how} than asked")), "{told}");
+    }
+    assert!(!told(0.3).contains("glows"));
+}
+
+#[test]
 fn a_job_brings_targets_into_the_gamut_and_says_so() {
     let bench = Bench::that_remembers();
     let plain = mapped_job(&bench, "");

@@ -135,10 +135,16 @@ fn out_of_reach(entries: &[StackingEntry], is_mapped: bool) -> Option<String> {
 fn other_glow(glows: &[(f64, Option<[f64; 2]>)]) -> Option<String> {
     let far: Vec<_> = glows.iter().filter_map(|(share, radii)| Some((share, (*radii)?))).collect();
     let share: f64 = far.iter().map(|(share, _)| *share).sum();
+    let is_narrower = |(_, [asked, found]): &(&f64, [f64; 2])| found < asked;
+    let how = match far.iter().filter(|glow| is_narrower(glow)).count() {
+        0 => "wider",
+        narrower if narrower == far.len() => "narrower",
+        _ => "wider or narrower",
+    };
     let [asked, found] = far_glow(far.into_iter().map(|(_, radii)| radii))?;
     (share > OTHER_GLOW).then(|| {
         format!(
-            "{:.0}% of the surface glows wider or narrower than asked, at most so that half of the light leaves within \
+            "{:.0}% of the surface glows {how} than asked, at most so that half of the light leaves within \
              {found:.2} mm in place of {asked:.2} mm: beside the albedo the resins reach no nearer, see the job's gamut, \
              gamut-map and dc-weight",
             100.0 * share
