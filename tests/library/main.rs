@@ -6,6 +6,8 @@ mod common;
 
 mod faces_alike;
 mod job;
+#[path = "../common/json_schema.rs"]
+mod json_schema;
 #[cfg(feature = "measure")]
 mod measure;
 mod mesh;

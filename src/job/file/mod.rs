@@ -14,6 +14,7 @@ mod quick;
 mod ranges;
 mod read;
 mod resolved;
+mod rules;
 mod schema;
 mod target;
 #[cfg(test)]

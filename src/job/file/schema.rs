@@ -1,11 +1,11 @@
 //! The JSON schema of job files, for editors: taplo and others complete keys by it, and say what each is.
 //!
-//! Kinds and ranges are those that the reader of each key uses; words are those of docs/job.md. Tests hold the three
+//! Kinds and ranges are those that the reader of each key uses, what keys say of each other is in [`rules`]; words are those of docs/job.md. Tests hold the three
 //! against each other: a key that is read and not here, or here and not documented, is none that anyone finds.
 
 use serde_json::{Map, Value, json};
 
-use super::{appearance, object, options, options::OutputFormat, ranges as range, target};
+use super::{appearance, object, options, options::OutputFormat, ranges as range, rules, target};
 use crate::appearance::MeasuredMedium;
 use crate::mesh::Unit;
 use crate::search::Norm;
@@ -320,11 +320,9 @@ pub fn schema() -> Value {
         if !table.required.is_empty() {
             schema["required"] = json!(table.required);
         }
-        match table.name {
-            "target" => restrict_target(&mut schema),
-            "printer" => schema["anyOf"] = json!([{ "required": ["preset"] }, { "required": ["pitch-mm"] }]),
-            "materials" => schema["oneOf"] = json!([{ "required": ["set"] }, { "required": ["file"] }]),
-            _ => {}
+        let rules = rules::of(table.name);
+        if !rules.is_empty() {
+            schema["allOf"] = rules.into();
         }
         definitions.insert(table.name.to_owned(), schema);
     }
@@ -337,19 +335,6 @@ pub fn schema() -> Value {
         root.insert("definitions".to_owned(), definitions.into());
     }
     root
-}
-
-/// A target has the keys of its kind only; a preset is a texture by itself.
-fn restrict_target(schema: &mut Value) {
-    schema["anyOf"] = json!([{ "required": ["kind"] }, { "required": ["preset"] }]);
-    let rule = |(kind, keys): &(&str, &[&str])| {
-        let names: Vec<&str> = keys.iter().copied().chain(["kind"]).collect();
-        json!({
-            "if": { "properties": { "kind": { "const": kind } }, "required": ["kind"] },
-            "then": { "propertyNames": { "enum": names } },
-        })
-    };
-    schema["allOf"] = target::KINDS.iter().map(rule).collect();
 }
 
 #[cfg(test)]

@@ -55,6 +55,9 @@ pub(super) const KINDS: &[(&str, &[&str])] = &[
     ("bssrdf", &["map", "max-albedo", "gamut-map"]),
 ];
 
+/// Keys that a target of their kind cannot do without.
+pub(super) const REQUIRED: &[&str] = &["stack", "profile", "labels", "profiles", "map"];
+
 /// A target, and whether it is to be brought into the gamut.
 pub(super) fn read_with_map(table: &Table<'_>) -> Result<(TargetSpec, bool)> {
     let target = read(table)?;

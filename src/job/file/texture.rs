@@ -70,7 +70,7 @@ pub(super) const KEYS: &[&str] = &[
 ];
 
 /// Keys of which one at most says how much light comes back.
-const ALBEDOS: [&str; 4] = ["albedo", "albedo-value", "albedo-colour", "subsurface-colour"];
+pub(super) const ALBEDOS: [&str; 4] = ["albedo", "albedo-value", "albedo-colour", "subsurface-colour"];
 
 pub(super) fn read(table: &Table<'_>) -> Result<TextureTarget> {
     for (index, one) in ALBEDOS.iter().enumerate() {

@@ -1,5 +1,6 @@
 //! Every way a job can be wrong, and the one line that says so.
 
+mod contradictions;
 mod keys;
 mod names;
 mod reads;
