@@ -28,6 +28,10 @@ pub trait Watch: Sync {
     /// Steps of the current stage are done.
     fn advance(&self, _steps: u64) {}
 
+    /// Something is known before the work is over: a `"warning"` (`kind`, `text`, and where there are such `object` and
+    /// `cure`), or a `"round"` of correction. `details` is an object with the names that docs/events.md has.
+    fn found(&self, _what: &'static str, _details: serde_json::Value) {}
+
     /// Whether the work should end; asked between batches, and true from then on.
     fn stop_requested(&self) -> bool {
         false

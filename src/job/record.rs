@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::output::GENERATOR;
 use crate::regular_file;
+use crate::watch::Watch;
 
 /// A look in a few numbers, as the manifest has it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -154,6 +155,16 @@ pub struct RoundRecord {
     /// Why no round followed, where the job asked for more.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended: Option<Ended>,
+}
+
+impl RoundRecord {
+    /// Tells it as the `number`th of so many rounds at most, from 1.
+    pub(super) fn tell(&self, number: u32, of: u32, watch: &dyn Watch) {
+        if let Ok(serde_json::Value::Object(record)) = serde_json::to_value(self) {
+            let named = [("round", number), ("of", of)].map(|(key, value)| (key.to_owned(), value.into()));
+            watch.found("round", named.into_iter().chain(record).collect());
+        }
+    }
 }
 
 /// Why rounds of correction ended early.

@@ -73,7 +73,7 @@ impl LoosePiece {
             size.x,
             size.y,
             size.z,
-            super::at((0.5 * (low + high)).to_array())
+            super::words::at((0.5 * (low + high)).to_array())
         )
     }
 }

@@ -163,6 +163,8 @@ impl Prepared {
                 for (plan, correction) in plans.iter().zip(&known.objects) {
                     prepared.lay_again(plan, &factors(correction), watch)?;
                 }
+                let rounds = prepared.job.rounds();
+                (1..).zip(&known.rounds).for_each(|(number, record)| record.tell(number, rounds, watch));
                 known
             }
             None => prepared.correct(&plans, sha256, watch)?,
@@ -186,6 +188,7 @@ impl Prepared {
                 self.judge(plans, looked, laid, &short_of, before.as_ref());
             // After the last round no other would have followed.
             record.ended = ends.filter(|&ends| round + 1 < rounds || ends == Ended::Worse);
+            record.tell(round + 1, rounds, watch);
             records.push(record);
             if let Some(ends) = ends.filter(|&ends| ends != Ended::NothingLeft) {
                 laid = now.laid;
@@ -212,6 +215,7 @@ impl Prepared {
                 let Judged { mut record, .. } = self.judge(plans, looked, laid, &short_of, Some(&before));
                 records.iter_mut().for_each(|record| record.ended = None);
                 record.ended = Some(Ended::Worse);
+                record.tell(rounds + 1, rounds, watch);
                 records.push(record);
                 laid = before.laid;
                 self.lay_all_again(plans, &laid, watch)?;
