@@ -164,6 +164,7 @@ fn images_of_another_space_or_size_are_told_of() {
     assert!(!sound.contains("target."), "{sound}");
     let marked = told(grey([4, 4], Some(100_000), false, 99), grey([8, 4], None, true, 99));
     for word in [
+        "target.albedo: a.png: found numbers that are marked as light to the power of 1,",
         "target.mean-free-path: m.png: found numbers that are marked as sRGB, expected linear factors",
         "target.mean-free-path: m.png: found 8 × 4 texels, expected the proportions of a.png, 4 × 4",
     ] {

@@ -78,15 +78,13 @@ pub(super) fn images(job: &Job, warnings: &mut Vec<String>) -> Result<(), RunErr
         let path_size = path.map(|path| size(PATH, path)).transpose()?;
         if let Some(albedo) = albedo {
             let coding = Coding::of(albedo.as_ref());
-            if coding == Coding::Profile {
-                tell(
-                    warnings,
-                    format!(
-                        "{ALBEDO}: {}: found {}, expected sRGB, which it is taken for",
-                        albedo.shown(),
-                        coding.words()
-                    ),
-                );
+            let taken = match coding {
+                Coding::Profile => Some("expected sRGB, which it is taken for"),
+                Coding::Gamma(_) => Some("in place of sRGB: they are read as marked"),
+                Coding::Srgb | Coding::Unsaid => None,
+            };
+            if let Some(taken) = taken {
+                tell(warnings, format!("{ALBEDO}: {}: found {}, {taken}", albedo.shown(), coding.words()));
             }
         }
         if let Some(path) = path {
