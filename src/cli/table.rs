@@ -78,10 +78,21 @@ pub fn fitted_toml(text: &str, width: usize) -> String {
     lines.join("\n")
 }
 
-/// Where the comment of a line begins that is no part of a text in quotation marks.
+/// Where the comment of a line begins that is no part of a text in quotation marks, in which a backslash takes the
+/// meaning from the mark after it.
 fn outside_quotes(line: &str) -> Option<usize> {
-    let begins = line.match_indices(" # ").map(|(at, _)| at + 1);
-    begins.into_iter().find(|&at| line[..at].matches('"').count().is_multiple_of(2))
+    let (mut quoted, mut escaped) = (None, false);
+    for (at, letter) in line.char_indices() {
+        match (quoted, letter) {
+            (Some('"'), '\\') => escaped = !escaped,
+            (Some(mark), _) if letter == mark && !escaped => quoted = None,
+            (Some(_), _) => escaped = false,
+            (None, '"' | '\'') => quoted = Some(letter),
+            (None, '#') if line[..at].ends_with(' ') && line[at + 1..].starts_with(' ') => return Some(at),
+            (None, _) => {}
+        }
+    }
+    None
 }
 
 /// A number with so many decimals, or a dash for none. What rounds to zero has no sign.
@@ -101,6 +112,12 @@ mod tests {
         let expected = "# A job of very many words\nmesh = \"a # b\"\nscale = 1.0     # 20 mm × 20 mm as the\n                # file has it\n";
         assert_eq!(fitted, expected);
         assert_eq!(fitted_toml(text, 20).lines().next(), Some("# A job of very many"));
+        // Marks that are escaped, or of the other kind, end no text.
+        let text = "mesh = \"a \\\" # b.stl\"     # as the file has it";
+        assert_eq!(outside_quotes(text), text.rfind('#'));
+        assert_eq!(outside_quotes("mesh = 'a \" b \\'  # c"), Some(18));
+        assert_eq!(outside_quotes("mesh = \"a # b"), None);
+        let text = "# A job of very many words\nscale = 1.0     # 20 mm × 20 mm as the file has it\n";
         // What was broken says the same.
         let words = |text: &str| text.replace('#', " ").split_whitespace().collect::<Vec<_>>().join(" ");
         assert_eq!(words(&fitted_toml(text, 24)), words(text));
