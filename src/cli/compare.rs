@@ -18,13 +18,14 @@ use lumislice::{
 use super::{
     Answer, Result,
     cache::CacheArgs,
+    document,
     failure::refuse,
     look::{View, parse_view},
     materials::{Corrected, Materials, prepared},
-    print_json, print_words,
+    print_words,
     progress::Bars,
-    say,
     table::{number, table},
+    warn_of,
 };
 
 /// Compare prints with the factored dataset they were made from.
@@ -149,11 +150,10 @@ fn objects(args: &CompareArgs, job: &Path, existing: Existing) -> Result<Answer>
 }
 
 fn show(args: &CompareArgs, comparison: &Comparison) -> Result<Answer> {
-    if args.json {
-        print_json(comparison)?;
+    warn_of(&comparison.warnings, args.json);
+    if document(args.json, comparison)? {
         return Ok(Answer::Yes);
     }
-    comparison.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     print_words(&summary(comparison, &args.output.join("sheet.html").display().to_string()))?;
     Ok(Answer::Yes)
 }

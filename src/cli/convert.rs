@@ -5,12 +5,14 @@ use std::path::PathBuf;
 use clap::{Args, builder::PossibleValuesParser};
 use lumislice::job::{convert, file::OutputFormat};
 
+use serde_json::json;
+
 use super::{
-    Answer, Result,
+    Answer, Result, document,
     failure::{refusal, refuse},
     print,
     progress::Bars,
-    say,
+    warn_of,
 };
 
 /// Write a finished job in another format too, from its slices.
@@ -42,9 +44,10 @@ pub fn run(args: &ConvertArgs) -> Result<Answer> {
     let converted = convert(&args.folder, format, &bars);
     bars.finish();
     let converted = converted?;
-    converted.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    warn_of(&converted.warnings, false);
     // Bitmaps are thousands.
     let told: Vec<_> = converted.files.iter().filter(|path| !path.ends_with(".bmp")).collect();
+    document(false, &json!({ "output": args.folder.to_string_lossy(), "files": told }))?;
     print(&told.iter().map(|path| format!("{}\n", args.folder.join(path).display())).collect::<String>())?;
     Ok(Answer::Yes)
 }

@@ -15,11 +15,12 @@ use serde_json::json;
 use super::{
     Answer, Result,
     cache::CacheArgs,
+    document,
     failure::{Failure, refuse},
     materials::{Corrected, Materials, prepared},
-    print, print_json,
+    print,
     progress::Bars,
-    say,
+    warn_of,
 };
 
 /// Make a test piece of all resins of a set: a job, its slices, and where its fields are, for `material fit --coupon`.
@@ -117,16 +118,18 @@ pub fn run(args: &CouponArgs) -> Result<Answer> {
         let Finished { manifest, .. } = result?;
         warnings.extend(manifest.warnings);
     }
-    warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    warn_of(&warnings, false);
     let names: Vec<_> = coupon.resins.iter().map(|resin| resin.name.as_str()).collect();
-    if args.json {
-        print_json(&json!({
+    if document(
+        args.json,
+        &json!({
             "output": args.output.to_string_lossy(),
             "size_mm": coupon.size_mm,
             "fields": coupon.fields.len(),
             "resins": names,
             "warnings": warnings,
-        }))?;
+        }),
+    )? {
         return Ok(Answer::Yes);
     }
     let folder = args.output.display();

@@ -10,7 +10,7 @@ use lumislice::{
     words::counted,
 };
 
-use super::{Answer, Result, failure::refusal, print_json, print_words, progress::Bars, say};
+use super::{Answer, Result, document, failure::refusal, print_words, progress::Bars, tell::events, warn};
 
 /// Factor a measured BSSRDF into a profile per texel, and group the profiles.
 #[derive(Debug, Args)]
@@ -82,50 +82,51 @@ pub fn run(args: &FactorArgs) -> Result<Answer> {
         FactorError::Dataset(BssrdfError::NotThree { .. }) => refusal!("{error} for --luminance"),
         error => error.into(),
     })?;
-    if args.json {
-        print_json(&factored)?;
+    if !args.json || events().is_some() {
+        warn_of_fits(&factored);
+    }
+    if document(args.json, &factored)? {
         return Ok(Answer::Yes);
     }
-    warn(&factored);
     print_words(&summary(&factored, &args.output.display().to_string()))?;
     Ok(Answer::Yes)
 }
 
-fn warn(factored: &Factored) {
+fn warn_of_fits(factored: &Factored) {
     for fit in &factored.fits {
         let channel = &fit.channel;
         if !fit.converged {
             let rounds = fit.rounds.len();
-            say(&format!("warning: {channel}: the fit was still moving after {rounds} rounds (--rounds)"));
+            warn(&format!("{channel}: the fit was still moving after {rounds} rounds (--rounds)"));
         }
-        fit.doubts.iter().for_each(|doubt| say(&format!("warning: {channel}: {doubt}")));
+        fit.doubts.iter().for_each(|doubt| warn(&format!("{channel}: {doubt}")));
         if fit.missing_values > 0 {
-            say(&format!("warning: {channel}: {} values are missing and were left out", fit.missing_values));
+            warn(&format!("{channel}: {} values are missing and were left out", fit.missing_values));
         }
         let tail = &fit.tail;
         if tail.continued > 0 {
             let count = tail.continued;
-            say(&format!(
-                "warning: {channel}: {count} texels have no measured albedo, their light beyond {:.2} mm is a guess",
+            warn(&format!(
+                "{channel}: {count} texels have no measured albedo, their light beyond {:.2} mm is a guess",
                 tail.from_mm
             ));
         }
         let all = tail.mean_energy_in_window + tail.mean_energy_in_tail;
         if tail.fitted + tail.stretched > 0 && tail.mean_energy_in_tail > MOST_BEYOND * all {
             let (share, from) = (100.0 * tail.mean_energy_in_tail / all, tail.from_mm);
-            say(&format!(
-                "warning: {channel}: {share:.1}% of the albedo lies beyond the windows, which end at {from:.4} mm: is \
+            warn(&format!(
+                "{channel}: {share:.1}% of the albedo lies beyond the windows, which end at {from:.4} mm: is \
                     the pitch in mm?"
             ));
         }
         if tail.none > 0 && tail.none > factored.width * factored.height / 100 {
             let count = tail.none;
-            say(&format!("warning: {channel}: the windows of {count} texels hold more light than their albedo"));
+            warn(&format!("{channel}: the windows of {count} texels hold more light than their albedo"));
         }
     }
     if factored.texels_without_data > 0 {
         let count = factored.texels_without_data;
-        say(&format!("warning: {count} masked texels have their nearest neighbour's profile"));
+        warn(&format!("{count} masked texels have their nearest neighbour's profile"));
     }
 }
 

@@ -55,6 +55,20 @@ impl Failure {
         &self.text
     }
 
+    /// Who or what it is by, as events name it.
+    pub fn kind(&self) -> &'static str {
+        match self.blame {
+            Blame::Input => "input",
+            Blame::Disk => "disk",
+            Blame::Interrupt => "interrupt",
+        }
+    }
+
+    /// What it makes of the command, as events name it.
+    pub fn outcome(&self) -> &'static str {
+        if self.blame == Blame::Interrupt { "interrupted" } else { "failed" }
+    }
+
     /// The exit code.
     pub fn exit_code(&self) -> u8 {
         match self.blame {

@@ -6,10 +6,10 @@ use clap::Args;
 use lumislice::measure::{
     CARD_ERROR, Coupon, CouponFit, Photographs, Reading, Totals, TotalsFit, fit_coupon, fit_totals, plus_minus,
 };
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{
-    Answer, Result, failure::refuse, output_file::OutputFile, print, print_json, progress::Bars, say, table::table,
+    Answer, Result, document, failure::refuse, note, output_file::OutputFile, print, progress::Bars, table::table,
 };
 
 /// Fit coefficients: a resin's to total reflectance and transmittance of sheets (integrating sphere,
@@ -114,36 +114,9 @@ fn run_coupon(args: &FitArgs, file: &Path, photographs: &Photographs) -> Result<
     let (fits, reading) = fits?;
     output.finish(coupon.toml(&reading, &fits)?.as_bytes())?;
     let notes = coupon.notes(&reading, &fits)?;
-    notes.iter().for_each(|note| say(&format!("note: {note}")));
+    notes.iter().for_each(|text| note(text));
     let resins = || coupon.resins.iter().enumerate();
-    if args.json {
-        let fit = |fit: &CouponFit| {
-            let resin = |(place, resin): (usize, &lumislice::measure::CouponResin)| {
-                let [(reduced, its), (absorption, error)] = fit.coefficients_with_errors(place);
-                json!({
-                    "resin": resin.name,
-                    "reduced_scattering_per_mm": reduced,
-                    "reduced_scattering_error": its,
-                    "absorption_per_mm": absorption,
-                    "absorption_error": error,
-                    "scattering_per_mm": fit.coefficients[place].sigma_s,
-                    "g": fit.coefficients[place].g,
-                })
-            };
-            json!({
-                "channel": fit.channel,
-                "residual_rms": fit.residual,
-                "misfit": fit.misfit,
-                "resins": resins().map(resin).collect::<Vec<_>>(),
-            })
-        };
-        print_json(&json!({
-            "material_file": args.output,
-            "pixels_per_mm": reading.pixels_per_mm,
-            "marks_off_mm": reading.marks_off_mm,
-            "channels": fits.iter().map(fit).collect::<Vec<_>>(),
-            "notes": notes,
-        }))?;
+    if document(args.json, &coupon_record(args, &coupon, &reading, &fits, &notes))? {
         return Ok(Answer::Yes);
     }
     let row = |place: usize, fit: &CouponFit| {
@@ -164,6 +137,62 @@ fn run_coupon(args: &FitArgs, file: &Path, photographs: &Photographs) -> Result<
     Ok(Answer::Yes)
 }
 
+/// The document of a coupon's fits.
+fn coupon_record(args: &FitArgs, coupon: &Coupon, reading: &Reading, fits: &[CouponFit], notes: &[String]) -> Value {
+    let fit = |fit: &CouponFit| {
+        let resin = |(place, resin): (usize, &lumislice::measure::CouponResin)| {
+            let [(reduced, its), (absorption, error)] = fit.coefficients_with_errors(place);
+            json!({
+                "resin": resin.name,
+                "reduced_scattering_per_mm": reduced,
+                "reduced_scattering_error": its,
+                "absorption_per_mm": absorption,
+                "absorption_error": error,
+                "scattering_per_mm": fit.coefficients[place].sigma_s,
+                "g": fit.coefficients[place].g,
+            })
+        };
+        json!({
+            "channel": fit.channel,
+            "residual_rms": fit.residual,
+            "misfit": fit.misfit,
+            "resins": coupon.resins.iter().enumerate().map(resin).collect::<Vec<_>>(),
+        })
+    };
+    json!({
+        "material_file": args.output,
+        "pixels_per_mm": reading.pixels_per_mm,
+        "marks_off_mm": reading.marks_off_mm,
+        "channels": fits.iter().map(fit).collect::<Vec<_>>(),
+        "notes": notes,
+    })
+}
+
+/// The document of the fits of sheets.
+fn sheets_record(args: &FitArgs, totals: &Totals, fits: &[TotalsFit], notes: &[String]) -> Value {
+    let fit = |fit: &TotalsFit| {
+        let [(reduced, its), (absorption, error)] = fit.coefficients_with_errors();
+        json!({
+            "channel": fit.channel,
+            "reduced_scattering_per_mm": reduced,
+            "reduced_scattering_error": its,
+            "absorption_per_mm": absorption,
+            "absorption_error": error,
+            "scattering_per_mm": fit.coefficients.sigma_s,
+            "g": fit.coefficients.g,
+            "residual_rms": fit.residual,
+            "misfit": fit.misfit,
+            "values": fit.values,
+        })
+    };
+    json!({
+        "resin": totals.resin.name,
+        "material_file": args.output,
+        "channels": fits.iter().map(fit).collect::<Vec<_>>(),
+        "notes": notes,
+    })
+}
+
 fn run_sheets(args: &FitArgs, sheets: &Path) -> Result<Answer> {
     let totals = Totals::read(sheets)?;
     let output = OutputFile::open(&args.output)?;
@@ -173,29 +202,8 @@ fn run_sheets(args: &FitArgs, sheets: &Path) -> Result<Answer> {
     let fits = fits?;
     output.finish(totals.toml(&fits).as_bytes())?;
     let notes = totals.notes(&fits);
-    notes.iter().for_each(|note| say(&format!("note: {note}")));
-    if args.json {
-        let fit = |fit: &TotalsFit| {
-            let [(reduced, its), (absorption, error)] = fit.coefficients_with_errors();
-            json!({
-                "channel": fit.channel,
-                "reduced_scattering_per_mm": reduced,
-                "reduced_scattering_error": its,
-                "absorption_per_mm": absorption,
-                "absorption_error": error,
-                "scattering_per_mm": fit.coefficients.sigma_s,
-                "g": fit.coefficients.g,
-                "residual_rms": fit.residual,
-                "misfit": fit.misfit,
-                "values": fit.values,
-            })
-        };
-        print_json(&json!({
-            "resin": totals.resin.name,
-            "material_file": args.output,
-            "channels": fits.iter().map(fit).collect::<Vec<_>>(),
-            "notes": notes,
-        }))?;
+    notes.iter().for_each(|text| note(text));
+    if document(args.json, &sheets_record(args, &totals, &fits, &notes))? {
         return Ok(Answer::Yes);
     }
     let row = |fit: &TotalsFit| {

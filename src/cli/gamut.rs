@@ -22,14 +22,15 @@ use serde_json::json;
 use super::{
     Answer, Result,
     cache::CacheArgs,
+    document,
     failure::{refusal, refuse},
     match_target::{parse_depth, parse_layer, parse_min_depth},
     materials::{Materials, min_depth_limits, no_coefficients},
     output_file::OutputFile,
     plots::PlotFile,
-    print, print_json,
+    print,
     progress::Bars,
-    say,
+    say_no,
     table::{number, table},
 };
 
@@ -160,7 +161,7 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     let gamut = match gamut {
         Ok(gamut) => gamut,
         Err(error @ SearchError::Infeasible { .. }) => {
-            say(&format!("no: {error}"));
+            say_no(&error.to_string());
             return Ok(Answer::No);
         }
         Err(error) => return Err(error.into()),
@@ -191,9 +192,7 @@ pub fn run(args: &GamutArgs) -> Result<Answer> {
     if let Some(csv) = csv {
         csv.finish(shown.csv().as_bytes())?;
     }
-    if args.json {
-        print_json(&shown.document())?;
-    } else {
+    if !document(args.json, &shown.document())? {
         print(&shown.report())?;
     }
     Ok(if map.moves.iter().all(Move::reached) { Answer::Yes } else { Answer::No })

@@ -18,13 +18,14 @@ use lumislice::{
 use super::{
     Answer, Result,
     cache::CacheArgs,
+    document,
     failure::{Failure, refusal, refuse},
     materials::{Corrected, Materials, prepared},
-    print_json, print_words,
+    note, print_words,
     progress::Bars,
-    say,
     start::{default_folder, is_mesh},
     table::table,
+    warn_of,
 };
 
 /// Send light through the voxels of a job: what is asked for beside what is printed.
@@ -183,7 +184,7 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         let prepared = prepared(job, &args.cache, Corrected::As(&folders), &bars)?;
         if let Some(found) = folders.iter().find(|folder| prepared.took_rounds_from(folder)) {
             bars.finish();
-            say(&format!("note: rounds of correction as {} has them", found.join(ROUNDS).display()));
+            note(&format!("rounds of correction as {} has them", found.join(ROUNDS).display()));
         }
         let scene = scene_for(&prepared, folder, &bars)?;
         if let Some(folder) = &args.mitsuba {
@@ -205,15 +206,14 @@ pub fn run(args: &LookArgs) -> Result<Answer> {
         None => result.map_err(Failure::before_writing)?,
         Some(_) => result?,
     };
-    look.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    warn_of(&look.warnings, false);
     if look.spots.is_empty() {
         return Err(refusal!("surface: found no spot that shows, expected one at least"));
     }
     if let Some(folder) = &args.output {
         look.write(folder, existing, &inputs)?;
     }
-    if args.json {
-        print_json(&look)?;
+    if document(args.json, &look)? {
         return Ok(Answer::Yes);
     }
     print_words(&summary(&look))?;

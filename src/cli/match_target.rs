@@ -19,15 +19,17 @@ use serde_json::json;
 use super::{
     Answer, Result,
     cache::CacheArgs,
+    document,
     failure::{refusal, refuse},
     leave_at_once,
     match_plot::MatchPlot,
     materials::{Materials, min_depth_limits, no_coefficients},
     plots::PlotFile,
-    print, print_json,
+    print,
     progress::Bars,
-    say,
+    say_no,
     table::{number, table},
+    warn,
 };
 
 /// Find the stack of layers that reflects most like a target.
@@ -185,10 +187,8 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
     let found = match found {
         Ok(found) => found,
         Err(error @ (SearchError::Infeasible { .. } | SearchError::Steps { .. })) => {
-            if args.json {
-                print_json(&json!({ "stack": null, "reason": error.to_string() }))?;
-            }
-            say(&format!("no: {error}"));
+            document(args.json, &json!({ "stack": null, "reason": error.to_string() }))?;
+            say_no(&error.to_string());
             return Ok(Answer::No);
         }
         Err(error) => return Err(error.into()),
@@ -214,9 +214,7 @@ pub fn run(args: &MatchArgs) -> Result<Answer> {
     if let Some(plot) = plot {
         plot.finish(&shown.figure(traced.as_ref())?)?;
     }
-    if args.json {
-        print_json(&shown.document(&look))?;
-    } else {
+    if !document(args.json, &shown.document(&look))? {
         print(&shown.report(&look))?;
     }
     Ok(Answer::Yes)
@@ -236,7 +234,7 @@ impl MatchArgs {
         if let Some([r, g, b]) = self.colour.filter(|_| channels == 1)
             && r.max(g).max(b) - r.min(g).min(b) > GREY
         {
-            say("warning: the resins have one channel: of the colour only its lightness is matched");
+            warn("the resins have one channel: of the colour only its lightness is matched");
         }
         let albedo: Vec<f64> = match self.colour {
             None => self.albedo.clone(),
@@ -282,7 +280,7 @@ impl MatchArgs {
             None => Ok(self.model.judge()),
             Some(name) if self.photons.is_some() => Err(no_coefficients(&name, &self.materials)),
             Some(_) => {
-                say("warning: matching by Kubelka-Munk instead");
+                warn("matching by Kubelka-Munk instead");
                 Ok(Judge::KubelkaMunk)
             }
         }
@@ -314,8 +312,8 @@ impl Look {
     /// Says it where the answer comes out lighter or darker than asked, or its glow wider or narrower.
     fn warn_of_far_misses(&self) {
         if let Some([asked, found]) = far_miss(self.albedo.iter().copied()) {
-            say(&format!(
-                "warning: albedo {found:.2} in place of {asked:.2}: the resins reach no nearer within what is allowed, \
+            warn(&format!(
+                "albedo {found:.2} in place of {asked:.2}: the resins reach no nearer within what is allowed, \
                  see `lumislice gamut`"
             ));
         }
@@ -327,8 +325,8 @@ impl Look {
                 mm if mm < EdgeResponse::WIDEST_MM => format!("{mm:.2} mm"),
                 mm => format!("{mm} mm or more"),
             });
-            say(&format!(
-                "warning: a shadow's edge {found} wide in place of {asked}: light goes {how} inside than \
+            warn(&format!(
+                "a shadow's edge {found} wide in place of {asked}: light goes {how} inside than \
                  asked; beside the albedo the resins reach no nearer within what is allowed, see `lumislice gamut`"
             ));
         }

@@ -12,11 +12,12 @@ use serde_json::json;
 use super::{
     Answer, Result,
     coupon::{self, CouponArgs},
+    document,
     fit::{self, FitArgs},
     materials::Materials,
     measure::{self, MeasureArgs},
     plots::{Curve, Look, PlotFile, Side, profile_panel},
-    print, print_json,
+    print,
     progress::Bars,
     simulate::{self, SimulateArgs},
     table::{number, table},
@@ -85,7 +86,7 @@ fn list(args: &ListArgs) -> Result<Answer> {
                 "provenance": set.provenance(),
             })
         };
-        print_json(&sets.iter().map(record).collect::<Vec<_>>())?;
+        document(true, &sets.iter().map(record).collect::<Vec<_>>())?;
         return Ok(Answer::Yes);
     }
     let entry = |set: &MaterialFile| {
@@ -106,15 +107,16 @@ fn show(args: &ShowArgs) -> Result<Answer> {
     if let Some(plot) = plot {
         plot.finish(&figure(&set))?;
     }
-    if args.json {
-        print_json(&json!({
+    if !document(
+        args.json,
+        &json!({
             "name": set.name,
             "provenance": set.provenance,
             "channels": set.channels,
             "resins": set.resins.iter().map(record).collect::<Vec<_>>(),
             "remarks": set.warnings,
-        }))?;
-    } else {
+        }),
+    )? {
         print(&report(&set))?;
     }
     Ok(Answer::Yes)

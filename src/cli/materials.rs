@@ -14,8 +14,10 @@ use lumislice::{
 use super::{
     cache::CacheArgs,
     failure::{Failure, refusal, refuse},
+    note,
     progress::Bars,
-    say,
+    tell::events,
+    warn,
 };
 
 /// Materials as far as they are read quickly.
@@ -58,7 +60,7 @@ impl Materials {
         bars.finish();
         let set = set?;
         if !self.built_in {
-            set.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+            set.warnings.iter().for_each(|warning| warn(warning));
         }
         Ok(set)
     }
@@ -68,7 +70,7 @@ impl Materials {
 pub fn say_provenance(set: &str, provenance: &str) {
     // The built-in text begins with the set's name already.
     let provenance = provenance.strip_prefix(&format!("{set}: ")).unwrap_or(provenance);
-    say(&format!("note: materials `{set}`: {provenance}"));
+    note(&format!("materials `{set}`: {provenance}"));
 }
 
 /// How far a job is prepared.
@@ -89,6 +91,10 @@ pub fn prepared(mut job: Job, cache: &CacheArgs, corrected: Corrected<'_>, bars:
         Corrected::Draft => Prepared::draft(job, bars),
         Corrected::As(folders) => Prepared::for_folders(job, folders, bars),
     };
+    // As events they come at once, and as lines in the order of the summary.
+    if let Some(prepared) = prepared.as_ref().ok().filter(|_| events().is_some()) {
+        prepared.warnings.iter().for_each(|warning| warn(warning));
+    }
     if let Some(set) = prepared.as_ref().ok().map(|prepared| &prepared.materials).filter(|_| built_in) {
         bars.finish();
         say_provenance(&set.name, &set.provenance);

@@ -7,8 +7,7 @@ use lumislice::measure::{Capture, ChannelMeasurement, Measurement, SeriesMeasure
 use serde_json::json;
 
 use super::{
-    Answer, Result, failure::refuse, output_file::OutputFile, print_json, print_words, progress::Bars, say,
-    table::table,
+    Answer, Result, document, failure::refuse, note, output_file::OutputFile, print_words, progress::Bars, table::table,
 };
 
 /// Measure a resin from photographs: exposure brackets under a point of light, dark series, grey card and screen.
@@ -45,11 +44,9 @@ pub fn run(args: &MeasureArgs) -> Result<Answer> {
     for channel in &measurement.channels {
         channel
             .all_findings()
-            .for_each(|(series, finding)| say(&format!("note: {}{series}: {finding}", measurement.prefix(channel))));
+            .for_each(|(series, finding)| note(&format!("{}{series}: {finding}", measurement.prefix(channel))));
     }
-    if args.json {
-        print_json(&record(&measurement, &args.output))?;
-    } else {
+    if !document(args.json, &record(&measurement, &args.output))? {
         print_words(&summary(&measurement, &args.output))?;
     }
     Ok(Answer::Yes)

@@ -7,6 +7,7 @@ mod cache;
 mod compare;
 mod convert;
 mod coupon;
+mod events;
 mod factor;
 mod failure;
 mod fit;
@@ -28,6 +29,7 @@ mod simulate;
 mod slice;
 mod start;
 mod table;
+mod tell;
 mod verify;
 
 use std::{
@@ -38,16 +40,17 @@ use std::{
 };
 
 use clap::{
-    CommandFactory, Parser, Subcommand,
+    ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand,
     error::{ContextKind, ContextValue, ErrorKind},
 };
 use lumislice::{
     watch::Interrupt,
-    words::{escaped, escaped_lines, in_mm},
+    words::{escaped_lines, in_mm},
 };
 
 use failure::{Failure, INTERRUPTED, refusal};
-use table::{fitted, fitted_toml, wrapped};
+use table::{fitted, fitted_toml};
+use tell::{Progress, document, fail, note, say, say_no, styled, warn, warn_of};
 
 /// Slices meshes into voxels of resin that scatter light as specified.
 #[derive(Debug, Parser)]
@@ -55,6 +58,9 @@ use table::{fitted, fitted_toml, wrapped};
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// How progress is told on stderr; with `json` all that is told is one JSON object a line (docs/events.md).
+    #[arg(long, global = true, value_enum, default_value_t, value_name = "HOW", help_heading = "Work")]
+    progress: Progress,
 }
 
 #[derive(Debug, Subcommand)]
@@ -94,18 +100,12 @@ static INTERRUPT: Interrupt = Interrupt::new();
 
 /// Runs the command line.
 pub fn run() -> ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(mut error) => {
-            name_the_unit(&mut error);
-            let code = if error.use_stderr() { 2 } else { 0 };
-            // A closed pipe is no reason to fail twice.
-            let _ = match error.use_stderr() && io::stderr().is_terminal() {
-                true => write!(io::stderr(), "{}", fitted(&error.render().to_string(), WIDTH)),
-                false => error.print(),
-            };
-            return ExitCode::from(code);
+    let cli = match parsed() {
+        Ok((cli, command)) => {
+            cli.progress.begin(Some(&command));
+            cli
         }
+        Err(error) => return refused(error),
     };
     install_interrupt();
     let result = match &cli.command {
@@ -126,14 +126,49 @@ pub fn run() -> ExitCode {
         Command::Completions(args) => shell::completions(args),
         Command::Man(args) => shell::man(args),
     };
-    match result {
-        Ok(Answer::Yes) => ExitCode::SUCCESS,
-        Ok(Answer::No) => ExitCode::from(1),
+    let (code, failed_as) = match &result {
+        Ok(Answer::Yes) => (0, None),
+        Ok(Answer::No) => (1, None),
         Err(failure) => {
-            say(&format!("error: {}", failure.text()));
-            ExitCode::from(failure.exit_code())
+            fail(failure);
+            (failure.exit_code(), Some(failure.outcome()))
+        }
+    };
+    if let Some(events) = tell::events() {
+        events.finished(code, failed_as);
+    }
+    ExitCode::from(code)
+}
+
+/// The arguments, and the command that they name.
+fn parsed() -> std::result::Result<(Cli, String), clap::Error> {
+    let matches = Cli::command().try_get_matches()?;
+    let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut Cli::command()))?;
+    let levels = std::iter::successors(Some(&matches), |matches| Some(matches.subcommand()?.1));
+    let names: Vec<_> = levels.filter_map(ArgMatches::subcommand_name).collect();
+    Ok((cli, names.join(" ")))
+}
+
+/// Tells what is wrong with the arguments, or the help that they ask for.
+fn refused(mut error: clap::Error) -> ExitCode {
+    let code = if error.use_stderr() { 2 } else { 0 };
+    name_the_unit(&mut error);
+    Progress::of_arguments(std::env::args_os()).begin(None);
+    match tell::events().filter(|_| code == 2) {
+        Some(events) => {
+            let text = error.render().to_string();
+            events.error("usage", text.strip_prefix("error: ").unwrap_or(&text).trim_end(), code);
+            events.finished(code, Some("failed"));
+        }
+        // A closed pipe is no reason to fail twice.
+        None if code == 2 && io::stderr().is_terminal() => {
+            let _ = write!(io::stderr(), "{}", styled(&fitted(&error.render().to_string(), WIDTH)));
+        }
+        None => {
+            let _ = error.print();
         }
     }
+    ExitCode::from(code)
 }
 
 /// Of a flag in another unit of length says the one in mm, and what its unit is in that.
@@ -160,7 +195,11 @@ fn leave_at_once() {
 }
 
 fn leave() -> ! {
-    say("error: interrupted");
+    let failure = Failure::interrupted("interrupted");
+    fail(&failure);
+    if let Some(events) = tell::events() {
+        events.finished(INTERRUPTED, Some(failure.outcome()));
+    }
     std::process::exit(i32::from(INTERRUPTED))
 }
 
@@ -206,10 +245,3 @@ fn print_json(value: &impl serde::Serialize) -> Result<()> {
 
 /// Characters in a line of words on a terminal.
 const WIDTH: usize = 80;
-
-/// Writes words to stderr: one line, but broken between words on a terminal.
-fn say(line: &str) {
-    let line = escaped(line);
-    let line = if io::stderr().is_terminal() { wrapped(&line, WIDTH) } else { line };
-    let _ = writeln!(io::stderr(), "{line}");
-}

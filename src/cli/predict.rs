@@ -13,15 +13,15 @@ use lumislice::{
 use serde_json::json;
 
 use super::{
-    Answer, Result,
+    Answer, Result, document,
     failure::{refusal, refuse},
     materials::Materials,
     output_file::OutputFile,
     plots::{Curve, Look, PlotFile, Side, channel_colours, profile_panel},
-    print, print_json,
+    print,
     progress::Bars,
-    say,
     table::{number, table},
+    warn,
 };
 
 /// Predict albedo, transmission and translucency of a stack of layers.
@@ -114,7 +114,7 @@ pub fn run(args: &PredictArgs) -> Result<Answer> {
                 refuse!("{}: {reason}", args.materials.display());
             }
             // Loading says what was refused, and why.
-            say("warning: predicting by Kubelka-Munk instead");
+            warn("predicting by Kubelka-Munk instead");
             model = Model::KubelkaMunk;
         }
     }
@@ -130,23 +130,7 @@ pub fn run(args: &PredictArgs) -> Result<Answer> {
     if let Some(plot) = plot {
         plot.finish(&args.figure(&named, &model, &prediction))?;
     }
-    if args.json {
-        let spectra =
-            |of: fn(&ChannelPrediction) -> &Vec<f64>| -> Vec<&Vec<f64>> { prediction.light.iter().map(of).collect() };
-        let (reflection, transmission) =
-            (spectra(|light| &light.reflection_hankel), spectra(|light| &light.transmission_hankel));
-        let first =
-            |spectra: &[&Vec<f64>]| -> Vec<Option<f64>> { spectra.iter().map(|s| s.first().copied()).collect() };
-        print_json(&json!({
-            "channels": prediction.channels,
-            "reflection": first(&reflection),
-            "transmission": first(&transmission),
-            "k_rad_per_mm": prediction.grid.as_slice(),
-            "reflection_hankel": reflection,
-            "transmission_hankel": transmission,
-            "glint": prediction.light.iter().map(|light| light.glint).collect::<Vec<_>>(),
-            "half_energy_radius_mm": prediction.light.iter().map(half_energy_radius_mm).collect::<Vec<_>>(),
-        }))?;
+    if document(args.json, &record(&prediction))? {
         return Ok(Answer::Yes);
     }
     let rows: Vec<Vec<String>> = prediction
@@ -166,6 +150,25 @@ pub fn run(args: &PredictArgs) -> Result<Answer> {
     let header = ["channel", "albedo", "transmission", "50% within mm", "90% within mm"];
     print(&(args.title(&named, &model) + "\n" + &table(&header, &rows)))?;
     Ok(Answer::Yes)
+}
+
+/// The document of a prediction.
+fn record(prediction: &Prediction) -> serde_json::Value {
+    let spectra =
+        |of: fn(&ChannelPrediction) -> &Vec<f64>| -> Vec<&Vec<f64>> { prediction.light.iter().map(of).collect() };
+    let (reflection, transmission) =
+        (spectra(|light| &light.reflection_hankel), spectra(|light| &light.transmission_hankel));
+    let first = |spectra: &[&Vec<f64>]| -> Vec<Option<f64>> { spectra.iter().map(|s| s.first().copied()).collect() };
+    json!({
+        "channels": prediction.channels,
+        "reflection": first(&reflection),
+        "transmission": first(&transmission),
+        "k_rad_per_mm": prediction.grid.as_slice(),
+        "reflection_hankel": reflection,
+        "transmission_hankel": transmission,
+        "glint": prediction.light.iter().map(|light| light.glint).collect::<Vec<_>>(),
+        "half_energy_radius_mm": prediction.light.iter().map(half_energy_radius_mm).collect::<Vec<_>>(),
+    })
 }
 
 fn half_energy_radius_mm(light: &ChannelPrediction) -> Option<f64> {

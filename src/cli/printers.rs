@@ -5,7 +5,7 @@ use lumislice::{voxel::Printer, words::dimensions};
 use serde_json::json;
 
 use super::{
-    Answer, Result, WIDTH, print, print_json, say,
+    Answer, Result, WIDTH, document, note, print,
     table::{table, wrapped},
 };
 
@@ -32,10 +32,10 @@ pub fn run(args: &PrintersArgs) -> Result<Answer> {
                 "source": printer.source(),
             })
         };
-        print_json(&presets.iter().map(record).collect::<Vec<_>>())?;
+        document(true, &presets.iter().map(record).collect::<Vec<_>>())?;
         return Ok(Answer::Yes);
     }
-    say("note: from public data sheets and guides; no preset was checked on a machine");
+    note("from public data sheets and guides; no preset was checked on a machine");
     let limit = |limit: Option<usize>| limit.map_or_else(|| "–".to_owned(), |limit| limit.to_string());
     let row = |printer: &Printer| {
         let (x, y) = printer.dpi();

@@ -1,5 +1,5 @@
 //! The watch of every command: progress bars, one stage after the other, on a terminal; elsewhere a line for a stage
-//! that takes long; and Ctrl-C.
+//! that takes long, or events; and Ctrl-C.
 
 use std::{
     fmt::Write,
@@ -13,12 +13,18 @@ use lumislice::{
     watch::{Thousandths, Watch},
     words::escaped,
 };
+use serde_json::Value;
 
-use super::INTERRUPT;
+use super::{
+    INTERRUPT,
+    events::Events,
+    tell::{self, Progress},
+};
 
 /// Draws the current stage, and stops for Ctrl-C.
 pub struct Bars {
     shown: bool,
+    events: Option<&'static Events>,
     current: Mutex<ProgressBar>,
     line: Arc<Mutex<Lines>>,
 }
@@ -34,12 +40,42 @@ struct Lines {
 /// A stage that no bar is drawn of.
 struct Line {
     name: String,
-    steps: u64,
-    done: u64,
-    began: Instant,
+    pace: Pace,
+    told: Told,
+}
+
+/// How fast the steps of a stage are done.
+pub struct Pace {
+    /// All steps; 0 where that is unknown.
+    pub steps: u64,
+    /// Steps that are done.
+    pub done: u64,
+    /// When the stage began.
+    pub began: Instant,
     /// When its first steps were done, and how many these were: what comes before them is no measure of the rest.
     paced: Option<(Instant, u64)>,
-    told: Told,
+}
+
+impl Pace {
+    /// Of a stage that begins now.
+    pub fn new(steps: u64, now: Instant) -> Self {
+        Self { steps, done: 0, began: now, paced: None }
+    }
+
+    /// Steps are done.
+    pub fn advance(&mut self, steps: u64, now: Instant) {
+        self.done += steps;
+        self.paced = self.paced.or(Some((now, self.done)));
+    }
+
+    /// Time that is left, once steps were counted for `least`: workers finish their first steps together, and a pace
+    /// needs a while.
+    pub fn left(&self, now: Instant, least: Duration) -> Option<Duration> {
+        let Self { steps, done, .. } = *self;
+        let (since, first) = self.paced.map(|(since, first)| (now.duration_since(since), first))?;
+        (since >= least && first < done && done < steps)
+            .then(|| since.mul_f64((steps - done) as f64 / (done - first) as f64))
+    }
 }
 
 /// What was told of a stage.
@@ -61,37 +97,35 @@ impl Lines {
         if let Some(reached) = self.ahead.iter().position(|(stage, _)| name.starts_with(stage)) {
             self.ahead.drain(..=reached);
         }
-        let (began, name) = (Instant::now(), name.to_owned());
-        self.stage = Some(Line { name, steps, done: 0, began, paced: None, told: Told::Nothing });
+        let pace = Pace::new(steps, Instant::now());
+        self.stage = Some(Line { name: name.to_owned(), pace, told: Told::Nothing });
+    }
+
+    /// Words for what is still to come.
+    fn ahead(&self) -> Vec<&str> {
+        self.ahead.iter().map(|(_, words)| words.as_str()).collect()
     }
 
     /// What to say now.
     fn told(&mut self, now: Instant) -> Option<String> {
         let told = self.stage.as_mut()?.told(now)?;
-        let ahead: Vec<_> = self.ahead.iter().map(|(_, words)| words.as_str()).collect();
+        let ahead = self.ahead();
         Some(if ahead.is_empty() { told } else { format!("{told}; then {}", ahead.join(", ")) })
     }
 }
 
 impl Line {
-    fn advance(&mut self, steps: u64, now: Instant) {
-        self.done += steps;
-        self.paced = self.paced.or(Some((now, self.done)));
-    }
-
     /// What to say of a stage that takes long: once how far it is, where that is all that is known, and once how long
     /// it will take.
     fn told(&mut self, now: Instant) -> Option<String> {
-        let elapsed = now.duration_since(self.began);
+        let elapsed = now.duration_since(self.pace.began);
         if elapsed < LONG || self.told == Told::TimeLeft {
             return None;
         }
-        let Self { name, steps, done, .. } = self;
-        // Workers finish their first steps together: a pace needs a while.
-        let paced = self.paced.map(|(since, first)| (now.duration_since(since), first));
-        if let Some((since, first)) = paced.filter(|(since, first)| *since >= LONG && first < done && done < steps) {
+        let Self { name, pace, .. } = self;
+        let Pace { steps, done, .. } = &*pace;
+        if let Some(left) = pace.left(now, LONG) {
             self.told = Told::TimeLeft;
-            let left = since.mul_f64((*steps - *done) as f64 / (*done - first) as f64);
             return Some(format!("{name}: {:#} left", HumanDuration(left)));
         }
         if self.told == Told::HowFar || *done >= *steps && *steps > 0 {
@@ -108,14 +142,19 @@ impl Line {
 }
 
 impl Bars {
-    /// Bars on a terminal, lines for what takes long elsewhere; nothing when `quiet`.
+    /// As the command line asks for it; by itself bars on a terminal, lines for what takes long elsewhere, and nothing
+    /// when `quiet`.
     pub fn new(quiet: bool) -> Self {
-        let shown = !quiet && std::io::stderr().is_terminal();
-        let line = Arc::default();
-        if !shown && !quiet {
-            tell(&line);
+        let progress = match Progress::asked() {
+            Progress::Auto if quiet => Progress::None,
+            progress => progress,
+        };
+        let shown = progress == Progress::Auto && std::io::stderr().is_terminal();
+        let (line, events) = (Arc::default(), tell::events());
+        if !shown && progress != Progress::None {
+            tell(&line, events);
         }
-        Self { shown, current: Mutex::new(ProgressBar::hidden()), line }
+        Self { shown, events, current: Mutex::new(ProgressBar::hidden()), line }
     }
 
     /// Says what follows as well, where lines are told: how the first stage of each begins, and words for it.
@@ -139,19 +178,26 @@ impl Bars {
         if let Ok(mut line) = self.line.lock() {
             line.stage = None;
         }
+        if let Some(events) = self.events {
+            events.end_stage();
+        }
     }
 }
 
-/// Looks at the line every second, as long as there is one, for a stage may say nothing for long.
-fn tell(line: &Arc<Mutex<Lines>>) {
+/// Looks every second how far the stage is, as long as there is one, for a stage may say nothing for long.
+fn tell(line: &Arc<Mutex<Lines>>, events: Option<&'static Events>) {
     let line = Arc::downgrade(line);
     std::thread::spawn(move || {
         loop {
             std::thread::sleep(Duration::from_secs(1));
             let Some(line) = line.upgrade() else { return };
+            if let Some(events) = events {
+                events.tick();
+                continue;
+            }
             let told = line.lock().ok().and_then(|mut line| line.told(Instant::now()));
             if let Some(told) = told {
-                super::say(&told);
+                tell::say(&told);
             }
         }
     });
@@ -162,6 +208,9 @@ impl Watch for Bars {
         if !self.shown {
             if let Ok(mut line) = self.line.lock() {
                 line.begin(name, steps);
+                if let Some(events) = self.events {
+                    events.stage(name, steps, &line.ahead());
+                }
             }
             return;
         }
@@ -192,10 +241,21 @@ impl Watch for Bars {
 
     fn advance(&self, steps: u64) {
         if let Some(line) = self.line.lock().ok().as_mut().and_then(|line| line.stage.as_mut()) {
-            line.advance(steps, Instant::now());
+            line.pace.advance(steps, Instant::now());
+        }
+        if let Some(events) = self.events {
+            events.advance(steps);
         }
         if let Ok(current) = self.current.lock() {
             current.inc(steps);
+        }
+    }
+
+    fn found(&self, what: &'static str, details: Value) {
+        match (self.events, what) {
+            (None, _) => {}
+            (Some(events), "warning") => events.warning(details),
+            (Some(events), _) => events.tell(what, details),
         }
     }
 
@@ -215,21 +275,21 @@ mod tests {
             ..Lines::default()
         };
         lines.begin("stackings", 40);
-        let began = lines.stage.as_ref().unwrap().began;
+        let began = lines.stage.as_ref().unwrap().pace.began;
         assert_eq!(lines.told(began + LONG / 2), None);
         assert_eq!(lines.told(began + LONG).unwrap(), "stackings: 0 of 40 in 10s so far; then 4 rounds, slices");
         assert_eq!(lines.told(began + LONG), None);
         // The first step took long, the others do not.
-        lines.stage.as_mut().unwrap().advance(1, began + 2 * LONG);
+        lines.stage.as_mut().unwrap().pace.advance(1, began + 2 * LONG);
         assert_eq!(lines.told(began + 2 * LONG), None);
-        lines.stage.as_mut().unwrap().advance(3, began + 3 * LONG);
+        lines.stage.as_mut().unwrap().pace.advance(3, began + 3 * LONG);
         assert_eq!(lines.told(began + 3 * LONG).unwrap(), "stackings: 2m left; then 4 rounds, slices");
         assert_eq!(lines.told(began + 4 * LONG), None);
         lines.begin("slices", 0);
-        let began = lines.stage.as_ref().unwrap().began;
+        let began = lines.stage.as_ref().unwrap().pace.began;
         assert_eq!(lines.told(began + LONG).unwrap(), "slices: 10s so far");
         lines.begin("light", Thousandths::STEPS);
-        lines.stage.as_mut().unwrap().advance(Thousandths::STEPS, began);
+        lines.stage.as_mut().unwrap().pace.advance(Thousandths::STEPS, began);
         assert_eq!(lines.told(began + 2 * LONG), None);
     }
 }

@@ -11,15 +11,17 @@ use lumislice::{
     watch::Thousandths,
 };
 
+use serde_json::json;
+
 use super::{
-    Answer, Result,
+    Answer, Result, document,
     failure::{Failure, refuse},
     materials::Materials,
     output_file::OutputFile,
     print,
     progress::Bars,
-    say,
     table::table,
+    warn,
 };
 
 /// Simulate slabs of resins given by coefficients: profiles as CSV, and a material file that uses them.
@@ -81,6 +83,7 @@ pub fn run(args: &SimulateArgs) -> Result<Answer> {
     // Last: a folder with a material file is complete.
     OutputFile::open(&folder.join(&toml))?.finish(file.toml_with(&plans).as_bytes())?;
     let path = folder.join(&toml);
+    document(false, &json!({ "material_file": path.to_string_lossy() }))?;
     print(&(table(&["profile", "mm", "reflects", "transmits"], &rows) + &format!("{}\n", path.display())))?;
     Ok(Answer::Yes)
 }
@@ -97,7 +100,7 @@ impl SimulateArgs {
             }
         }
         for name in file.resin_names().filter(|name| self.resin.is_empty() && file.volume(name).is_none()) {
-            say(&format!("warning: resin {name} has no coefficients and is left out"));
+            warn(&format!("resin {name} has no coefficients and is left out"));
         }
         let mut plans = file.slab_plans(self.seed);
         plans.retain(|plan| self.resin.is_empty() || self.resin.contains(&plan.resin));

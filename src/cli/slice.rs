@@ -18,13 +18,14 @@ use serde_json::{Value, json};
 use super::{
     Answer, Result, WIDTH,
     cache::CacheArgs,
+    document,
     failure::{Failure, refusal, refuse},
     materials::{Corrected, prepared},
-    print_json, print_toml, print_words,
+    note, print_toml, print_words,
     progress::Bars,
-    say,
     start::{MeshArgs, default_folder, is_mesh, job_for},
     table::wrapped,
+    warn_of,
 };
 
 /// Slice a job into printer-ready files.
@@ -82,7 +83,7 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     let beside = args.job.with_extension("toml");
     if made_up.is_some() && beside.is_file() {
         let (beside, mesh) = (beside.display(), args.job.display());
-        say(&format!("note: {beside} lies beside {mesh} and is not used; `lumislice slice {beside}` slices that job"));
+        note(&format!("{beside} lies beside {mesh} and is not used; `lumislice slice {beside}` slices that job"));
     }
     if let Some(text) = made_up.as_ref().filter(|_| !args.json) {
         print_toml(text)?;
@@ -119,23 +120,41 @@ pub fn run(args: &SliceArgs) -> Result<Answer> {
     let Finished { manifest, kept } = result.map_err(refused_slices)?;
     if args.resume {
         let slices = manifest.slices[1] - manifest.slices[0];
-        say(&format!("note: {kept} of {slices} slices were there and whole"));
+        note(&format!("{kept} of {slices} slices were there and whole"));
     }
-    if args.json {
-        let document = json!({
-            "output": folder.to_string_lossy(),
-            "lattice": manifest.lattice,
-            "slices": manifest.slices,
-            "material_set": manifest.material_set,
-            "materials": manifest.materials,
-            "warnings": manifest.warnings,
-        });
-        print_json(&with_job(document, made_up))?;
+    warn_of(&manifest.warnings, args.json);
+    let found = json!({
+        "output": folder.to_string_lossy(),
+        "lattice": manifest.lattice,
+        "slices": manifest.slices,
+        "material_set": manifest.material_set,
+        "materials": manifest.materials,
+        "warnings": manifest.warnings,
+        "rounds": manifest.rounds,
+        "verdict": manifest.verdict(),
+        "files": whole_series(&manifest),
+    });
+    if document(args.json, &with_job(found, made_up))? {
         return Ok(Answer::Yes);
     }
-    manifest.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     print_words(&summary(&manifest, &folder.display().to_string()))?;
     Ok(Answer::Yes)
+}
+
+/// Folders of images that are numbered by slices.
+const SERIES: [&str; 3] = ["slices/", "masks/", "bmp/"];
+
+/// What was written, in the folder: files, and of each series of images its folder, which ends in `/`.
+fn whole_series(manifest: &Manifest) -> Vec<&str> {
+    let mut written: Vec<&str> = Vec::new();
+    for file in &manifest.files {
+        let folder = file.path.rfind('/').map_or("", |end| &file.path[..=end]);
+        let shown = if SERIES.iter().any(|series| folder.starts_with(series)) { folder } else { &file.path };
+        if !written.contains(&shown) {
+            written.push(shown);
+        }
+    }
+    written
 }
 
 /// A failure that names the flag where it is about that.
@@ -180,12 +199,13 @@ fn quick(args: &SliceArgs, job: Job, made_up: Option<&str>) -> Result<Answer> {
         });
     bars.finish();
     let (look, warnings) = found.map_err(Failure::before_writing)?;
-    if args.json {
-        let document = serde_json::to_value(&look).map_err(|error| refusal!("{error}"))?;
-        print_json(&with_job(document, made_up.map(str::to_owned)))?;
+    warn_of(&warnings, args.json);
+    warn_of(&look.warnings, args.json);
+    let mut found = serde_json::to_value(&look).map_err(|error| refusal!("{error}"))?;
+    found["output"] = folder.to_string_lossy().into();
+    if document(args.json, &with_job(found, made_up.map(str::to_owned)))? {
         return Ok(Answer::Yes);
     }
-    warnings.iter().chain(&look.warnings).for_each(|warning| say(&format!("warning: {warning}")));
     print_words(&super::look::summary(&look))?;
     print_words(&format!(
         "\npictures of a coarse print: {}\nnothing was corrected yet: without --quick, rounds of correction bring the \
@@ -273,15 +293,14 @@ fn report_estimate(
     made_up: Option<String>,
 ) -> Result<Answer> {
     let answer = if estimate.misfits.is_empty() { Answer::Yes } else { Answer::No };
-    if json {
-        let mut document = serde_json::to_value(estimate).map_err(|error| refusal!("{error}"))?;
-        if let Some(part) = part {
-            document["slices"] = json!([part.start, part.end]);
-        }
-        print_json(&with_job(document, made_up))?;
+    warn_of(&estimate.warnings, json);
+    let mut found = serde_json::to_value(estimate).map_err(|error| refusal!("{error}"))?;
+    if let Some(part) = &part {
+        found["slices"] = json!([part.start, part.end]);
+    }
+    if document(json, &with_job(found, made_up))? {
         return Ok(answer);
     }
-    estimate.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     let [x, y, z] = estimate.dims;
     let size = estimate.size_mm;
     let mut text = format!(

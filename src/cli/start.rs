@@ -16,11 +16,13 @@ use lumislice::{
     watch::Unwatched,
 };
 
+use serde_json::json;
+
 use super::{
-    Answer, Result,
+    Answer, Result, document,
     failure::{Failure, refuse},
     match_target::parse_srgb,
-    print, say,
+    note, print,
 };
 
 /// What is said of a mesh on the command line.
@@ -149,7 +151,7 @@ pub fn is_mesh(path: &std::path::Path) -> bool {
 /// The job that a mesh gets where none is written, and its text.
 pub fn job_for(mesh: &std::path::Path, args: &MeshArgs) -> Result<(Job, String)> {
     let Start { toml, notes } = start(mesh, &args.options()?).map_err(RunError::from)?;
-    notes.iter().for_each(|note| say(&format!("note: {note}")));
+    notes.iter().for_each(|text| note(text));
     let folder = mesh.parent().unwrap_or(std::path::Path::new(""));
     let job = Job::from_toml(&toml, mesh.with_extension("toml"), folder).map_err(RunError::from)?;
     Ok((job, toml))
@@ -181,6 +183,7 @@ pub fn init(args: &InitArgs) -> Result<Answer> {
     written
         .and_then(|mut file| file.write_all(text.as_bytes()))
         .map_err(|error| Failure::writing(path.display(), error))?;
+    document(false, &json!({ "job": path.to_string_lossy() }))?;
     print(&format!("{}\n", path.display()))?;
     Ok(Answer::Yes)
 }

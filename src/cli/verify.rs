@@ -12,7 +12,7 @@ use lumislice::{
 };
 use serde_json::json;
 
-use super::{Answer, Result, print_json, print_words, progress::Bars, say};
+use super::{Answer, Result, document, print_words, progress::Bars, say};
 
 /// Re-read every file of a finished job and check it against the manifest.
 ///
@@ -50,16 +50,17 @@ pub fn run(args: &VerifyArgs) -> Result<Answer> {
     bars.finish();
     let result = result?;
     let sound = result.findings.is_empty();
-    if args.json {
-        print_json(&json!({
+    if !document(
+        args.json,
+        &json!({
             "ok": sound,
             "files": result.files,
             "bytes": result.bytes,
             "slices": result.slices,
             "voxels": result.voxels,
             "findings": result.findings,
-        }))?;
-    } else {
+        }),
+    )? {
         print_words(&result.findings.iter().map(|finding| format!("{finding}\n")).collect::<String>())?;
         let verdict = match result.findings.len() {
             0 => "sound".to_owned(),

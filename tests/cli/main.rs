@@ -14,9 +14,12 @@ mod cache;
 mod compare;
 mod containers;
 mod docs;
+mod events;
 mod factor;
 mod gamut;
 mod interrupt;
+#[path = "../common/json_schema.rs"]
+mod json_schema;
 mod look;
 mod matching;
 mod material;

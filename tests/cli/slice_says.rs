@@ -28,7 +28,9 @@ fn a_job_is_done_and_told() {
 fn json_is_one_document() {
     let bench = Bench::new();
     let json = bench.run(["slice", "job.toml", "-o", "out", "--json"]).exits(0).json();
-    assert_eq!(keys(&json), ["output", "lattice", "slices", "material_set", "materials", "warnings"]);
+    let expected =
+        ["output", "lattice", "slices", "material_set", "materials", "warnings", "rounds", "verdict", "files"];
+    assert_eq!(keys(&json), expected);
     assert_eq!(json["output"], "out");
     assert_eq!(json["lattice"]["dims"], serde_json::json!([20, 20, 20]));
     let json = bench.run(["slice", "job.toml", "--dry-run", "--json"]).exits(0).json();
