@@ -19,7 +19,7 @@ pub struct BlendTable {
     /// What stands for the slot in voxels whose resin is still to be found; no resin's id.
     mark: MaterialId,
     /// Amounts of the resins up to each, mm, row-major `[stacking][resin]`; the last is the slot's thickness.
-    amounts: Vec<f32>,
+    pub(super) amounts: Vec<f32>,
     /// What is distinct of the stackings' shares.
     blends: Vec<Blend>,
     /// Which of `blends` each stacking has; [`Self::ABSENT`] where it skips the slot.

@@ -43,6 +43,13 @@ impl Blend {
         part.map_or(MaterialId::BACKGROUND, |part| part.1)
     }
 
+    /// The resins with their shares, 0 to 1.
+    pub fn shares(&self) -> impl Iterator<Item = (MaterialId, f64)> {
+        let below = std::iter::once(0).chain(self.parts.iter().map(|part| part.0));
+        let share = |levels: u16| f64::from(levels) / ThresholdMask::LEVELS as f64;
+        self.parts.iter().zip(below).map(move |(&(level, id), below)| (id, share(level - below)))
+    }
+
     /// The resins of a brick's voxels, from their ranks.
     pub fn lay(&self, ranks: &[u16; BRICK_VOXELS], ids: &mut [u8; BRICK_VOXELS]) {
         lay(&self.parts, ranks, ids);

@@ -155,9 +155,9 @@ impl LayerField {
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerStack {
     /// Depth at which each layer ends, mm, ascending, with its filling.
-    layers: Vec<(f64, Filling)>,
-    core: MaterialId,
-    blends: Vec<Blend>,
+    pub(super) layers: Vec<(f64, Filling)>,
+    pub(super) core: MaterialId,
+    pub(super) blends: Vec<Blend>,
 }
 
 impl LayerStack {

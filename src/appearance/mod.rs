@@ -13,6 +13,7 @@ mod clusters;
 mod diffusion;
 mod equation_7;
 mod filling;
+mod fractions;
 mod heights;
 mod layers;
 mod limits;

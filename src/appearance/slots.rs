@@ -118,7 +118,7 @@ impl SlotTable {
 
     /// A slot's place among the mixtures, if it is one.
     #[inline(always)]
-    fn place(&self, slot: usize) -> Option<usize> {
+    pub(super) fn place(&self, slot: usize) -> Option<usize> {
         let place = self.mixed_of[slot];
         (place != Self::PURE).then_some(usize::from(place))
     }
@@ -252,7 +252,7 @@ impl SlotTable {
         }
     }
 
-    fn slots(&self) -> usize {
+    pub(super) fn slots(&self) -> usize {
         self.ids.len() - 1
     }
 }

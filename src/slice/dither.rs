@@ -125,6 +125,13 @@ impl Dither {
         DepthRange { min: (min - rounding).max(0.0), max: range.max + end + width / 2.0 + rounding }
     }
 
+    /// What of a voxel at `depth` mm below `triangle` lies above a boundary at `bottom` mm, 0 to 1: the share of all
+    /// thresholds that take it for above.
+    pub fn above(&self, triangle: u32, depth: f32, bottom: f64) -> f64 {
+        let grain = &self.grains[triangle as usize];
+        share_above(f64::from(below_print(depth, grain)), bottom, f64::from(grain.width))
+    }
+
     /// Moves the depths of the brick at `at`, counted in bricks.
     pub fn apply(&self, at: [u32; 3], candidates: &[u32], surface: &mut BrickSurface) {
         let mut grains = [Grain::default(); BRICK_VOXELS];
@@ -165,6 +172,17 @@ fn moved(depth: f32, rank: u16, width: f32) -> f32 {
     if full >= width / 2.0 { full } else { narrow }
 }
 
+/// The share of thresholds by which [`moved`] takes a depth to above `bottom`, all in mm.
+fn share_above(depth: f64, bottom: f64, width: f64) -> f64 {
+    let below = if bottom >= width / 2.0 {
+        (depth - bottom) / width + 0.5
+    } else {
+        depth / (2.0 * bottom.max(f64::MIN_POSITIVE))
+    };
+    // A layer of no thickness stays away from the surface too.
+    if bottom > 0.0 { (1.0 - below).clamp(0.0, 1.0) } else { 0.0 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -200,6 +218,21 @@ mod tests {
                 };
                 for bottom in [0.0, 0.1 * width, 0.3 * width, bottom] {
                     assert!((mean(bottom) - bottom).abs() < 0.01 * step, "{step} {planes} {bottom}: {}", mean(bottom));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn fractions_are_the_shares_of_thresholds() {
+        for width in [0.05, 0.1_f32] {
+            for bottom in [0.0, 0.01, 0.049, 0.05, 0.051, 0.2_f32] {
+                for depth in [0.0, 0.004, 0.01, 0.03, 0.05, 0.07, 0.1, 0.18, 0.2, 0.23, 0.4_f32] {
+                    let ranks =
+                        (0..ThresholdMask::LEVELS as u16).filter(|&rank| moved(depth, rank, width) < bottom).count();
+                    let counted = ranks as f64 / ThresholdMask::LEVELS as f64;
+                    let found = share_above(f64::from(depth), f64::from(bottom), f64::from(width));
+                    assert!((found - counted).abs() < 1e-4, "{width} {bottom} {depth}: {found}, counted {counted}");
                 }
             }
         }

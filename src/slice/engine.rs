@@ -8,7 +8,7 @@ use super::{
     depth::SlabField,
     fill::{FillScratch, ObjectField},
 };
-use crate::voxel::{BlockShape, Lattice, Slab};
+use crate::voxel::{BlockShape, FractionSlab, Lattice, Slab};
 
 /// Computes a lattice of material ids from objects, slab by slab.
 #[derive(Debug)]
@@ -55,12 +55,39 @@ impl Slicer {
         wanted: impl Fn(Range<u32>) -> bool,
         mut sink: impl FnMut(&Slab) -> Result<(), E>,
     ) -> Result<(), E> {
+        self.walk(slices, wanted, false, |slab, _| sink(slab))
+    }
+
+    /// Whether voxels of some object are drawn by lot: of mixtures, or at boundaries that are dithered.
+    pub fn draws_by_lot(&self) -> bool {
+        self.objects.iter().any(ObjectField::is_drawn_by_lot)
+    }
+
+    /// Like [`Self::for_each_wanted_slab`], with the volume fractions of the slab's resins beside its voxels; `None`
+    /// where [nothing is drawn by lot](Self::draws_by_lot) and voxels are the fractions.
+    pub fn for_each_slab_with_fractions<E>(
+        &self,
+        slices: Range<u32>,
+        wanted: impl Fn(Range<u32>) -> bool,
+        sink: impl FnMut(&Slab, Option<&FractionSlab>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.walk(slices, wanted, self.draws_by_lot(), sink)
+    }
+
+    fn walk<E>(
+        &self,
+        slices: Range<u32>,
+        wanted: impl Fn(Range<u32>) -> bool,
+        with_fractions: bool,
+        mut sink: impl FnMut(&Slab, Option<&FractionSlab>) -> Result<(), E>,
+    ) -> Result<(), E> {
         let height = BlockShape::for_lattice(&self.lattice).voxels()[2];
         let slices = slices.start..slices.end.min(self.lattice.dims[2]);
         if slices.is_empty() {
             return Ok(());
         }
         let mut slab = Slab::new(self.lattice);
+        let mut fractions = with_fractions.then(|| FractionSlab::new(self.lattice));
         let mut alone = SlabField::default();
         // Of every body of several objects, by the first of them.
         let mut bodies: HashMap<usize, SlabField> = HashMap::new();
@@ -69,6 +96,9 @@ impl Slicer {
             let range = slab.slices();
             if !wanted(range.clone()) {
                 continue;
+            }
+            if let Some(fractions) = &mut fractions {
+                fractions.reset(index);
             }
             for (n, object) in self.objects.iter().enumerate() {
                 let field = match object.members() {
@@ -87,8 +117,13 @@ impl Slicer {
                 slab.blocks_mut().for_each_init(FillScratch::default, |scratch, (first, block)| {
                     object.fill_block(first, field, block, scratch);
                 });
+                if let Some(fractions) = &mut fractions {
+                    fractions.blocks_mut().for_each_init(FillScratch::default, |scratch, (first, bricks)| {
+                        object.fill_fractions(first, field, bricks, scratch);
+                    });
+                }
             }
-            sink(&slab)?;
+            sink(&slab, fractions.as_ref())?;
         }
         Ok(())
     }

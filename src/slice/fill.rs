@@ -29,7 +29,7 @@ pub struct ObjectField {
     joined: Option<Joined>,
     inside: InsideRows,
     layers: Arc<LayerField>,
-    offsets: BrickOffsets,
+    pub(super) offsets: BrickOffsets,
     pub(super) uvs: Arc<[[Vec2; 3]]>,
     pub(super) lattice: Lattice,
     pub(super) shape: BlockShape,
@@ -42,8 +42,8 @@ pub struct ObjectField {
 /// Buffers of one worker.
 #[derive(Default)]
 pub struct FillScratch {
-    descent: DescentScratch,
-    leaf: LeafScratch,
+    pub(super) descent: DescentScratch,
+    pub(super) leaf: LeafScratch,
 }
 
 /// Buffers of one worker for its leaves.
@@ -234,7 +234,12 @@ impl ObjectField {
     pub fn fill_block(&self, first: [u32; 3], slab: &SlabField, block: &mut Block, scratch: &mut FillScratch) {
         let FillScratch { descent, leaf } = scratch;
         let mut leaves = VoxelLeaves { field: self, site: Site { first, slab }, block, scratch: leaf };
-        let whole = Descent {
+        self.descent(first).lay(&slab.runs, &mut leaves, descent);
+    }
+
+    /// The way down the block whose first voxel is `first`.
+    pub(super) fn descent(&self, first: [u32; 3]) -> Descent<'_> {
+        Descent {
             surface: self.around(),
             joined: self.joined(),
             lattice: &self.lattice,
@@ -242,8 +247,25 @@ impl ObjectField {
             first,
             slack: self.measure.slack(),
             core: self.layers.core(),
-        };
-        whole.lay(&slab.runs, &mut leaves, descent);
+        }
+    }
+
+    /// Whether its voxels are drawn by lot: of mixtures, or at boundaries that are dithered.
+    pub fn is_drawn_by_lot(&self) -> bool {
+        self.layers.is_mixed() || self.dither.is_some()
+    }
+
+    /// The one filling of a box whose exact depths are in `range`, under `candidates`, if that is certain.
+    pub(super) fn certain(
+        &self,
+        bounds: &BlockBox,
+        range: DepthRange,
+        candidates: &[u32],
+        scratch: &mut MeasureScratch,
+    ) -> Option<Filling> {
+        let range = DepthRange { min: range.min - DEPTH_MARGIN, max: range.max + DEPTH_MARGIN };
+        let range = self.measured(range, bounds, candidates, scratch)?;
+        self.uniform_over(candidates, range)
     }
 
     /// Ranks of a brick's voxels, by the brick's place in the lattice.
@@ -317,9 +339,7 @@ impl Leaves for VoxelLeaves<'_> {
         candidates: &[u32],
         _: &[Mask],
     ) -> Option<Filling> {
-        let range = DepthRange { min: range.min - DEPTH_MARGIN, max: range.max + DEPTH_MARGIN };
-        let range = self.field.measured(range, bounds, candidates, &mut self.scratch.measure)?;
-        self.field.uniform_over(candidates, range)
+        self.field.certain(bounds, range, candidates, &mut self.scratch.measure)
     }
 
     fn fill_uniform(&mut self, bricks: Bricks, filling: Filling, masks: &[Mask]) {

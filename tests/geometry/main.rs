@@ -5,6 +5,7 @@
 mod common;
 
 mod bunny;
+mod fractions;
 mod inside;
 mod joined;
 mod laws;

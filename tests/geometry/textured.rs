@@ -127,14 +127,14 @@ fn patchwork(random: &mut Random, quads: usize, pages: usize) -> (TriangleMesh, 
     (mesh, page_of)
 }
 
-struct Textured {
-    mesh: TriangleMesh,
-    layers: TexturedLayers,
+pub struct Textured {
+    pub mesh: TriangleMesh,
+    pub layers: TexturedLayers,
     limits: Vec<ResinLimit>,
 }
 
 /// Anything that can go together.
-fn anything(random: &mut Random) -> Textured {
+pub fn anything(random: &mut Random) -> Textured {
     let mixed = random.below(2) == 0;
     let limits = if mixed { min_depths(random) } else { random_limits(random) };
     let pages = 1 + random.below(3);
@@ -181,7 +181,7 @@ fn anything(random: &mut Random) -> Textured {
 
 impl Textured {
     /// Texture coordinates somewhere on a triangle, its corners and edges among them.
-    fn uv_on(&self, random: &mut Random, triangle: u32) -> Vec2 {
+    pub fn uv_on(&self, random: &mut Random, triangle: u32) -> Vec2 {
         let [a, b, c] = self.mesh.uvs[triangle as usize];
         let (mut v, mut w) = (random.unit() as f32, random.unit() as f32);
         if v + w > 1.0 {
@@ -400,7 +400,7 @@ fn a_repeated_texture_is_seen_whole() {
 }
 
 /// A box of 12 triangles with a chart for every face, in a texture of noise.
-fn noisy_box(high: DVec3, size: u32, mixed: bool) -> (Solid, TexturedLayers) {
+pub fn noisy_box(high: DVec3, size: u32, mixed: bool) -> (Solid, TexturedLayers) {
     let mut mesh = mesh_of(&box_triangles(DVec3::ZERO, high));
     mesh.uvs = (0..6)
         .flat_map(|face| {
