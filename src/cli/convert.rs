@@ -1,8 +1,11 @@
 //! `lumislice convert`: a finished job in another format.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use clap::{Args, builder::PossibleValuesParser};
+use clap::{
+    Args,
+    builder::{PossibleValue, PossibleValuesParser},
+};
 use lumislice::job::{convert, file::OutputFormat};
 
 use serde_json::json;
@@ -17,7 +20,8 @@ use super::{
 
 /// Write a finished job in another format too, from its slices.
 ///
-/// The new files lie beside the others in OUT and in its manifest; those of an earlier conversion are replaced.
+/// The new files lie beside the others in OUT and in its manifest; those of an earlier conversion are replaced. Slices
+/// hold printed voxels: volumes of fractions, and meshes, are made by slicing the job again.
 #[derive(Debug, Args)]
 pub struct ConvertArgs {
     /// Folder of a finished job, with its slices.
@@ -25,18 +29,50 @@ pub struct ConvertArgs {
     folder: PathBuf,
     /// The format: gcvf for GrabCAD Print, bmp for Objet printers, vti for ParaView, nrrd for napari and 3D
     /// Slicer, vdb for Blender and Houdini.
-    #[arg(long, value_name = "FORMAT", value_parser = PossibleValuesParser::new(names()))]
+    #[arg(long, value_name = "FORMAT", value_parser = PossibleValuesParser::new(values()))]
     to: String,
+}
+
+/// Names of all formats, but shown only those that slices become: the others are answered with what makes them.
+fn values() -> Vec<PossibleValue> {
+    let value =
+        |(name, format): &(&'static str, OutputFormat)| PossibleValue::new(*name).hide(!format.holds_whole_jobs());
+    OutputFormat::ALL.iter().map(value).collect()
 }
 
 fn names() -> Vec<&'static str> {
     OutputFormat::ALL.iter().filter(|(_, format)| format.holds_whole_jobs()).map(|(name, _)| *name).collect()
 }
 
+/// Why a format is none that slices become, and what makes it.
+fn elsewhere(format: OutputFormat, folder: &Path) -> String {
+    let (name, folder) = (format.name(), folder.display());
+    let (why, cure) = match format {
+        OutputFormat::Png => ("which OUT is read from", format!("one that it becomes: {}", names().join(", "))),
+        OutputFormat::Preview => ("pictures and a page", format!("lumislice preview {folder}")),
+        OutputFormat::Stl | OutputFormat::ThreeMf | OutputFormat::Heights | OutputFormat::Masks => {
+            let why = if format == OutputFormat::Masks {
+                "images that are written slice by slice"
+            } else {
+                "which is made from the layers below the mesh, and slices no longer have them"
+            };
+            let cure = format!(
+                "the job sliced into another folder: lumislice slice JOB.toml -o OTHER, with formats = [\"{name}\"]"
+            );
+            (why, cure)
+        }
+        _ => ("none that slices become", names().join(", ")),
+    };
+    format!("--to: found {name}, {why}; expected {cure}")
+}
+
 /// Runs the command.
 pub fn run(args: &ConvertArgs) -> Result<Answer> {
     let format = OutputFormat::ALL.iter().find(|(name, _)| *name == args.to).map(|(_, format)| *format);
     let format = format.ok_or_else(|| refusal!("--to: found {}, expected one of {}", args.to, names().join(", ")))?;
+    if !format.holds_whole_jobs() {
+        refuse!("{}", elsewhere(format, &args.folder));
+    }
     if args.folder.is_file() {
         refuse!("{}: found a file, expected the folder of a finished job", args.folder.display());
     }

@@ -240,7 +240,17 @@ fn what_a_format_cannot_hold_is_refused_before_work_starts() {
     bench.write("job.toml", inks.replace("gcvf", "png").as_bytes());
     bench.slice("inks");
     bench.run(["convert", "inks", "--to", "bmp"]).refuses(2, &["found 5 resins", "at most 3 for bmp"]);
-    bench.run(["convert", "inks", "--to", "png"]).exits(2);
+    for (format, words) in [
+        ("png", "which OUT is read from"),
+        ("preview", "lumislice preview inks"),
+        ("3mf", "lumislice slice JOB.toml -o OTHER, with formats = [\"3mf\"]"),
+        ("stl", "slices no longer have them"),
+        ("heights", "formats = [\"heights\"]"),
+        ("masks", "slice by slice"),
+    ] {
+        bench.run(["convert", "inks", "--to", format]).refuses(2, &["--to: found", format, words]);
+    }
+    bench.run(["convert", "inks", "--to", "svx"]).exits(2);
     bench.write("job.toml", good.replace("gcvf", "masks").as_bytes());
     bench.slice("masks");
     bench.run(["convert", "masks", "--to", "vti"]).refuses(2, &["without images of all its slices", "\"png\""]);
