@@ -11,7 +11,7 @@
 //! | `gcvf`    | GrabCAD's container: slices, `ConfigFile.xml`, and `relief`'s outline and heights |
 //! | `relief`  | heights and a coarse surface of what is printed |
 //! | `mapping` | which colour is which resin, for people |
-//! | `vti`, `nrrd`, `vdb` | volumes of ids for ParaView, for napari and 3D Slicer, for Blender and Houdini with distances |
+//! | `vti`, `nrrd`, `vdb` | volumes of ids and of fractions for ParaView, for napari and 3D Slicer, for Blender and Houdini with distances |
 //! | `deflate` | compression |
 
 pub mod bmp;
@@ -27,10 +27,10 @@ pub mod vti;
 use std::io;
 
 pub use mapping::mapping_text;
-pub use voxels::{SliceBatch, VolumeLayer, Voxels};
+pub use voxels::{Drawn, SliceBatch, VolumeLayer, Voxels};
 
 use crate::{
-    voxel::{Lattice, MaterialId},
+    voxel::{Lattice, MaterialId, WHOLE},
     watch::{Stopped, Watch},
 };
 
@@ -48,6 +48,8 @@ pub struct Content {
     pub resins: Vec<ContentResin>,
     /// Resins the printer takes besides the background, where that is known.
     pub max_colors: Option<usize>,
+    /// Whether volumes hold the fractions of resins too.
+    pub fractions: bool,
 }
 
 /// A resin of a job.
@@ -72,6 +74,15 @@ impl Content {
         self.printed().map(|resin| (resin, counts[usize::from(resin.id.0)])).filter(|(_, voxels)| *voxels > 0)
     }
 
+    /// A name for what is no resin's, unlike those of all resins.
+    fn free_name(&self, name: &str) -> String {
+        let mut name = name.to_owned();
+        while self.resins.iter().any(|resin| resin.name == name) {
+            name.push('_');
+        }
+        name
+    }
+
     /// Whether voxels of an id are printed, by id.
     fn printed_ids(&self) -> [bool; 256] {
         let mut printed = [false; 256];
@@ -88,6 +99,29 @@ fn slice_ids<'a>(voxels: &dyn Voxels, k: u32, ids: &'a mut Vec<u8>) -> &'a [u8] 
         voxels.read_row(j, k, row);
     }
     ids
+}
+
+/// A fraction in units of 1 / [`WHOLE`] as a number from 0 to 1.
+fn unit(fraction: u16) -> f32 {
+    f32::from(fraction) / f32::from(WHOLE)
+}
+
+/// The fractions of `resins` in slice `k` as little-endian single-precision numbers from 0 to 1: those of a voxel
+/// side by side, voxels as in [`slice_ids`].
+fn slice_fractions<'a>(voxels: &dyn Voxels, resins: &[MaterialId], k: u32, bytes: &'a mut Vec<u8>) -> &'a [u8] {
+    let [width, height, _] = voxels.lattice().dims.map(|dim| dim as usize);
+    let mut row = vec![0; width];
+    bytes.resize(4 * resins.len() * width * height, 0);
+    for (j, numbers) in (0..).zip(bytes.chunks_mut(4 * resins.len() * width)) {
+        let numbers = numbers.as_chunks_mut::<4>().0;
+        for (n, resin) in resins.iter().enumerate() {
+            voxels.read_fractions(*resin, j, k, &mut row);
+            for (number, fraction) in numbers[n..].iter_mut().step_by(resins.len()).zip(&row) {
+                *number = unit(*fraction).to_le_bytes();
+            }
+        }
+    }
+    bytes
 }
 
 /// The image of a slice, as `slices/` has it.

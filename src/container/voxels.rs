@@ -1,10 +1,10 @@
 //! Voxels for containers: some slices at a time, by rows or by bricks.
 
-use std::ops::Range;
+use std::{borrow::Cow, ops::Range};
 
 use crate::{
     look::Volume,
-    voxel::{BRICK, BRICK_VOXELS, Lattice, MaterialId, Slab, Tile},
+    voxel::{BRICK, BRICK_VOXELS, BrickFractions, FractionSlab, Lattice, MaterialId, Slab, Tile, WHOLE},
 };
 
 /// Some slices of a lattice of material ids, a whole layer of bricks or several (fewer slices at the top only).
@@ -18,6 +18,21 @@ pub trait Voxels: Sync {
     /// A brick of the layers held, counted from the lattice's corner: its one id, or `None` and its ids in `ids`, x
     /// running fastest. Beyond the lattice voxels are 0.
     fn brick(&self, at: [u32; 3], ids: &mut [u8; BRICK_VOXELS]) -> Option<MaterialId>;
+
+    /// Copies the volume fractions of a resin in row (j, k), in units of 1 / [`WHOLE`], into `row`, which is `dims[0]`
+    /// long. Those of printed voxels are all or nothing.
+    fn read_fractions(&self, resin: MaterialId, j: u32, k: u32, row: &mut [u16]) {
+        let mut ids = vec![0; row.len()];
+        self.read_row(j, k, &mut ids);
+        row.iter_mut().zip(ids).for_each(|(fraction, id)| *fraction = if id == resin.0 { WHOLE } else { 0 });
+    }
+
+    /// The same of a brick, counted as by [`Self::brick`].
+    fn brick_fractions(&self, at: [u32; 3]) -> Cow<'_, BrickFractions> {
+        let mut ids = [0; BRICK_VOXELS];
+        let uniform = self.brick(at, &mut ids);
+        Cow::Owned(BrickFractions::of_ids(uniform, &ids))
+    }
 
     /// Bricks along each axis, the last one that of the layers held.
     fn bricks(&self) -> [Range<u32>; 3] {
@@ -44,6 +59,41 @@ impl Voxels for Slab {
         let first = Slab::slices(self).start / BRICK as u32;
         let tile = self.tile([at[0], at[1], at[2] - first].map(|index| index as usize));
         within(Slab::lattice(self), at, tile, ids)
+    }
+}
+
+/// A slab whose voxels are drawn by lot, with the fractions that they are drawn by.
+#[derive(Debug)]
+pub struct Drawn<'a> {
+    /// The voxels.
+    pub slab: &'a Slab,
+    /// The fractions in them.
+    pub fractions: &'a FractionSlab,
+}
+
+impl Voxels for Drawn<'_> {
+    fn lattice(&self) -> &Lattice {
+        self.slab.lattice()
+    }
+
+    fn slices(&self) -> Range<u32> {
+        self.slab.slices()
+    }
+
+    fn read_row(&self, j: u32, k: u32, row: &mut [u8]) {
+        self.slab.read_row(j, k, row);
+    }
+
+    fn brick(&self, at: [u32; 3], ids: &mut [u8; BRICK_VOXELS]) -> Option<MaterialId> {
+        Voxels::brick(self.slab, at, ids)
+    }
+
+    fn read_fractions(&self, resin: MaterialId, j: u32, k: u32, row: &mut [u16]) {
+        self.fractions.read_row(resin, j, k, row);
+    }
+
+    fn brick_fractions(&self, at: [u32; 3]) -> Cow<'_, BrickFractions> {
+        Cow::Borrowed(self.fractions.brick(at))
     }
 }
 

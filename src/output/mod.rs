@@ -315,6 +315,14 @@ impl OutputFolder {
         Ok((Growing { relative: relative.to_owned(), partial }, file))
     }
 
+    /// A file without a name, for what waits to be copied into one that grows; it is gone when it is closed.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub fn aside(&self) -> io::Result<fs::File> {
+        tempfile::tempfile_in(&self.root)
+    }
+
     /// Puts a file that has grown under its name, as [`Self::write`] does, and lists it. It must be closed.
     ///
     /// # Errors

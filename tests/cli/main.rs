@@ -16,6 +16,7 @@ mod containers;
 mod docs;
 mod events;
 mod factor;
+mod fractions;
 mod gamut;
 mod interrupt;
 #[path = "../common/json_schema.rs"]

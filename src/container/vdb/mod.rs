@@ -1,5 +1,5 @@
-//! OpenVDB for Blender, Houdini and whoever reads its grids: a grid of densities for each resin, 1 where it is, a grid
-//! of signed distances, and a grid of ids with the resins' names in its metadata. Sparse: bricks of one resin are tiles,
+//! OpenVDB for Blender, Houdini and whoever reads its grids: a grid of densities for each resin, 1 where it is, or of
+//! its fractions; a grid of signed distances, and a grid of ids with the resins' names in its metadata. Sparse: bricks of one resin are tiles,
 //! background is nothing.
 //!
 //! The file format is that of OpenVDB's own sources (`io/Archive.cc`, `io/Compression.h`, `tree/RootNode.h`,
@@ -10,11 +10,13 @@
 //! | file | what it does |
 //! | --- | --- |
 //! | `distance` | signed distances from the boundary of what is printed |
+//! | `fractions` | what a brick's volume fractions add to the grids of resins |
 //! | `tree` | a sparse tree, from bricks to bytes |
 //! | `file` | headers, metadata, transforms |
 
 mod distance;
 mod file;
+mod fractions;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -44,6 +46,9 @@ pub const DISTANCE: &str = "distance";
 
 /// What its metadata says of it.
 const DISTANCE_IS: &str = "signed distance in mm from the boundary of the printed voxels, negative inside";
+
+/// What the metadata of a resin's grid says where it holds fractions.
+const FRACTION_IS: &str = "volume fraction of the resin, 0 to 1";
 
 /// What one brick adds to a grid.
 enum Piece {
@@ -90,15 +95,6 @@ impl Vdb {
     }
 }
 
-/// A grid's name, unlike those of resins.
-fn free_name(content: &Content, name: &str) -> String {
-    let mut name = name.to_owned();
-    while content.resins.iter().any(|resin| resin.name == name) {
-        name.push('_');
-    }
-    name
-}
-
 /// Words as OpenVDB compresses them: their compressed length and the bytes, or the length negated and the words.
 fn values(words: &[u32]) -> io::Result<Vec<u8>> {
     compressed(&words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>())
@@ -118,37 +114,42 @@ fn turned(n: usize) -> usize {
     (x << 6) | (y << 3) | z
 }
 
-/// What a brick of several ids adds to the grid of ids, and to that of every resin in it.
-fn pieces(ids: &[u8; BRICK_VOXELS]) -> io::Result<Vec<(usize, Piece)>> {
-    let mut leaf_ids = [0_u8; BRICK_VOXELS];
-    for (n, id) in ids.iter().enumerate() {
-        leaf_ids[turned(n)] = *id;
+/// What of a brick is active, as a leaf has it, and its values there.
+fn active<T: Copy + Default + PartialEq>(brick: &[T; BRICK_VOXELS]) -> ([u64; 8], Vec<T>) {
+    let mut leaf = [T::default(); BRICK_VOXELS];
+    for (n, value) in brick.iter().enumerate() {
+        leaf[turned(n)] = *value;
     }
-    let mask = |is: &dyn Fn(u8) -> bool| {
-        let mut mask = [0_u64; 8];
-        for (n, _) in leaf_ids.iter().enumerate().filter(|(_, id)| is(**id)) {
-            mask[n / 64] |= 1 << (n % 64);
-        }
-        mask
-    };
-    let active: Vec<u32> = leaf_ids.iter().filter(|id| **id != 0).map(|id| u32::from(*id)).collect();
-    let inactive = Inactive::Background;
-    let mut found =
-        vec![(0, Piece::Leaf(Leaf { mask: mask(&|id| id != 0), values: Some(values(&active)?), inactive }))];
+    let mut mask = [0; 8];
+    let is_active = |value: &T| *value != T::default();
+    for (n, _) in leaf.iter().enumerate().filter(|(_, value)| is_active(value)) {
+        mask[n / 64] |= 1 << (n % 64);
+    }
+    (mask, leaf.into_iter().filter(is_active).collect())
+}
+
+/// What a brick of several ids adds to the grid of ids.
+fn id_leaf(ids: &[u8; BRICK_VOXELS]) -> io::Result<Piece> {
+    let (mask, ids) = active(ids);
+    let words: Vec<u32> = ids.into_iter().map(u32::from).collect();
+    Ok(Piece::Leaf(Leaf { mask, values: Some(values(&words)?), inactive: Inactive::Background }))
+}
+
+/// What it adds to that of every resin in it.
+fn density_leaves(ids: &[u8; BRICK_VOXELS]) -> Vec<(usize, Piece)> {
     let mut present = [false; 256];
-    active.iter().for_each(|id| present[*id as usize] = true);
-    for id in (1..=u8::MAX).filter(|id| present[usize::from(*id)]) {
-        found.push((
-            usize::from(id),
-            Piece::Leaf(Leaf { mask: mask(&|other| other == id), values: None, inactive: Inactive::Background }),
-        ));
-    }
-    Ok(found)
+    ids.iter().for_each(|id| present[usize::from(*id)] = true);
+    let leaf = |id: u8| {
+        let (mask, _) = active(&ids.map(|other| other == id));
+        (usize::from(id), Piece::Leaf(Leaf { mask, values: None, inactive: Inactive::Background }))
+    };
+    (1..=u8::MAX).filter(|id| present[usize::from(*id)]).map(leaf).collect()
 }
 
 impl Container for Vdb {
     fn take(&mut self, voxels: &dyn Voxels, _: &[SliceImage], watch: &dyn Watch) -> Result<(), ContainerError> {
         let [across, rows, layers] = voxels.bricks();
+        let fractions = self.content.fractions;
         let row = |n: usize| -> io::Result<Row> {
             let mut ids = [0; BRICK_VOXELS];
             let mut row = Row::default();
@@ -158,13 +159,26 @@ impl Container for Vdb {
                     let at = brick.map(|index| index as i32);
                     let uniform = voxels.brick(brick, &mut ids);
                     row.cells.push(uniform.map_or_else(|| Cell::of(&ids), Cell::uniform));
+                    let mut add = |found: Vec<(usize, Piece)>| {
+                        row.pieces.extend(found.into_iter().map(|(grid, piece)| (at, grid, piece)));
+                    };
                     match uniform {
                         Some(MaterialId::BACKGROUND) => {}
                         Some(MaterialId(id)) => {
-                            row.pieces.push((at, 0, Piece::Tile(i32::from(id))));
-                            row.pieces.push((at, usize::from(id), Piece::Tile(1.0_f32.to_bits() as i32)));
+                            add(vec![(0, Piece::Tile(i32::from(id)))]);
+                            if !fractions {
+                                add(vec![(usize::from(id), Piece::Tile(1.0_f32.to_bits() as i32))]);
+                            }
                         }
-                        None => row.pieces.extend(pieces(&ids)?.into_iter().map(|(grid, piece)| (at, grid, piece))),
+                        None => {
+                            add(vec![(0, id_leaf(&ids)?)]);
+                            if !fractions {
+                                add(density_leaves(&ids));
+                            }
+                        }
+                    }
+                    if fractions && uniform != Some(MaterialId::BACKGROUND) {
+                        add(fractions::pieces(&voxels.brick_fractions(brick))?);
                     }
                 }
             }
@@ -193,7 +207,7 @@ impl Container for Vdb {
 
     fn finish(mut self: Box<Self>, counts: &Counts, watch: &dyn Watch) -> Result<(), ContainerError> {
         let text = |value: &str| Value::Text(value.to_owned());
-        let name = free_name(&self.content, IDS);
+        let name = self.content.free_name(IDS);
         let mut names = vec![("class".to_owned(), text("unknown")), ("name".to_owned(), text(&name))];
         for resin in &self.content.resins {
             names.push((format!("material_{:03}", resin.id.0), text(&resin.name)));
@@ -202,7 +216,11 @@ impl Container for Vdb {
         let mut grids = Vec::new();
         for (resin, tree) in self.content.resins.iter().zip(&self.densities) {
             if counts[usize::from(resin.id.0)] > 0 || !tree.is_empty() {
-                let metadata = vec![("class".to_owned(), text("fog volume")), ("name".to_owned(), text(&resin.name))];
+                let mut metadata =
+                    vec![("class".to_owned(), text("fog volume")), ("name".to_owned(), text(&resin.name))];
+                if self.content.fractions {
+                    metadata.push(("description".to_owned(), text(FRACTION_IS)));
+                }
                 grids.push(Grid { name: resin.name.clone(), kind: "Tree_float_5_4_3", metadata, tree });
             }
         }
@@ -221,7 +239,7 @@ fn distance_grid<'a>(content: &Content, distances: &'a Distances) -> Grid<'a> {
     let pitch = content.lattice.pitch;
     let class = if pitch.min_element() == pitch.max_element() { "level set" } else { "unknown" };
     let text = |value: &str| Value::Text(value.to_owned());
-    let name = free_name(content, DISTANCE);
+    let name = content.free_name(DISTANCE);
     let metadata = [
         ("class", text(class)),
         ("name", text(&name)),

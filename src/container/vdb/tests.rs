@@ -1,16 +1,16 @@
-//! Signed distances against brute force, and against a ball's; names of grids.
+//! Signed distances against brute force, and against a ball's; fractions in bricks; names of grids.
 
 use glam::DVec3;
 
 use super::{
-    DISTANCE, IDS,
+    DISTANCE, IDS, Piece,
     distance::{Cell, Distances},
-    free_name,
+    fractions::pieces,
     tree::Tree,
 };
 use crate::{
     container::{Content, ContentResin},
-    voxel::{BRICK, BRICK_VOXELS, Lattice, MaterialId},
+    voxel::{BRICK, BRICK_VOXELS, BrickFractions, Lattice, MaterialId, WHOLE},
 };
 
 /// Whether voxels are inside, x fastest.
@@ -172,6 +172,31 @@ fn voxels_like_needles_have_no_distances() {
 }
 
 #[test]
+fn bricks_of_fractions_are_tiles_or_leaves_of_what_is_there() {
+    let [white, black] = [1, 2].map(MaterialId);
+    assert!(pieces(&BrickFractions::Empty).unwrap().is_empty());
+    let tiles = pieces(&BrickFractions::Uniform(vec![(white, 9000), (black, 1000)])).unwrap();
+    for ((grid, piece), (resin, fraction)) in tiles.iter().zip([(1, 0.9_f32), (2, 0.1)]) {
+        assert_eq!(*grid, resin);
+        assert!(matches!(piece, Piece::Tile(bits) if *bits as u32 == fraction.to_bits()));
+    }
+    let mut brick = BrickFractions::default();
+    brick.set(0, &[(white, WHOLE)]);
+    brick.set(511, &[(white, 2500), (black, 7500)]);
+    let leaves = pieces(&brick).unwrap();
+    let active = |grid: usize| {
+        let piece = leaves.iter().find(|found| found.0 == grid).map(|found| &found.1);
+        let Some(Piece::Leaf(leaf)) = piece else { panic!("no leaf of {grid}") };
+        (leaf.mask.iter().map(|word| word.count_ones()).sum::<u32>(), leaf.values.is_some())
+    };
+    assert_eq!([active(1), active(2)], [(2, true), (1, true)]);
+    let mut whole = BrickFractions::default();
+    whole.set(9, &[(black, WHOLE)]);
+    let ones = pieces(&whole).unwrap();
+    assert!(matches!(&ones[..], [(2, Piece::Leaf(leaf))] if leaf.values.is_none()));
+}
+
+#[test]
 fn grids_of_ours_have_names_unlike_resins() {
     let resin = |name: &str| ContentResin { id: MaterialId(1), name: name.to_owned(), rgba: [9; 4] };
     let content = Content {
@@ -179,6 +204,7 @@ fn grids_of_ours_have_names_unlike_resins() {
         lattice: Lattice { origin: DVec3::ZERO, pitch: DVec3::ONE, dims: [1; 3] },
         resins: ["white", "distance", "distance_"].map(resin).to_vec(),
         max_colors: None,
+        fractions: false,
     };
-    assert_eq!([IDS, DISTANCE].map(|name| free_name(&content, name)), ["material", "distance__"]);
+    assert_eq!([IDS, DISTANCE].map(|name| content.free_name(name)), ["material", "distance__"]);
 }

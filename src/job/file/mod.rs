@@ -9,6 +9,7 @@ mod appearance;
 mod error;
 mod object;
 mod options;
+mod output;
 mod paths;
 mod quick;
 mod ranges;
@@ -30,9 +31,10 @@ pub use appearance::AppearanceOptions;
 pub use error::JobError;
 pub use object::{DepthFrom, ObjectJob, Scaling};
 pub use options::{
-    ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, OutputFormat, OutputOptions, Overlap, SUPPORT,
-    SUPPORT_MIN_DEPTH_MM, StackingModel, StackingOptions, min_depth_limits,
+    ClusterOptions, Distance, FieldOptions, MaterialSource, NamedLimit, Overlap, SUPPORT, SUPPORT_MIN_DEPTH_MM,
+    StackingModel, StackingOptions, min_depth_limits,
 };
+pub use output::{OutputFormat, OutputOptions, VolumeValues};
 pub use paths::InputPath;
 pub use resolved::ResolvedJob;
 pub use schema::schema;
@@ -175,7 +177,7 @@ impl Job {
         let stacking = options::read_stacking(&table("stacking")?)?;
         let appearance = appearance::read_appearance(&table("appearance")?, &stacking)?;
         let field = options::read_field(&table("field")?)?;
-        let output = options::read_output(&table("output")?)?;
+        let output = output::read_output(&table("output")?)?;
         let overlap = options::read_overlap(&root)?;
         let (name, path) = (paths::job_name(path), path.to_owned());
         let places = source.into_places();

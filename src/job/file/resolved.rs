@@ -4,6 +4,7 @@
 use serde::Serialize;
 
 use super::options::{Distance, MaterialSource, Overlap, StackingModel};
+use super::output::VolumeValues;
 use super::target::TargetSpec;
 use super::texture::{AlbedoSource, Projection, TextureTarget};
 use super::{Job, Scaling};
@@ -201,6 +202,8 @@ struct Field {
 struct Output {
     formats: Vec<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    volumes: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     mesh_pitch_mm: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mesh_error_mm: Option<f64>,
@@ -262,6 +265,7 @@ pub(super) fn resolve(job: &Job) -> ResolvedJob {
         field: Field { distance, lp_exponent, dither: job.field.dither },
         output: Output {
             formats: job.output.formats.iter().map(|format| format.name()).collect(),
+            volumes: (job.output.volumes == VolumeValues::Fractions).then_some("fractions"),
             mesh_pitch_mm: job.output.mesh_pitch_mm,
             mesh_error_mm: job.output.mesh_error_mm,
             background_as: job.output.map_background.clone(),

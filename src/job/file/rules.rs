@@ -5,7 +5,7 @@
 
 use serde_json::{Value, json};
 
-use super::{options::OutputFormat, target, texture};
+use super::{output::OutputFormat, target, texture};
 
 /// What a table of that name has to keep, each a schema of its own.
 pub(super) fn of(table: &str) -> Vec<Value> {
@@ -36,8 +36,20 @@ pub(super) fn of(table: &str) -> Vec<Value> {
                 }),
             ),
         ],
+        "output" => {
+            let volumes = formats_that(OutputFormat::is_volume);
+            let written = json!({
+                "required": ["formats"],
+                "properties": { "formats": { "contains": { "enum": volumes } } },
+            });
+            vec![needs(has("volumes"), written)]
+        }
         _ => Vec::new(),
     }
+}
+
+fn formats_that(is_such: impl Fn(OutputFormat) -> bool) -> Vec<&'static str> {
+    OutputFormat::ALL.iter().filter(|(_, format)| is_such(*format)).map(|(name, _)| *name).collect()
 }
 
 /// What tables say of each other.
@@ -48,11 +60,7 @@ fn of_job() -> Vec<Value> {
     let within = |table: &str, rule: Value| json!({ "required": [table], "properties": { table: rule } });
     let by_km = within("stacking", is("model", &json!("km")));
     let rounds = json!({ "required": ["rounds"], "properties": { "rounds": { "minimum": 1 } } });
-    let no_voxels: Vec<&str> = OutputFormat::ALL
-        .iter()
-        .filter(|(_, format)| !format.holds_voxels() && *format != OutputFormat::Masks)
-        .map(|(name, _)| *name)
-        .collect();
+    let no_voxels = formats_that(|format| !format.holds_voxels() && format != OutputFormat::Masks);
     let meshes = json!({
         "required": ["formats"],
         "properties": { "formats": { "contains": { "enum": no_voxels } } },

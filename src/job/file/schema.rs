@@ -5,7 +5,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::{appearance, object, options, options::OutputFormat, ranges as range, rules, target};
+use super::{appearance, object, options, output, output::OutputFormat, ranges as range, rules, target};
 use crate::appearance::MeasuredMedium;
 use crate::mesh::Unit;
 use crate::search::Norm;
@@ -275,9 +275,10 @@ pub(super) fn tables() -> Vec<TableSchema> {
         table(
             "output",
             "## `[output]`",
-            options::OUTPUT_KEYS,
+            output::OUTPUT_KEYS,
             vec![
                 ("formats", Kind::Choices(formats)),
+                ("volumes", Kind::Choice(words(&output::VolumeValues::ALL))),
                 ("mesh-pitch-mm", Number(range::PITCH)),
                 ("mesh-error-mm", Number(range::MESH_ERROR)),
                 ("background-as", Name),

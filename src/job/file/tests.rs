@@ -1,6 +1,6 @@
 //! The documentation names every key and every bound.
 
-use super::{appearance, object, options, ranges, target};
+use super::{appearance, object, options, output, ranges, target};
 
 const PAGE: &str = include_str!("../../../docs/job.md");
 
@@ -15,7 +15,7 @@ fn every_key_is_documented() {
         options::LIMIT_KEYS,
         appearance::APPEARANCE_KEYS,
         options::FIELD_KEYS,
-        options::OUTPUT_KEYS,
+        output::OUTPUT_KEYS,
         super::ROOT_KEYS,
     ];
     let of_kinds = target::KINDS.iter().flat_map(|(_, keys)| *keys);

@@ -5,11 +5,12 @@ use glam::DVec3;
 use super::{arrange::places, object::PreparedObject};
 use crate::job::{
     Job, JobError,
-    file::{DepthFrom, OutputFormat, TargetSpec},
+    file::{DepthFrom, OutputFormat, TargetSpec, VolumeValues},
 };
 use crate::{
     container::{bmp, gcvf},
     optics::Mixture,
+    slice::Slicer,
     voxel::Lattice,
     words::{counted, dimensions, short},
 };
@@ -201,6 +202,14 @@ pub(super) fn thin_layers(job: &Job, objects: &[PreparedObject], lattice: &Latti
             "layers thinner than a voxel, not resolved on faces that look along it: {parts} of {layers} in \
             {stackings}"
         )
+    })
+}
+
+/// Fractions that are printed voxels once more: no voxel of `slicer` is drawn by lot.
+pub(super) fn whole_fractions(job: &Job, slicer: &Slicer) -> Option<String> {
+    (job.output.volumes == VolumeValues::Fractions && !slicer.draws_by_lot()).then(|| {
+        "output.volumes = \"fractions\": no layer is a mixture and no boundary is dithered, so all fractions are 0 or 1"
+            .to_owned()
     })
 }
 

@@ -157,6 +157,7 @@ impl Prepared {
         let inputs = inputs.into_iter().map(|(path, (sha256, file))| InputFile { path, sha256, file }).collect();
         let palette = palette(&materials);
         let slicer = Slicer::new(lattice, fields);
+        warnings.extend(checks::whole_fractions(&job, &slicer));
         let took = Took { whole: started.elapsed(), rounds: Vec::new() };
         let prepared = Self {
             job,

@@ -9,13 +9,13 @@ use crate::{
         Container, ContainerError, Content, ContentResin, Counts, SliceImage, Voxels, bmp,
         gcvf::{Gcvf, Resolution},
         mapping_text,
-        nrrd::Nrrd,
+        nrrd::{self, Nrrd},
         vdb::Vdb,
         vti::Vti,
     },
     job::{
         Manifest, Prepared,
-        file::OutputFormat,
+        file::{OutputFormat, VolumeValues},
         manifest::{MAPPING, MaterialRecord},
     },
     output::{Growing, OutputError, OutputFolder},
@@ -31,6 +31,11 @@ pub(crate) fn export_path(job: &str, format: OutputFormat) -> String {
     format!("{EXPORTS}/{job}.{}", format.name())
 }
 
+/// Path of the volume that holds the fractions of resins where ids fill another.
+pub(crate) fn fractions_path(job: &str) -> String {
+    format!("{EXPORTS}/{job}-fractions.{}", OutputFormat::Nrrd.name())
+}
+
 /// The containers of a run.
 pub(super) struct Containers<'a> {
     output: &'a OutputFolder,
@@ -42,11 +47,19 @@ impl<'a> Containers<'a> {
     /// Opens those of `formats` that are single files. The rest is passed over.
     pub(super) fn open(output: &'a OutputFolder, content: Content, formats: &[OutputFormat]) -> Result<Self, RunError> {
         let mut open = Vec::new();
+        let name = &content.name;
+        let mut files = Vec::new();
         for &format in formats.iter().filter(|format| format.is_one_file()) {
-            let (growing, file) = output.grow(&export_path(&content.name, format))?;
+            files.push((export_path(name, format), format, nrrd::Values::Ids));
+            if format == OutputFormat::Nrrd && content.fractions {
+                files.push((fractions_path(name), format, nrrd::Values::Fractions));
+            }
+        }
+        for (path, format, values) in files {
+            let (growing, file) = output.grow(&path)?;
             let container: io::Result<Box<dyn Container>> = match format {
-                OutputFormat::Vti => Vti::new(file, &content).map(|vti| Box::new(vti) as _),
-                OutputFormat::Nrrd => Nrrd::new(file, &content).map(|nrrd| Box::new(nrrd) as _),
+                OutputFormat::Vti => Vti::new(file, &content, || output.aside()).map(|vti| Box::new(vti) as _),
+                OutputFormat::Nrrd => Nrrd::new(file, &content, values).map(|nrrd| Box::new(nrrd) as _),
                 OutputFormat::Vdb => Vdb::new(file, content.clone()).map(|vdb| Box::new(vdb) as _),
                 _ => match Resolution::of(&content.lattice) {
                     Some(resolution) => Ok(Box::new(Gcvf::new(file, content.clone(), resolution))),
@@ -132,6 +145,7 @@ impl Prepared {
             lattice: self.lattice,
             resins: self.materials.resins.iter().enumerate().map(resin).collect(),
             max_colors: self.job.printer.max_colors,
+            fractions: self.job.output.volumes == VolumeValues::Fractions,
         }
     }
 
@@ -156,6 +170,7 @@ impl Manifest {
             lattice: self.lattice.lattice(),
             resins: self.materials.iter().map(resin).collect(),
             max_colors: most.map(|most| most as usize),
+            fractions: self.job.pointer("/output/volumes").is_some_and(|values| values == "fractions"),
         }
     }
 

@@ -117,6 +117,15 @@ impl Source<'_> {
 
     /// Refuses what `format` cannot hold; tells what software may refuse.
     fn fits(&self, format: OutputFormat) -> Result<Vec<String>, ConvertError> {
+        if format.is_volume() && self.content.fractions {
+            return Err(self.unfit(
+                format!("a job of volumes = \"fractions\", and slices of printed voxels for {}", format.name()),
+                format!(
+                    "one of volumes = \"voxels\", or the job sliced again with \"{}\" among its formats",
+                    format.name()
+                ),
+            ));
+        }
         let counts = self.manifest.counts();
         let used: Vec<_> = self.content.occurring(&counts).map(|(resin, _)| resin.name.as_str()).collect();
         let many = |most: usize| {

@@ -22,8 +22,8 @@ use std::{
 
 use serde_json::json;
 
-pub(crate) use containers::export_path;
 use containers::{Containers, write_texts};
+pub(crate) use containers::{export_path, fractions_path};
 pub use convert::{ConvertError, Converted, convert};
 pub use duration::Durations;
 pub use estimate::{Estimate, ObjectPlace};
@@ -34,9 +34,10 @@ pub(in crate::job) use slices::slice_path;
 
 use crate::look::Volume;
 use crate::{
+    container::Drawn,
     job::{
         Job, Prepared, ROUNDS, RunError, StackingReport,
-        file::{OutputFormat, Overlap},
+        file::{OutputFormat, Overlap, VolumeValues},
         finished::read_manifest,
         look::{LOOK_VOXELS, Look, LookError, LookOptions, look_at},
         manifest::{LOOK, Manifest, OWNER, Outcome, STACKINGS, json},
@@ -45,7 +46,7 @@ use crate::{
     output::{Existing, GENERATOR, MANIFEST, OutputError, OutputFolder, SliceCounts, TIMINGS, Task, is_plain, pretty},
     parallel,
     preview::{PreviewBuilder, PreviewMaterial},
-    voxel::MaterialId,
+    voxel::{FractionSlab, MaterialId, Slab},
     watch::Watch,
 };
 
@@ -136,20 +137,21 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
     let mut containers = Containers::open(&output, prepared.content(), &prepared.job.output.formats)?;
     let drawn = pictures.is_some() || !containers.is_empty();
     let missing = |mut held: Range<u32>| held.any(|k| slices.contains(&k) && !kept.contains_key(&k));
-    prepared.slicer().for_each_wanted_slab(
-        slices.clone(),
-        |held| drawn || missing(held),
-        |slab| {
-            if let Some(builder) = &mut pictures {
-                builder.observe(slab);
-            }
-            if let Some(volume) = &mut volume {
-                volume.add(slab);
-            }
-            let images = sinks.take(slab, &slices, &mut counts, containers.want_images())?;
-            containers.take(slab, &images, watch)
-        },
-    )?;
+    let take = |slab: &Slab, fractions: Option<&FractionSlab>| {
+        if let Some(builder) = &mut pictures {
+            builder.observe(slab);
+        }
+        if let Some(volume) = &mut volume {
+            volume.add(slab);
+        }
+        let images = sinks.take(slab, &slices, &mut counts, containers.want_images())?;
+        match fractions {
+            Some(fractions) => containers.take(&Drawn { slab, fractions }, &images, watch),
+            None => containers.take(slab, &images, watch),
+        }
+    };
+    let wanted = |held| drawn || missing(held);
+    prepared.for_each_slab_drawn(slices.clone(), wanted, take)?;
     let content = containers.finish(&counts, watch)?;
     // Their numbers are those of all slices, and a part has the same files as the whole.
     if prepared.are_all(&slices) {
@@ -209,6 +211,19 @@ pub fn run(prepared: &Prepared, folder: &Path, options: &RunOptions, watch: &dyn
 }
 
 impl Prepared {
+    /// Slices, with the fractions that voxels are drawn by where volumes are to hold them.
+    fn for_each_slab_drawn(
+        &self,
+        slices: Range<u32>,
+        wanted: impl Fn(Range<u32>) -> bool,
+        mut take: impl FnMut(&Slab, Option<&FractionSlab>) -> Result<(), RunError>,
+    ) -> Result<(), RunError> {
+        match self.job.output.volumes {
+            VolumeValues::Voxels => self.slicer().for_each_wanted_slab(slices, wanted, |slab| take(slab, None)),
+            VolumeValues::Fractions => self.slicer().for_each_slab_with_fractions(slices, wanted, take),
+        }
+    }
+
     /// An empty volume for the cut-away's surface and the look that a whole job shows with its pictures; `None` for a
     /// part of the slices and for a job too large for it.
     fn look_volume(&self, slices: &Range<u32>) -> Result<Option<Volume>, RunError> {
