@@ -60,7 +60,7 @@ pub(super) fn object_layers(
     let mut entries = Vec::with_capacity(matches.len());
     let mut glows = Vec::with_capacity(matches.len());
     for (index, found) in matches.iter().enumerate() {
-        let asked = &targets[index];
+        let asked = &wanted.targets[index];
         glows.push((wanted.shares[index], asked.far_radius(found.reflection(), &context.materials.grid)));
         let mut entry = context.matched_entry(found, &targets[index], wanted.shares[index], wanted.rms[index]);
         if let Some(Mapped { map, .. }) = &mapped {
@@ -70,12 +70,9 @@ pub(super) fn object_layers(
         }
         entries.push(entry);
     }
-    warnings.extend(
-        out_of_reach(&entries, context.job.objects[context.object].gamut_map)
-            .into_iter()
-            .chain(other_glow(&glows))
-            .map(|words| format!("object {}: {words}", context.object + 1)),
-    );
+    let is_mapped = context.job.objects[context.object].gamut_map;
+    let misses = out_of_reach(&entries, is_mapped).into_iter().chain(other_glow(&glows, is_mapped));
+    warnings.extend(misses.map(|words| format!("object {}: {words}", context.object + 1)));
     let mut asked = wanted.map;
     asked.targets = wanted.targets;
     if let (true, Surface::Labelled { atlas, labels }) = (context.follows_patch(), &wanted.surface) {
@@ -119,20 +116,25 @@ fn out_of_reach(entries: &[StackingEntry], is_mapped: bool) -> Option<String> {
     let far: Vec<_> = entries.iter().filter_map(|entry| Some((entry.share, off(entry)?))).collect();
     let share: f64 = far.iter().map(|(share, _)| share).sum();
     let [asked, found] = far_miss(far.into_iter().map(|(_, pair)| pair))?;
-    let cure = match is_mapped {
-        true => "after gamut-map too: see the job's gamut, other resins, and dc-weight",
-        false => "see the job's gamut, gamut-map and dc-weight",
-    };
     Some(format!(
         "{:.0}% of the surface comes out with another albedo than asked, at most {found:.2} in place of {asked:.2}: \
-         the resins reach no nearer, {cure}",
-        100.0 * share
+         the resins reach no nearer, {}",
+        100.0 * share,
+        cure(is_mapped)
     ))
 }
 
+/// What helps where resins reach no nearer.
+fn cure(is_mapped: bool) -> &'static str {
+    match is_mapped {
+        true => "after gamut-map too: see the job's gamut, other resins, and dc-weight",
+        false => "see the job's gamut, gamut-map and dc-weight",
+    }
+}
+
 /// How much of the surface glows wider or narrower than asked, if more than [`OTHER_GLOW`] does: `glows` are shares
-/// of the surface with the radii asked for and found that are far apart.
-fn other_glow(glows: &[(f64, Option<[f64; 2]>)]) -> Option<String> {
+/// of the surface with the half-energy radii, mm, asked for and found that are far apart.
+fn other_glow(glows: &[(f64, Option<[f64; 2]>)], is_mapped: bool) -> Option<String> {
     let far: Vec<_> = glows.iter().filter_map(|(share, radii)| Some((share, (*radii)?))).collect();
     let share: f64 = far.iter().map(|(share, _)| *share).sum();
     let is_narrower = |(_, [asked, found]): &(&f64, [f64; 2])| found < asked;
@@ -144,10 +146,10 @@ fn other_glow(glows: &[(f64, Option<[f64; 2]>)]) -> Option<String> {
     let [asked, found] = far_glow(far.into_iter().map(|(_, radii)| radii))?;
     (share > OTHER_GLOW).then(|| {
         format!(
-            "{:.0}% of the surface glows {how} than asked, at most so that half of the light leaves within \
-             {found:.2} mm in place of {asked:.2} mm: beside the albedo the resins reach no nearer, see the job's gamut, \
-             gamut-map and dc-weight",
-            100.0 * share
+            "{:.0}% of the surface glows {how} than asked, at most with a half-energy radius of {found:.2} mm in place of \
+             {asked:.2} mm: beside the albedo the resins reach no nearer, {}",
+            100.0 * share,
+            cure(is_mapped)
         )
     })
 }

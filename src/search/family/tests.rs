@@ -61,6 +61,9 @@ fn colours_side_by_side_are_not_diluted_for_a_little() {
     let [orange, blue] = [[0.58, 0.19, 0.045], [0.10, 0.22, 0.35]].map(colour);
     let both = [orange.clone(), blue];
     assert!(dilutes(false, &both) && !dilutes(true, &both));
+    // What hardly differs is alike.
+    let almost = colour([0.581, 0.19, 0.045]);
+    assert_eq!(dilutes(true, &[orange.clone(), almost.clone()]), dilutes(false, &[orange.clone(), almost]));
     // Alone it has no neighbour, whatever the thickness of its parts.
     let thin = PartTarget { half_thickness_mm: Some(0.4), ..orange.clone() };
     assert_eq!(dilutes(true, &[orange.clone(), thin.clone()]), dilutes(false, &[orange, thin]));
