@@ -25,6 +25,7 @@
 //! are used: what is found is the same for any number of threads, and reads back from a file as what it was.
 
 mod contrast;
+mod correct;
 mod grain;
 mod progress;
 mod residual;
@@ -35,7 +36,7 @@ use std::{path::Path, time::Instant};
 
 use contrast::Contrast;
 use grain::Meant;
-use progress::{Wanting, is_worse};
+use progress::Wanting;
 use residual::{Looked, Residuals, Seen, Sums};
 use response::Responses;
 use shape::Shape;
@@ -170,62 +171,6 @@ impl Prepared {
             None => prepared.correct(&plans, sha256, watch)?,
         });
         Ok(prepared)
-    }
-
-    /// Prints and corrects, round after round.
-    fn correct(&mut self, plans: &[ObjectPlan], sha256: String, watch: &dyn Watch) -> Result<Rounds, RunError> {
-        let none = |plan: &ObjectPlan| vec![[0.0; CHANNELS]; plan.points.points().len()];
-        let mut laid: Vec<Factors> = plans.iter().map(none).collect();
-        let mut short_of: Vec<Vec<[f64; CHANNELS]>> = vec![Vec::new(); plans.len()];
-        let mut records: Vec<RoundRecord> = Vec::new();
-        let mut before: Option<Round> = None;
-        let mut spots = None;
-        let rounds = self.job.rounds();
-        for round in 0..rounds {
-            let started = Instant::now();
-            let looked = self.look_at_print(plans, &mut spots, round, watch)?;
-            let Judged { round: now, mut record, ends, next } =
-                self.judge(plans, looked, laid, &short_of, before.as_ref());
-            // After the last round no other would have followed.
-            record.ended = ends.filter(|&ends| round + 1 < rounds || ends == Ended::Worse);
-            record.tell(round + 1, rounds, watch);
-            records.push(record);
-            if let Some(ends) = ends.filter(|&ends| ends != Ended::NothingLeft) {
-                laid = now.laid;
-                if let (Some(better), Ended::Worse) = (before.take(), ends) {
-                    laid = better.laid;
-                    self.lay_all_again(plans, &laid, watch)?;
-                }
-                self.took.rounds.push(started.elapsed());
-                break;
-            }
-            before = Some(now);
-            laid = plans.iter().zip(&next).map(|(plan, next)| factors(&correction(plan, next))).collect();
-            short_of = self.lay_all_again(plans, &laid, watch)?;
-            self.took.rounds.push(started.elapsed());
-            // What little is left is laid, and needs no other round.
-            if ends == Some(Ended::NothingLeft) {
-                break;
-            }
-        }
-        if let Some(before) = before {
-            let started = Instant::now();
-            let looked = self.look_at_print(plans, &mut spots, rounds, watch)?;
-            if is_worse(&before.looked, &looked) {
-                let Judged { mut record, .. } = self.judge(plans, looked, laid, &short_of, Some(&before));
-                records.iter_mut().for_each(|record| record.ended = None);
-                record.ended = Some(Ended::Worse);
-                record.tell(rounds + 1, rounds, watch);
-                records.push(record);
-                laid = before.laid;
-                self.lay_all_again(plans, &laid, watch)?;
-            }
-            if let Some(last) = self.took.rounds.last_mut() {
-                *last += started.elapsed();
-            }
-        }
-        let objects = plans.iter().zip(&laid).map(|(plan, factors)| correction(plan, factors)).collect();
-        Ok(Rounds::new(sha256, records, objects))
     }
 
     /// Lays all objects with these factors; by how much their labels fall short of them.
