@@ -25,6 +25,11 @@ pub trait Watch: Sync {
     /// A stage begins, and the one before it is over; `steps` is how many steps it has, 0 if that is unknown.
     fn stage(&self, _name: &str, _steps: u64) {}
 
+    /// A stage begins as by [`Self::stage`], whose steps count nothing: they are thousandths of it.
+    fn stage_of_thousandths(&self, name: &str) {
+        self.stage(name, Thousandths::STEPS);
+    }
+
     /// Steps of the current stage are done.
     fn advance(&self, _steps: u64) {}
 
@@ -102,12 +107,12 @@ pub struct Thousandths<'a> {
 }
 
 impl<'a> Thousandths<'a> {
-    /// Steps of the stage. A stage of so many steps is meant as a share, not as a count.
+    /// Steps of the stage.
     pub const STEPS: u64 = 1000;
 
     /// Opens the stage; `whole` is what all calls together will advance by.
     pub fn begin(watch: &'a dyn Watch, name: &str, whole: u64) -> Self {
-        watch.stage(name, Self::STEPS);
+        watch.stage_of_thousandths(name);
         Self { watch, whole: whole.max(1), done: AtomicU64::new(0) }
     }
 

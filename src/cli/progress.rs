@@ -44,10 +44,37 @@ struct Line {
     told: Told,
 }
 
+/// The steps of a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Steps {
+    /// How many is unknown.
+    Unknown,
+    /// So many.
+    Counted(u64),
+    /// Those of [`Thousandths`], which count nothing.
+    Thousandths,
+}
+
+impl Steps {
+    /// Of a stage that begins with so many, 0 where that is unknown.
+    pub fn of(steps: u64) -> Self {
+        if steps == 0 { Self::Unknown } else { Self::Counted(steps) }
+    }
+
+    /// All of them; 0 where that is unknown.
+    pub fn all(self) -> u64 {
+        match self {
+            Self::Unknown => 0,
+            Self::Counted(steps) => steps,
+            Self::Thousandths => Thousandths::STEPS,
+        }
+    }
+}
+
 /// How fast the steps of a stage are done.
 pub struct Pace {
-    /// All steps; 0 where that is unknown.
-    pub steps: u64,
+    /// All steps.
+    pub steps: Steps,
     /// Steps that are done.
     pub done: u64,
     /// When the stage began.
@@ -58,7 +85,7 @@ pub struct Pace {
 
 impl Pace {
     /// Of a stage that begins now.
-    pub fn new(steps: u64, now: Instant) -> Self {
+    pub fn new(steps: Steps, now: Instant) -> Self {
         Self { steps, done: 0, began: now, paced: None }
     }
 
@@ -71,7 +98,7 @@ impl Pace {
     /// Time that is left, once steps were counted for `least`: workers finish their first steps together, and a pace
     /// needs a while.
     pub fn left(&self, now: Instant, least: Duration) -> Option<Duration> {
-        let Self { steps, done, .. } = *self;
+        let (steps, done) = (self.steps.all(), self.done);
         let (since, first) = self.paced.map(|(since, first)| (now.duration_since(since), first))?;
         (since >= least && first < done && done < steps)
             .then(|| since.mul_f64((steps - done) as f64 / (done - first) as f64))
@@ -93,7 +120,7 @@ const LONG: Duration = Duration::from_secs(10);
 
 impl Lines {
     /// A stage begins: what was ahead up to it is so no more.
-    fn begin(&mut self, name: &str, steps: u64) {
+    fn begin(&mut self, name: &str, steps: Steps) {
         if let Some(reached) = self.ahead.iter().position(|(stage, _)| name.starts_with(stage)) {
             self.ahead.drain(..=reached);
         }
@@ -128,14 +155,14 @@ impl Line {
             self.told = Told::TimeLeft;
             return Some(format!("{name}: {:#} left", HumanDuration(left)));
         }
-        if self.told == Told::HowFar || *done >= *steps && *steps > 0 {
+        if self.told == Told::HowFar || *done >= steps.all() && *steps != Steps::Unknown {
             return None;
         }
         self.told = Told::HowFar;
         let far = match *steps {
-            0 => String::new(),
-            Thousandths::STEPS => format!("{}% in ", *done / 10),
-            steps => format!("{done} of {steps} in "),
+            Steps::Unknown => String::new(),
+            Steps::Counted(steps) => format!("{done} of {steps} in "),
+            Steps::Thousandths => format!("{}% in ", *done / 10),
         };
         Some(format!("{name}: {far}{:#} so far", HumanDuration(elapsed)))
     }
@@ -182,6 +209,44 @@ impl Bars {
             events.end_stage();
         }
     }
+
+    fn begin(&self, name: &str, steps: Steps) {
+        if self.shown {
+            return self.draw(name, steps);
+        }
+        if let Ok(mut line) = self.line.lock() {
+            line.begin(name, steps);
+            if let Some(events) = self.events {
+                events.stage(name, steps, &line.ahead());
+            }
+        }
+    }
+
+    fn draw(&self, name: &str, steps: Steps) {
+        // The last stage's line goes before the next one is drawn; the other way round, what is cleared is the new
+        // line.
+        self.finish();
+        let bar = if steps == Steps::Unknown { ProgressBar::new_spinner() } else { ProgressBar::new(steps.all()) };
+        let template = match steps {
+            Steps::Unknown => "  {spinner} {msg:21} {elapsed}",
+            Steps::Counted(_) => "  {msg:21} [{bar:24}] {pos}/{len}{left}",
+            Steps::Thousandths => "  {msg:21} [{bar:24}] {percent}%{left}",
+        };
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            let left = |state: &ProgressState, out: &mut dyn Write| {
+                // Of nothing done no time left follows.
+                if state.pos() == 0 && state.elapsed() >= LONG {
+                    let _ = write!(out, "  {:#} so far", HumanDuration(state.elapsed()));
+                } else if state.pos() > 0 && state.elapsed() >= TOLD_AFTER {
+                    let _ = write!(out, "  {:#} left", HumanDuration(state.eta()));
+                }
+            };
+            bar.set_style(style.progress_chars("=> ").with_key("left", left));
+        }
+        bar.set_message(escaped(name));
+        bar.enable_steady_tick(Duration::from_millis(200));
+        self.replace(bar);
+    }
 }
 
 /// Looks every second how far the stage is, as long as there is one, for a stage may say nothing for long.
@@ -205,38 +270,11 @@ fn tell(line: &Arc<Mutex<Lines>>, events: Option<&'static Events>) {
 
 impl Watch for Bars {
     fn stage(&self, name: &str, steps: u64) {
-        if !self.shown {
-            if let Ok(mut line) = self.line.lock() {
-                line.begin(name, steps);
-                if let Some(events) = self.events {
-                    events.stage(name, steps, &line.ahead());
-                }
-            }
-            return;
-        }
-        // The last stage's line goes before the next one is drawn; the other way round, what is cleared is the new
-        // line.
-        self.finish();
-        let bar = if steps == 0 { ProgressBar::new_spinner() } else { ProgressBar::new(steps) };
-        let template = match steps {
-            0 => "  {spinner} {msg:21} {elapsed}",
-            Thousandths::STEPS => "  {msg:21} [{bar:24}] {percent}%{left}",
-            _ => "  {msg:21} [{bar:24}] {pos}/{len}{left}",
-        };
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            let left = |state: &ProgressState, out: &mut dyn Write| {
-                // Of nothing done no time left follows.
-                if state.pos() == 0 && state.elapsed() >= LONG {
-                    let _ = write!(out, "  {:#} so far", HumanDuration(state.elapsed()));
-                } else if state.pos() > 0 && state.elapsed() >= TOLD_AFTER {
-                    let _ = write!(out, "  {:#} left", HumanDuration(state.eta()));
-                }
-            };
-            bar.set_style(style.progress_chars("=> ").with_key("left", left));
-        }
-        bar.set_message(escaped(name));
-        bar.enable_steady_tick(Duration::from_millis(200));
-        self.replace(bar);
+        self.begin(name, Steps::of(steps));
+    }
+
+    fn stage_of_thousandths(&self, name: &str) {
+        self.begin(name, Steps::Thousandths);
     }
 
     fn advance(&self, steps: u64) {
@@ -274,7 +312,7 @@ mod tests {
             ahead: vec![("stackings", "s".into()), ("round", "4 rounds".into()), ("slices", "slices".into())],
             ..Lines::default()
         };
-        lines.begin("stackings", 40);
+        lines.begin("stackings", Steps::of(40));
         let began = lines.stage.as_ref().unwrap().pace.began;
         assert_eq!(lines.told(began + LONG / 2), None);
         assert_eq!(lines.told(began + LONG).unwrap(), "stackings: 0 of 40 in 10s so far; then 4 rounds, slices");
@@ -285,10 +323,10 @@ mod tests {
         lines.stage.as_mut().unwrap().pace.advance(3, began + 3 * LONG);
         assert_eq!(lines.told(began + 3 * LONG).unwrap(), "stackings: 2m left; then 4 rounds, slices");
         assert_eq!(lines.told(began + 4 * LONG), None);
-        lines.begin("slices", 0);
+        lines.begin("slices", Steps::of(0));
         let began = lines.stage.as_ref().unwrap().pace.began;
         assert_eq!(lines.told(began + LONG).unwrap(), "slices: 10s so far");
-        lines.begin("light", Thousandths::STEPS);
+        lines.begin("light", Steps::Thousandths);
         lines.stage.as_mut().unwrap().pace.advance(Thousandths::STEPS, began);
         assert_eq!(lines.told(began + 2 * LONG), None);
     }

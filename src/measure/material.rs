@@ -11,7 +11,7 @@ use crate::optics::{
     CoefficientFit, FitRefusal, FrequencyGrid, Interface, MeasuredSlab, ProfileFile, RadialProfile, ResinSpectrum,
     Tail, fit_coefficients, fit_shapes,
 };
-use crate::watch::{Thousandths, Watch};
+use crate::watch::Watch;
 use crate::words::toml_string;
 
 const REFLECTION: &str = "reflection";
@@ -88,7 +88,7 @@ pub fn measure(capture: Capture, watch: &dyn Watch) -> Result<Measurement, Measu
         let series = |series: &Series, word: &str, centre: Centre, number: usize| {
             let what = if count == 2 { word.to_owned() } else { format!("{word}, channel {name}") };
             let of = format!("{what} ({} of {count})", 2 * index + number + 1);
-            watch.stage(&of, Thousandths::STEPS);
+            watch.stage_of_thousandths(&of);
             let plane = capture.planes[index];
             let mut scan = scan(series, &capture.camera, plane, capture.bin_mm, centre, &what, watch)?;
             let albedo = albedo(series, plane, index, &scan.sensor, &what, &mut scan.findings)?;

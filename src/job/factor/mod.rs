@@ -20,7 +20,7 @@ use crate::{
     optics::{FrequencyGrid, OpticsError, ProfileFile, RadialProfile},
     output::{Existing, GENERATOR, OutputError, OutputFolder, Owner, Task, pretty},
     plot::PlotError,
-    watch::{Thousandths, Watch},
+    watch::Watch,
     words::hex,
 };
 
@@ -139,7 +139,7 @@ pub fn factor_into(
     }
     let adopted = profiles.adopt_missing(&dataset);
 
-    watch.stage("clusters", Thousandths::STEPS);
+    watch.stage_of_thousandths("clusters");
     let metric = Metric::new(&edges_mm, &FrequencyGrid::default(), request.dc_weight)?;
     let clusters = metric.group(&profiles.energies, channels, count, request.seed)?;
     let means = profiles.means(&clusters.labels, clusters.centroids.len());
