@@ -35,8 +35,13 @@ mod verify;
 use std::{
     borrow::Cow,
     io::{self, IsTerminal, Write},
+    panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
     process::ExitCode,
-    sync::atomic::{AtomicBool, AtomicUsize, Ordering},
+    sync::{
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+        mpsc,
+    },
+    time::Duration,
 };
 
 use clap::{
@@ -108,7 +113,30 @@ pub fn run() -> ExitCode {
         Err(error) => return refused(error),
     };
     install_interrupt();
-    let result = match &cli.command {
+    let result = match (catch_unwind(AssertUnwindSafe(|| carry_out(&cli.command))), tell::events()) {
+        (Ok(result), _) => result,
+        (Err(panic), None) => resume_unwind(panic),
+        (Err(_), Some(events)) => {
+            tell::tell_panic(events);
+            return ExitCode::from(tell::PANICKED);
+        }
+    };
+    let (code, failed_as) = match &result {
+        Ok(Answer::Yes) => (0, None),
+        Ok(Answer::No) => (1, None),
+        Err(failure) => {
+            fail(failure);
+            (failure.exit_code(), Some(failure.outcome()))
+        }
+    };
+    if let Some(events) = tell::events() {
+        events.finished(code, failed_as);
+    }
+    ExitCode::from(code)
+}
+
+fn carry_out(command: &Command) -> Result<Answer> {
+    match command {
         Command::Init(args) => start::init(args),
         Command::Slice(args) => slice::run(args),
         Command::Predict(args) => predict::run(args),
@@ -125,19 +153,7 @@ pub fn run() -> ExitCode {
         Command::Schema(args) => start::schema(args),
         Command::Completions(args) => shell::completions(args),
         Command::Man(args) => shell::man(args),
-    };
-    let (code, failed_as) = match &result {
-        Ok(Answer::Yes) => (0, None),
-        Ok(Answer::No) => (1, None),
-        Err(failure) => {
-            fail(failure);
-            (failure.exit_code(), Some(failure.outcome()))
-        }
-    };
-    if let Some(events) = tell::events() {
-        events.finished(code, failed_as);
     }
-    ExitCode::from(code)
 }
 
 /// The arguments, and the command that they name.
@@ -157,8 +173,7 @@ fn refused(mut error: clap::Error) -> ExitCode {
     match tell::events().filter(|_| code == 2) {
         Some(events) => {
             let text = error.render().to_string();
-            events.error("usage", text.strip_prefix("error: ").unwrap_or(&text).trim_end(), code);
-            events.finished(code, Some("failed"));
+            events.failed("usage", text.strip_prefix("error: ").unwrap_or(&text).trim_end(), code, "failed");
         }
         // A closed pipe is no reason to fail twice.
         None if code == 2 && io::stderr().is_terminal() => {
@@ -166,6 +181,9 @@ fn refused(mut error: clap::Error) -> ExitCode {
         }
         None => {
             let _ = error.print();
+            if let Some(events) = tell::events() {
+                events.finished(code, None);
+            }
         }
     }
     ExitCode::from(code)
@@ -194,12 +212,20 @@ fn leave_at_once() {
     }
 }
 
+/// How long it is tried to tell of the end: who reads stderr and stops to would else keep the process for ever.
+const LAST_WORDS: Duration = Duration::from_secs(1);
+
 fn leave() -> ! {
-    let failure = Failure::interrupted("interrupted");
-    fail(&failure);
-    if let Some(events) = tell::events() {
-        events.finished(INTERRUPTED, Some(failure.outcome()));
-    }
+    let (told, heard) = mpsc::channel();
+    std::thread::spawn(move || {
+        let failure = Failure::interrupted("interrupted");
+        match tell::events() {
+            Some(events) => events.failed(failure.kind(), failure.text(), INTERRUPTED, failure.outcome()),
+            None => fail(&failure),
+        }
+        let _ = told.send(());
+    });
+    let _ = heard.recv_timeout(LAST_WORDS);
     std::process::exit(i32::from(INTERRUPTED))
 }
 

@@ -2,7 +2,7 @@
 
 use std::{
     io::{self, IsTerminal, Write},
-    sync::OnceLock,
+    sync::{Mutex, MutexGuard, OnceLock, PoisonError},
 };
 
 use clap::ValueEnum;
@@ -51,12 +51,7 @@ impl Progress {
         let _ = PROGRESS.set(self);
         if self == Self::Json {
             EVENTS.get_or_init(|| Events::begin(command));
-            std::panic::set_hook(Box::new(|panic| {
-                if let Some(events) = events() {
-                    events.error("bug", &panic.to_string(), PANICKED);
-                    events.finished(PANICKED, None);
-                }
-            }));
+            std::panic::set_hook(Box::new(|panic| *kept() = panic.to_string()));
         }
     }
 
@@ -67,7 +62,19 @@ impl Progress {
 }
 
 /// Exit code of a panic.
-const PANICKED: u8 = 101;
+pub const PANICKED: u8 = 101;
+/// What the last panic said. Some are caught, and one that tells events must not tell of itself: it is told of in the
+/// end, if it was the end.
+static PANIC: Mutex<String> = Mutex::new(String::new());
+
+fn kept() -> MutexGuard<'static, String> {
+    PANIC.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Tells what the command panicked with.
+pub fn tell_panic(events: &Events) {
+    events.failed("bug", &kept(), PANICKED, "failed");
+}
 
 /// Where events go, if they are asked for.
 pub fn events() -> Option<&'static Events> {
