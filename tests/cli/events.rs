@@ -4,7 +4,8 @@ use serde_json::Value;
 
 use crate::{
     json_schema::breaches,
-    support::{Bench, JOB, Ran, run},
+    slice_rounds,
+    support::{Bench, JOB, Ran, keys, run},
 };
 
 const SCHEMA: &str = include_str!("../../docs/events.schema.json");
@@ -12,7 +13,7 @@ const SCHEMA: &str = include_str!("../../docs/events.schema.json");
 /// Every line of stderr, after checking that it is an event, that the first one is `started` and the last one `finished`,
 /// and that every stage begins and ends.
 #[track_caller]
-fn events(ran: &Ran) -> Vec<Value> {
+pub fn events(ran: &Ran) -> Vec<Value> {
     let schema: Value = serde_json::from_str(SCHEMA).unwrap();
     let read = |line: &str| serde_json::from_str::<Value>(line).unwrap_or_else(|error| panic!("{error}: {line}"));
     let found: Vec<Value> = ran.stderr.lines().map(read).collect();
@@ -21,6 +22,8 @@ fn events(ran: &Ran) -> Vec<Value> {
         let own = &schema["definitions"][name];
         assert!(own.is_object(), "{event} is not in the schema");
         assert_eq!(breaches(&schema, own, event), Vec::<String>::new());
+        let unknown = keys(event).into_iter().find(|key| own["properties"].get(key).is_none());
+        assert_eq!(unknown, None, "{event}");
         assert_eq!(breaches(&schema, &schema, event), Vec::<String>::new());
     }
     let names: Vec<&str> = found.iter().map(|event| event["event"].as_str().unwrap()).collect();
@@ -41,7 +44,7 @@ fn events(ran: &Ran) -> Vec<Value> {
     found
 }
 
-fn named<'a>(events: &'a [Value], name: &str) -> Vec<&'a Value> {
+pub fn named<'a>(events: &'a [Value], name: &str) -> Vec<&'a Value> {
     events.iter().filter(|event| event["event"] == name).collect()
 }
 
@@ -124,6 +127,33 @@ fn an_answer_of_no_has_its_reason() {
     let last = told.last().unwrap();
     assert_eq!(last["outcome"], "no");
     assert!(last["reason"].is_string() && last["result"]["reason"] == last["reason"], "{last}");
+}
+
+#[test]
+fn help_begins_and_ends() {
+    for args in [&["--help"][..], &["--version"], &["slice", "--help"]] {
+        let plain = run(args).exits(0);
+        let ran = run(args.iter().chain(&["--progress", "json"])).exits(0);
+        let told = events(&ran);
+        assert_eq!((told.len(), told[1]["outcome"].as_str(), ran.stdout), (2, Some("done"), plain.stdout));
+    }
+}
+
+#[test]
+fn rounds_are_told_as_they_are_written() {
+    let bench = slice_rounds::bench();
+    let ran = bench.run(["slice", "job.toml", "-o", "out", "--progress", "json"]).exits(0);
+    let told = events(&ran);
+    let mut numbered = bench.manifest("out")["rounds"].as_array().unwrap().clone();
+    assert!(!numbered.is_empty());
+    for (number, round) in (1..).zip(&mut numbered) {
+        (round["round"], round["of"]) = (number.into(), 2.into());
+    }
+    let mut rounds: Vec<_> = named(&told, "round").into_iter().cloned().collect();
+    for round in &mut rounds {
+        round.as_object_mut().unwrap().retain(|key, _| !["event", "elapsed_s"].contains(&key.as_str()));
+    }
+    assert_eq!(rounds, numbered);
 }
 
 /// Commands without a slow step and without a document speak the same.

@@ -10,13 +10,13 @@ use std::{
 use crate::support::{Bench, JOB, Ran, sphere, stl};
 
 /// Sends Ctrl-C and waits.
-fn interrupt(child: Child) -> (Ran, Duration) {
+pub fn interrupt(child: Child) -> (Ran, Duration) {
     let started = Instant::now();
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
     (Ran::from(child.wait_with_output().unwrap()), started.elapsed())
 }
 
-fn spawn(mut command: Command) -> Child {
+pub fn spawn(mut command: Command) -> Child {
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
@@ -29,13 +29,18 @@ fn wait_for(what: impl Fn() -> bool) {
     }
 }
 
-#[test]
-fn slicing_stops_and_leaves_whole_files() {
+/// With a job of a billion voxels: seconds of work.
+pub fn slow() -> Bench {
     let bench = Bench::new();
     bench.write("ball.stl", &stl(&sphere(10.0, 40)));
-    // A billion voxels: seconds of work.
     let job = JOB.replace("cube.stl", "ball.stl").replace("0.2, 0.2, 0.2", "0.02, 0.02, 0.02");
     bench.write("job.toml", job.as_bytes());
+    bench
+}
+
+#[test]
+fn slicing_stops_and_leaves_whole_files() {
+    let bench = slow();
     let child = spawn(bench.command(["slice", "job.toml", "-o", "out"]));
     wait_for(|| fs::read_dir(bench.path("out/slices")).is_ok_and(|entries| entries.count() > 3));
     let (ran, elapsed) = interrupt(child);

@@ -15,6 +15,7 @@ mod compare;
 mod containers;
 mod docs;
 mod events;
+mod events_pipes;
 mod factor;
 mod fractions;
 mod gamut;

@@ -23,7 +23,7 @@ rounds = 2
 formats = ["png"]
 "#;
 
-fn bench() -> Bench {
+pub fn bench() -> Bench {
     let bench = Bench::new();
     bench.write("ball.stl", &stl(&sphere(1.25, 24)));
     bench.write("job.toml", JOB.as_bytes());
