@@ -230,9 +230,26 @@ impl ObjectField {
         }
     }
 
+    /// Measures the masked voxels of the brick at `at`, around `centre`, where it is not by the exact distance: by the
+    /// Lp-averaged one from exact ones.
+    pub(super) fn measure_brick(
+        &self,
+        site: Site<'_>,
+        at: [usize; 3],
+        centre: DVec3,
+        masks: &[Mask],
+        scratch: &mut LeafScratch,
+    ) {
+        match &self.measure {
+            Measure::Exact => {}
+            Measure::Lp { .. } => self.measure_lp(centre, &masks[self.shape.brick_index(at)], scratch),
+            Measure::Grid { .. } => self.measure_grid(site, at, masks, scratch),
+        }
+    }
+
     /// Measures the masked voxels of the brick at `brick` of a block with these masks by the grid; the triangle of each
     /// goes to `triangles`, at the voxel's place.
-    pub(super) fn measure_grid(&self, site: Site<'_>, brick: [usize; 3], masks: &[Mask], scratch: &mut LeafScratch) {
+    fn measure_grid(&self, site: Site<'_>, brick: [usize; 3], masks: &[Mask], scratch: &mut LeafScratch) {
         let LeafScratch { measure, surface, .. } = scratch;
         if let Some(reach) = measure.unopened.take() {
             self.open_window(site, reach, masks, measure);
@@ -286,7 +303,7 @@ impl ObjectField {
     }
 
     /// Measures the masked voxels of the brick around `centre` by the Lp-averaged distance; needs their exact ones.
-    pub(super) fn measure_lp(&self, centre: DVec3, mask: &Mask, scratch: &mut LeafScratch) {
+    fn measure_lp(&self, centre: DVec3, mask: &Mask, scratch: &mut LeafScratch) {
         let Measure::Lp { field, offsets } = &self.measure else { return };
         let LeafScratch { measure, surface, .. } = scratch;
         field.fill_brick(self.around().triangles(), centre, offsets, mask, surface, &mut measure.lp);

@@ -8,7 +8,11 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::joined::{Joined, Whose};
+use super::{
+    depth::MeasureScratch,
+    fill::ObjectField,
+    joined::{Joined, Whose},
+};
 use crate::{
     appearance::Filling,
     sdf::{BlockBox, CullScratch, DepthRange, SliceRuns, Surface, cull},
@@ -68,20 +72,29 @@ impl Bricks {
 
 /// What is laid where a descent ends. Masks are those of the whole block, one per brick.
 pub(super) trait Leaves {
+    /// The object, and what it is measured with.
+    fn measuring(&mut self) -> (&ObjectField, &mut MeasureScratch);
+
     /// Prepares for a block with these bounds, `nearest` mm from the surface at its centre; false if all of it is
     /// certain to lie below the layers.
-    fn enter(&mut self, bounds: &BlockBox, nearest: f64) -> bool;
+    fn enter(&mut self, bounds: &BlockBox, nearest: f64) -> bool {
+        let (field, scratch) = self.measuring();
+        field.enter_block(bounds, nearest, scratch)
+    }
 
     /// The one filling of some bricks, if that is certain: their exact depths are in `range`, and `candidates` hold
     /// every triangle that can be nearest.
     fn certain(
         &mut self,
-        bricks: Bricks,
+        _bricks: Bricks,
         bounds: &BlockBox,
         range: DepthRange,
         candidates: &[u32],
-        masks: &[Mask],
-    ) -> Option<Filling>;
+        _masks: &[Mask],
+    ) -> Option<Filling> {
+        let (field, scratch) = self.measuring();
+        field.certain(bounds, range, candidates, scratch)
+    }
 
     /// Gives what is inside of some bricks one filling.
     fn fill_uniform(&mut self, bricks: Bricks, filling: Filling, masks: &[Mask]);

@@ -54,7 +54,7 @@ pub(super) struct LeafScratch {
     /// What can be nearest in one part of a brick.
     part: Vec<u32>,
     /// Of the brick's candidates, as far as asked for.
-    faces: Vec<Option<Face>>,
+    pub(super) faces: Vec<Option<Face>>,
 }
 
 /// Where a block is: its first voxel, and what is known of its slab.
@@ -68,6 +68,11 @@ impl Site<'_> {
     /// Where a brick of the block is in the lattice, counted in bricks.
     fn brick(&self, at: [usize; 3]) -> [u32; 3] {
         std::array::from_fn(|axis| self.first[axis] / BRICK as u32 + at[axis] as u32)
+    }
+
+    /// Where a voxel of that brick is in the lattice.
+    pub(super) fn voxel(&self, at: [usize; 3], voxel: usize) -> [u32; 3] {
+        std::array::from_fn(|axis| self.first[axis] + (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32)
     }
 }
 
@@ -219,6 +224,38 @@ impl ObjectField {
         a + (b - a) * v + (c - a) * w
     }
 
+    /// Texture coordinates for a voxel of the brick around `centre`, whose own centre is at `position`, by the nearest
+    /// face around it; `face` keeps what is known of that one.
+    #[inline(always)]
+    pub(super) fn uv_in_brick(
+        &self,
+        triangle: u32,
+        face: &mut Option<Face>,
+        centre: DVec3,
+        voxel: usize,
+        position: impl FnOnce() -> DVec3,
+    ) -> Vec2 {
+        let radius = || f64::from(self.offsets.of(0).length());
+        let face =
+            face.get_or_insert_with(|| Face::new(&self.around().triangles()[triangle as usize], centre, radius()));
+        let own = self.own(triangle).unwrap_or(0);
+        match face.weights(self.offsets.of(voxel)) {
+            Some(weights) => self.uv_at(own, weights),
+            None => self.uv(own, position()),
+        }
+    }
+
+    /// The depth of a voxel centred at `p` that lies on a boundary but for the rounding of `measured`: for the exact
+    /// distance that to the nearest of the candidates in double precision, else `measured`.
+    pub(super) fn exact_depth(&self, p: DVec3, candidates: &[u32], measured: f32) -> f64 {
+        if self.dither.is_some() || !matches!(self.measure, Measure::Exact) {
+            return f64::from(measured);
+        }
+        let triangles = self.around().triangles();
+        let squared = |&t: &u32| closest_point(p, &triangles[t as usize]).distance_squared;
+        candidates.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
+    }
+
     /// The closed surface that tells inside from outside.
     pub(crate) fn inside(&self) -> &InsideRows {
         &self.inside
@@ -327,19 +364,8 @@ impl ObjectField {
 }
 
 impl Leaves for VoxelLeaves<'_> {
-    fn enter(&mut self, bounds: &BlockBox, nearest: f64) -> bool {
-        self.field.enter_block(bounds, nearest, &mut self.scratch.measure)
-    }
-
-    fn certain(
-        &mut self,
-        _: Bricks,
-        bounds: &BlockBox,
-        range: DepthRange,
-        candidates: &[u32],
-        _: &[Mask],
-    ) -> Option<Filling> {
-        self.field.certain(bounds, range, candidates, &mut self.scratch.measure)
+    fn measuring(&mut self) -> (&ObjectField, &mut MeasureScratch) {
+        (self.field, &mut self.scratch.measure)
     }
 
     fn fill_uniform(&mut self, bricks: Bricks, filling: Filling, masks: &[Mask]) {
@@ -369,7 +395,6 @@ impl Leaves for VoxelLeaves<'_> {
 
     fn fill_brick(&mut self, at: [usize; 3], centre: DVec3, candidates: &[u32], masks: &[Mask]) {
         let field = self.field;
-        let triangles = field.around().triangles();
         let brick = field.shape.brick_index(at);
         let mut mask = masks[brick];
         let mut ids = [0; BRICK_VOXELS];
@@ -384,17 +409,9 @@ impl Leaves for VoxelLeaves<'_> {
             }
         }
         let (site, scratch) = (self.site, &mut *self.scratch);
-        let candidates = match &field.measure {
-            Measure::Exact => candidates,
-            Measure::Lp { .. } => {
-                field.measure_lp(centre, &masks[brick], scratch);
-                candidates
-            }
-            Measure::Grid { .. } => {
-                field.measure_grid(site, at, masks, scratch);
-                &scratch.measure.triangles
-            }
-        };
+        field.measure_brick(site, at, centre, masks, scratch);
+        let by_grid = matches!(field.measure, Measure::Grid { .. });
+        let candidates = if by_grid { &scratch.measure.triangles } else { candidates };
         if let Some(joined) = &field.joined {
             for voxel in 0..BRICK_VOXELS {
                 let face = is_set(&mask, voxel).then(|| candidates[scratch.surface.candidate[voxel] as usize]);
@@ -403,34 +420,17 @@ impl Leaves for VoxelLeaves<'_> {
                 }
             }
         }
-        let position = |voxel: usize| {
-            let index = |axis: usize| site.first[axis] + (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32;
-            field.lattice.centre(std::array::from_fn(index))
-        };
-        let exact = |voxel: usize| {
-            if field.dither.is_some() || !matches!(field.measure, Measure::Exact) {
-                return f64::from(scratch.surface.distance[voxel]);
-            }
-            let p = position(voxel);
-            let squared = |&t: &u32| closest_point(p, &triangles[t as usize]).distance_squared;
-            candidates.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
-        };
+        let position = |voxel: usize| field.lattice.centre(site.voxel(at, voxel));
+        let exact = |voxel: usize| field.exact_depth(position(voxel), candidates, scratch.surface.distance[voxel]);
         let mut faces = std::mem::take(&mut scratch.faces);
         faces.clear();
         faces.resize(candidates.len(), None);
-        let radius = field.offsets.of(0).length();
         let uv = |candidate: u32, voxel: usize| {
-            if matches!(field.measure, Measure::Grid { .. }) {
+            if by_grid {
                 return scratch.measure.uvs[voxel];
             }
-            let triangle = candidates[candidate as usize];
-            let face = faces[candidate as usize]
-                .get_or_insert_with(|| Face::new(&triangles[triangle as usize], centre, f64::from(radius)));
-            let own = field.own(triangle).unwrap_or(0);
-            match face.weights(field.offsets.of(voxel)) {
-                Some(weights) => field.uv_at(own, weights),
-                None => field.uv(own, position(voxel)),
-            }
+            let (triangle, face) = (candidates[candidate as usize], &mut faces[candidate as usize]);
+            field.uv_in_brick(triangle, face, centre, voxel, || position(voxel))
         };
         let own = field.as_own(candidates);
         let query = BrickQuery { surface: &scratch.surface, candidates: &own, mask: &mask, ranks };

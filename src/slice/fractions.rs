@@ -3,20 +3,24 @@
 //!
 //! A voxel's depth, triangle and texture coordinates are those that its printed resin comes from. Where its layer is a
 //! mixture, it has of each resin the share that the mixture has there; where boundaries are dithered, of each layer
-//! the share of thresholds that would put it there. Masks are not looked at, so a printed voxel's resin is one with a
-//! fraction above 0, and over many voxels the two agree.
+//! the share of thresholds that would put it there. Masks are not looked at, and over many voxels the two agree.
+//!
+//! A printed voxel's resin is one with a fraction above 0, for depths and texture coordinates are those that
+//! [`super::fill`] has and no share that a mask may draw is lost ([`Weights::round`]). **But for** dithered boundaries:
+//! voxels there are laid by a depth moved in single precision, and one whose depth lies at the end of the ramp, to that
+//! rounding, may be laid in the layer that has no share of it.
 
 use glam::{DVec3, Vec2};
 
 use super::{
-    depth::{Measure, SlabField},
+    depth::{Measure, MeasureScratch, SlabField},
     descent::{Bricks, EMPTY, FULL, Leaves, Mask, is_set},
     fill::{FillScratch, LeafScratch, ObjectField, Site},
 };
 use crate::{
     appearance::Filling,
-    sdf::{BlockBox, DepthRange, closest_point, nearest_in_brick},
-    voxel::{BRICK, BRICK_VOXELS, BrickFractions, Composition, Weights},
+    sdf::nearest_in_brick,
+    voxel::{BRICK_VOXELS, BrickFractions, Composition, Weights},
 };
 
 /// An object's fractions in one block.
@@ -47,36 +51,9 @@ impl ObjectField {
     }
 }
 
-impl FractionLeaves<'_> {
-    /// Measures the voxels of the brick at `at`, around `centre`.
-    fn measure(&mut self, at: [usize; 3], centre: DVec3, candidates: &[u32], masks: &[Mask]) {
-        let field = self.field;
-        match field.measure {
-            Measure::Grid { .. } => return field.measure_grid(self.site, at, masks, self.scratch),
-            Measure::Exact | Measure::Lp { .. } => {}
-        }
-        let triangles = field.around().triangles();
-        nearest_in_brick(triangles, candidates, centre, &field.offsets, &mut self.scratch.surface);
-        if let Measure::Lp { .. } = field.measure {
-            field.measure_lp(centre, &masks[field.shape.brick_index(at)], self.scratch);
-        }
-    }
-}
-
 impl Leaves for FractionLeaves<'_> {
-    fn enter(&mut self, bounds: &BlockBox, nearest: f64) -> bool {
-        self.field.enter_block(bounds, nearest, &mut self.scratch.measure)
-    }
-
-    fn certain(
-        &mut self,
-        _: Bricks,
-        bounds: &BlockBox,
-        range: DepthRange,
-        candidates: &[u32],
-        _: &[Mask],
-    ) -> Option<Filling> {
-        self.field.certain(bounds, range, candidates, &mut self.scratch.measure)
+    fn measuring(&mut self) -> (&ObjectField, &mut MeasureScratch) {
+        (self.field, &mut self.scratch.measure)
     }
 
     fn fill_uniform(&mut self, bricks: Bricks, filling: Filling, masks: &[Mask]) {
@@ -101,38 +78,44 @@ impl Leaves for FractionLeaves<'_> {
     }
 
     fn fill_brick(&mut self, at: [usize; 3], centre: DVec3, candidates: &[u32], masks: &[Mask]) {
-        self.measure(at, centre, candidates, masks);
-        let field = self.field;
+        let (field, site) = (self.field, self.site);
         let by_grid = matches!(field.measure, Measure::Grid { .. });
-        let in_steps = matches!(field.measure, Measure::Exact) && field.dither.is_none();
-        let triangles = field.around().triangles();
+        if !by_grid {
+            let surface = &mut self.scratch.surface;
+            nearest_in_brick(field.around().triangles(), candidates, centre, &field.offsets, surface);
+        }
+        field.measure_brick(site, at, centre, masks, self.scratch);
         let index = field.shape.brick_index(at);
-        let (surface, measure) = (&self.scratch.surface, &self.scratch.measure);
+        let LeafScratch { surface, measure, faces: texels, .. } = &mut *self.scratch;
+        let faces = if by_grid { &measure.triangles } else { candidates };
+        texels.clear();
+        texels.resize(faces.len(), None);
         for voxel in (0..BRICK_VOXELS).filter(|&voxel| is_set(&masks[index], voxel)) {
             let candidate = surface.candidate[voxel] as usize;
-            let face = if by_grid { measure.triangles[candidate] } else { candidates[candidate] };
+            let (face, depth) = (faces[candidate], surface.distance[voxel]);
             let Some(triangle) = field.own(face) else { continue };
             if !self.bricks[index].is_free(voxel) {
                 continue;
             }
-            let centre = || {
-                let within = |axis: usize| (at[axis] * BRICK + (voxel >> (3 * axis) & 7)) as u32;
-                field.lattice.centre(std::array::from_fn(|axis| self.site.first[axis] + within(axis)))
-            };
+            let position = || field.lattice.centre(site.voxel(at, voxel));
             let uv = match by_grid {
                 true => measure.uvs[voxel],
-                false if field.layers().needs_uv() => field.uv(triangle, centre()),
+                false if field.layers().needs_uv() => {
+                    field.uv_in_brick(face, &mut texels[candidate], centre, voxel, position)
+                }
                 false => Vec2::ZERO,
             };
-            let depth = if in_steps && !field.layers().needs_uv() {
-                // Single precision is not enough where a voxel's centre lies on a boundary.
-                closest_point(centre(), &triangles[face as usize]).distance_squared.sqrt()
-            } else {
-                f64::from(surface.distance[voxel])
-            };
             let above = |bottom: f64| match &field.dither {
-                Some(dither) => dither.above(face, depth as f32, bottom),
-                None => f64::from(u8::from(depth < bottom)),
+                Some(dither) => dither.above(face, depth, bottom),
+                None if field.layers().needs_uv() => f64::from(u8::from(f64::from(depth) < bottom)),
+                None => {
+                    // As voxels are laid: single precision is not enough where a centre lies on a boundary.
+                    let error = f64::from(surface.error);
+                    let is_sure = depth < (bottom - error) as f32 || depth > (bottom + error) as f32;
+                    let depth = f64::from(depth);
+                    let depth = if is_sure { depth } else { field.exact_depth(position(), faces, depth as f32) };
+                    f64::from(u8::from(depth < bottom))
+                }
             };
             self.weights.clear();
             field.layers().weigh(triangle, uv, above, &mut self.weights);

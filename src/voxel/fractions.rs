@@ -14,6 +14,10 @@ use super::{BRICK, BRICK_VOXELS, BlockShape, Lattice, MaterialId};
 /// All of a voxel's volume. Decimal, so that a mixture of 10% reads 0.1.
 pub const WHOLE: u16 = 10_000;
 
+/// Shares up to this are what rounding leaves of sums of others. Masks have 2¹⁵ thresholds: by chance one voxel in a
+/// billion would be drawn by it.
+const LEAST: f64 = 1e-9;
+
 /// Resins with their fractions in units of 1 / [`WHOLE`], in the order of their ids; they sum to it.
 pub type Composition = Vec<(MaterialId, u16)>;
 
@@ -38,19 +42,25 @@ impl Weights {
         }
     }
 
-    /// The shares in whole units, each within one of what it was, which replace `parts`. Shares are to sum to 1.
+    /// The shares in whole units, which replace `parts`. Shares are to sum to 1.
+    ///
+    /// Each is within one unit of what it was, and none above one in a billion is lost: what would round to 0 is 1, taken
+    /// from the largest, which may so be off by more.
     pub fn round(&mut self, parts: &mut Composition) {
         parts.clear();
+        self.0.retain(|(_, share)| *share > LEAST);
         self.0.sort_unstable_by_key(|part| part.0);
         let (mut sum, mut below) = (0.0, 0);
         let count = self.0.len();
         for (n, (resin, share)) in self.0.iter().enumerate() {
             sum += share;
             let level = if n + 1 == count { WHOLE } else { (sum * f64::from(WHOLE)).round() as u16 };
-            if level > below {
-                parts.push((*resin, level - below));
-                below = level;
-            }
+            parts.push((*resin, level - below));
+            below = level;
+        }
+        let lost = parts.iter_mut().filter(|part| part.1 == 0).map(|part| part.1 = 1).count();
+        if let Some(largest) = parts.iter_mut().max_by_key(|part| part.1) {
+            largest.1 -= lost as u16;
         }
     }
 }
@@ -204,13 +214,30 @@ mod tests {
             assert!(parts.is_sorted() && parts.iter().all(|part| part.1 > 0), "{parts:?}");
             for (resin, fraction) in &parts {
                 let off = f64::from(*fraction) / f64::from(WHOLE) - shares[usize::from(resin.0) - 1];
-                assert!(off.abs() < 1.0 / f64::from(WHOLE), "{shares:?}: {parts:?}");
+                // Of what would be lost, one here, each takes a unit from the largest.
+                let most = if *fraction > WHOLE / 2 { 2.0 } else { 1.0 };
+                assert!(off.abs() < most / f64::from(WHOLE), "{shares:?}: {parts:?}");
             }
+            assert_eq!(parts.len(), shares.iter().filter(|share| **share > 0.0).count(), "{shares:?}: {parts:?}");
         }
         let mut weights = Weights::default();
         [(BLACK, 0.1), (WHITE, 0.9)].into_iter().for_each(|(resin, share)| weights.add(resin, share));
         weights.round(&mut parts);
         assert_eq!(parts, [(WHITE, 9000), (BLACK, 1000)]);
+    }
+
+    #[test]
+    fn no_share_is_lost_and_rounding_is_none() {
+        let (mut weights, mut parts) = (Weights::default(), Vec::new());
+        let rest = 1.0 - 254.0 * 1e-7;
+        (1..=254).for_each(|id| weights.add(MaterialId(id), 1e-7));
+        weights.add(MaterialId(255), rest);
+        weights.round(&mut parts);
+        assert_eq!((parts.len(), parts[0].1, parts[254].1), (255, 1, WHOLE - 254));
+        weights.clear();
+        [(WHITE, 1.0 - 1e-16), (BLACK, 1e-16)].into_iter().for_each(|(resin, share)| weights.add(resin, share));
+        weights.round(&mut parts);
+        assert_eq!(parts, [(WHITE, WHOLE)]);
     }
 
     #[test]

@@ -62,8 +62,8 @@ fn noisy(dithered: bool) -> Slicer {
 }
 
 /// What is printed is full and the rest empty, what is printed is there, and all voxels of a resin are as many as its
-/// fractions. Returns how many bricks are of one composition.
-fn fill_what_is_printed(slicer: &Slicer) -> usize {
+/// fractions; but for so many `ties`. Returns how many bricks are of one composition.
+fn fill_what_is_printed(slicer: &Slicer, ties: u64) -> usize {
     assert!(slicer.draws_by_lot());
     let lattice = slicer.lattice();
     let [width, height, depth] = lattice.dims;
@@ -100,7 +100,8 @@ fn fill_what_is_printed(slicer: &Slicer) -> usize {
     );
     let Ok(()) = done;
     let all: u64 = printed[1..].iter().sum();
-    assert!(u64::from(strange) * 20_000 < all, "{strange} of {all} voxels are of resins that are not there");
+    println!("{strange} of {all} voxels are of resins that are not there");
+    assert!(u64::from(strange) <= ties, "{strange} of {all} voxels are of resins that are not there");
     for id in (1..5).filter(|id| filled[*id] > 0) {
         let expected = filled[id] as f64 / f64::from(WHOLE);
         let off = printed[id] as f64 / expected - 1.0;
@@ -112,12 +113,12 @@ fn fill_what_is_printed(slicer: &Slicer) -> usize {
 
 #[test]
 fn fractions_of_mixtures_fill_what_is_printed() {
-    fill_what_is_printed(&noisy(false));
+    fill_what_is_printed(&noisy(false), 0);
 }
 
 #[test]
 fn fractions_across_dithered_boundaries_fill_what_is_printed() {
-    fill_what_is_printed(&noisy(true));
+    fill_what_is_printed(&noisy(true), 0);
 }
 
 #[test]
@@ -127,6 +128,6 @@ fn bricks_of_one_mixture_are_tiles() {
     let layers = LayerStack::with_mixtures([(grey, 3.0)], MaterialId(3));
     let slicer = slicer_of(&solid_of(&box_triangles(DVec3::ZERO, HIGH)), lattice, layers);
     let whole = lattice.dims.map(|dim| dim as usize / 8 - 1).iter().product::<usize>();
-    let tiles = fill_what_is_printed(&slicer);
+    let tiles = fill_what_is_printed(&slicer, 0);
     assert!(tiles >= whole, "{tiles} tiles of {whole} bricks");
 }

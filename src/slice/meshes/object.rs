@@ -232,6 +232,10 @@ impl<'a> NodeObject<'a> {
 }
 
 impl Leaves for NodeLeaves<'_, '_> {
+    fn measuring(&mut self) -> (&ObjectField, &mut MeasureScratch) {
+        (self.object.field, &mut self.scratch.measure)
+    }
+
     fn enter(&mut self, bounds: &BlockBox, nearest: f64) -> bool {
         let NodeObject { field, averaged, rounding, .. } = self.object;
         let shallowest = match averaged {
