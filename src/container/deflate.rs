@@ -20,6 +20,15 @@ pub(super) fn zlib(bytes: &[u8]) -> io::Result<Vec<u8>> {
     encoder.finish()
 }
 
+/// The same of bytes that `rows` hands on bit by bit.
+pub(super) fn zlib_of_rows(
+    rows: impl FnOnce(&mut dyn FnMut(&[u8]) -> io::Result<()>) -> io::Result<()>,
+) -> io::Result<Vec<u8>> {
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
+    rows(&mut |row| encoder.write_all(row))?;
+    encoder.finish()
+}
+
 thread_local! {
     /// What [`zlib_of_few`] works with. Making it takes longer than to compress a kilobyte: it has tables of 300 kB.
     static FEW: RefCell<Compress> = RefCell::new(Compress::new(Compression::fast(), true));
@@ -39,22 +48,45 @@ pub(super) fn zlib_of_few(bytes: &[u8]) -> io::Result<Vec<u8>> {
     })
 }
 
-/// `bytes` as blocks of a deflate stream that is not ended, and that needs nothing of what came before it.
-pub(super) fn part(bytes: &[u8]) -> io::Result<Vec<u8>> {
-    let mut compress = Compress::new(Compression::fast(), false);
-    let mut out = Vec::with_capacity(bytes.len() / 16 + 1024);
-    loop {
-        let taken = compress.total_in() as usize;
-        let before = out.len();
-        let status = compress.compress_vec(&bytes[taken..], &mut out, FlushCompress::Full).map_err(io::Error::other)?;
-        // A flush is whole once it leaves room.
-        if compress.total_in() as usize == bytes.len() && out.len() < out.capacity() {
-            return Ok(out);
+/// Blocks of a deflate stream that is not ended, and that needs nothing of what came before it.
+pub(super) struct Part {
+    compress: Compress,
+    out: Vec<u8>,
+}
+
+impl Part {
+    /// One of nothing.
+    pub fn new() -> Self {
+        Self { compress: Compress::new(Compression::fast(), false), out: Vec::with_capacity(1 << 12) }
+    }
+
+    /// Takes in more.
+    pub fn push(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.feed(bytes, FlushCompress::None)
+    }
+
+    /// All that was taken in, ended on a whole byte.
+    pub fn finish(mut self) -> io::Result<Vec<u8>> {
+        self.feed(&[], FlushCompress::Full)?;
+        Ok(self.out)
+    }
+
+    fn feed(&mut self, bytes: &[u8], flush: FlushCompress) -> io::Result<()> {
+        let Self { compress, out } = self;
+        let first = compress.total_in();
+        loop {
+            let taken = (compress.total_in() - first) as usize;
+            let before = out.len();
+            let status = compress.compress_vec(&bytes[taken..], out, flush).map_err(io::Error::other)?;
+            // A flush is whole once it leaves room.
+            if (compress.total_in() - first) as usize == bytes.len() && out.len() < out.capacity() {
+                return Ok(());
+            }
+            if status == Status::BufError && out.len() == before && out.len() < out.capacity() {
+                return Err(io::Error::other("the compressor makes no headway"));
+            }
+            out.reserve(out.capacity().max(1024));
         }
-        if status == Status::BufError && out.len() == before && out.len() < out.capacity() {
-            return Err(io::Error::other("the compressor makes no headway"));
-        }
-        out.reserve(out.capacity().max(1024));
     }
 }
 
@@ -79,6 +111,27 @@ mod tests {
                 let fresh = std::thread::spawn(move || zlib_of_few(&plain).unwrap()).join().unwrap();
                 assert!(fresh == packed, "{length}");
             }
+        }
+    }
+
+    #[test]
+    fn parts_join_to_one_stream_however_they_were_taken_in() {
+        let plain: Vec<u8> = (0..300_000_u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8 & 0x1f).collect();
+        for at_once in [1000, 4096, 300_000] {
+            let mut stream = Vec::new();
+            for half in plain.chunks(150_000) {
+                let mut part = Part::new();
+                half.chunks(at_once).for_each(|bytes| part.push(bytes).unwrap());
+                stream.extend(part.finish().unwrap());
+            }
+            stream.extend(END_OF_STREAM);
+            let mut back = Vec::new();
+            flate2::read::DeflateDecoder::new(&stream[..]).read_to_end(&mut back).unwrap();
+            assert!(back == plain, "{at_once}");
+            let rows = |take: &mut dyn FnMut(&[u8]) -> io::Result<()>| plain.chunks(at_once).try_for_each(take);
+            let mut back = Vec::new();
+            flate2::read::ZlibDecoder::new(&zlib_of_rows(rows).unwrap()[..]).read_to_end(&mut back).unwrap();
+            assert!(back == plain, "{at_once}");
         }
     }
 }

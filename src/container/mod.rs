@@ -11,7 +11,9 @@
 //! | `gcvf`    | GrabCAD's container: slices, `ConfigFile.xml`, and `relief`'s outline and heights |
 //! | `relief`  | heights and a coarse surface of what is printed |
 //! | `mapping` | which colour is which resin, for people |
-//! | `vti`, `nrrd`, `vdb` | volumes of ids and of fractions for ParaView, for napari and 3D Slicer, for Blender and Houdini with distances |
+//! | `vti`     | volumes of ids and of fractions for ParaView |
+//! | `nrrd`    | the same for napari and 3D Slicer |
+//! | `vdb`     | the same for Blender and Houdini, with distances |
 //! | `deflate` | compression |
 
 pub mod bmp;
@@ -106,22 +108,29 @@ fn unit(fraction: u16) -> f32 {
     f32::from(fraction) / f32::from(WHOLE)
 }
 
-/// The fractions of `resins` in slice `k` as little-endian single-precision numbers from 0 to 1: those of a voxel
-/// side by side, voxels as in [`slice_ids`].
-fn slice_fractions<'a>(voxels: &dyn Voxels, resins: &[MaterialId], k: u32, bytes: &'a mut Vec<u8>) -> &'a [u8] {
-    let [width, height, _] = voxels.lattice().dims.map(|dim| dim as usize);
-    let mut row = vec![0; width];
-    bytes.resize(4 * resins.len() * width * height, 0);
-    for (j, numbers) in (0..).zip(bytes.chunks_mut(4 * resins.len() * width)) {
-        let numbers = numbers.as_chunks_mut::<4>().0;
+/// Hands on the fractions of `resins` in slice `k`, row by row, as little-endian single-precision numbers from 0 to 1:
+/// those of a voxel side by side, voxels as in [`slice_ids`].
+fn for_rows_of_fractions(
+    voxels: &dyn Voxels,
+    resins: &[MaterialId],
+    k: u32,
+    bytes: &mut Vec<u8>,
+    mut take: impl FnMut(&[u8]) -> io::Result<()>,
+) -> io::Result<()> {
+    let [width, height, _] = voxels.lattice().dims;
+    let mut row = vec![0; width as usize];
+    bytes.resize(4 * resins.len() * row.len(), 0);
+    for j in 0..height {
+        let numbers = bytes.as_chunks_mut::<4>().0;
         for (n, resin) in resins.iter().enumerate() {
             voxels.read_fractions(*resin, j, k, &mut row);
             for (number, fraction) in numbers[n..].iter_mut().step_by(resins.len()).zip(&row) {
                 *number = unit(*fraction).to_le_bytes();
             }
         }
+        take(bytes)?;
     }
-    bytes
+    Ok(())
 }
 
 /// The image of a slice, as `slices/` has it.

@@ -3,9 +3,9 @@
 //!
 //! The format's definition (teem, "Definition of NRRD File Format", version 5). Slices are compressed side by side,
 //! each ended on a whole byte, and joined to one stream as `pigz` does: readers that stop after the first of several
-//! gzip members read all of it. Samples lie at the centres of voxels. Fractions have the resins as a first axis, so that
-//! a voxel's lie side by side: what can be written slice by slice, and what 3D Slicer and ITK take for a volume of
-//! several components.
+//! gzip members read all of it. Samples lie at the centres of voxels. Fractions have the resins as a first axis, so
+//! that a voxel's lie side by side: what can be written slice by slice, and what 3D Slicer and ITK take for a volume of
+//! several components. They are compressed row by row, for a slice of all resins may be hundreds of megabytes.
 
 use std::{
     fs::File,
@@ -14,8 +14,8 @@ use std::{
 
 use super::{
     Container, ContainerError, Content, Counts, SliceImage, Voxels,
-    deflate::{END_OF_STREAM, GZIP_HEADER, part},
-    slice_fractions, slice_ids,
+    deflate::{END_OF_STREAM, GZIP_HEADER, Part},
+    for_rows_of_fractions, slice_ids,
 };
 use crate::parallel;
 use crate::voxel::MaterialId;
@@ -94,13 +94,19 @@ impl Container for Nrrd {
         let resins = &self.resins;
         let encode = |buffer: &mut Vec<u8>, n: usize| {
             let k = slices.start + n as u32;
-            let plain = match resins.is_empty() {
-                true => slice_ids(voxels, k, buffer),
-                false => slice_fractions(voxels, resins, k, buffer),
-            };
+            let mut part = Part::new();
             let mut checksum = crc32fast::Hasher::new();
-            checksum.update(plain);
-            Ok((part(plain)?, checksum, plain.len() as u64))
+            let mut length = 0;
+            let mut take = |plain: &[u8]| {
+                length += plain.len() as u64;
+                checksum.update(plain);
+                part.push(plain)
+            };
+            match resins.is_empty() {
+                true => take(slice_ids(voxels, k, buffer))?,
+                false => for_rows_of_fractions(voxels, resins, k, buffer, take)?,
+            }
+            Ok((part.finish()?, checksum, length))
         };
         let parts: Vec<io::Result<_>> = parallel::map_in(slices.len(), Vec::new, encode);
         for part in parts {

@@ -14,13 +14,15 @@ use std::{
 use quick_xml::escape::escape;
 
 use super::{
-    Container, ContainerError, Content, Counts, SliceImage, Voxels, deflate::zlib, slice_fractions, slice_ids,
+    Container, ContainerError, Content, Counts, SliceImage, Voxels,
+    deflate::{zlib, zlib_of_rows},
+    for_rows_of_fractions, slice_ids,
 };
 use crate::parallel;
 use crate::voxel::MaterialId;
 use crate::watch::Watch;
 
-/// The name of the ids.
+/// The name of the ids, where no resin has it.
 pub const ARRAY: &str = "material";
 
 /// What an array holds of every voxel.
@@ -59,7 +61,7 @@ pub fn preamble(content: &Content, offsets: &[u64]) -> String {
     let codes: String =
         names.map(|name| name.bytes().map(|byte| format!("{byte} ")).collect::<String>() + "0 ").collect();
     let extent = format!("0 {nx} 0 {ny} 0 {nz}");
-    let ids = if content.fractions { content.free_name(ARRAY) } else { ARRAY.to_owned() };
+    let ids = content.free_name(ARRAY);
     let ids = escape(&ids);
     // As long before offsets are known as after.
     let fraction = |(resin, offset): (&super::ContentResin, &u64)| {
@@ -147,7 +149,9 @@ impl Container for Vti {
                 let k = slices.start + n as u32;
                 match *values {
                     Values::Ids => zlib(slice_ids(voxels, k, buffer)),
-                    Values::Fraction(resin) => zlib(slice_fractions(voxels, &[resin], k, buffer)),
+                    Values::Fraction(resin) => {
+                        zlib_of_rows(|take| for_rows_of_fractions(voxels, &[resin], k, buffer, take))
+                    }
                 }
             };
             let encoded: Vec<io::Result<Vec<u8>>> = parallel::map_in(slices.len(), Vec::new, encode);

@@ -1,6 +1,6 @@
 //! OpenVDB for Blender, Houdini and whoever reads its grids: a grid of densities for each resin, 1 where it is, or of
-//! its fractions; a grid of signed distances, and a grid of ids with the resins' names in its metadata. Sparse: bricks of one resin are tiles,
-//! background is nothing.
+//! its fractions; a grid of signed distances, and a grid of ids with the resins' names in its metadata. Sparse: bricks
+//! of one resin are tiles, background is nothing.
 //!
 //! The file format is that of OpenVDB's own sources (`io/Archive.cc`, `io/Compression.h`, `tree/RootNode.h`,
 //! `tree/InternalNode.h`, `tree/LeafNode.h`), version 224: trees of three levels, 32³ nodes of 16³ leaves of 8³ voxels,

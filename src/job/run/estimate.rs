@@ -7,7 +7,7 @@ use super::Durations;
 use crate::{
     job::{
         Prepared, PreparedObject, RunError,
-        file::OutputFormat,
+        file::{OutputFormat, VolumeValues},
         look::{LOOK_VOXELS, LookError},
         manifest::MaterialRecord,
         plan::TEXEL_BYTES,
@@ -70,6 +70,11 @@ const GAMUT_CHANNEL_BYTES: u64 = 40 << 20;
 /// What pictures of a job and its look take beside their voxels, and material meshes beside theirs, bytes.
 const PICTURES_MEMORY: u64 = 72 << 20;
 const MESHES_MEMORY: u64 = 110 << 20;
+/// Bytes of a resin's fraction in a slab, and in a row of a slice that is being compressed, with the one it is from.
+const FRACTION_BYTES: u64 = 2;
+const FRACTION_ROW_BYTES: u64 = 6;
+/// What a compressor takes, bytes.
+const COMPRESSOR_BYTES: u64 = 512 << 10;
 /// Bytes per triangle in the mesh, the hierarchy and the sorted rows.
 const TRIANGLE_BYTES: u64 = 480;
 
@@ -149,8 +154,20 @@ impl Prepared {
         let drawing = wants(OutputFormat::Preview);
         let drawn = if drawing { PICTURES_MEMORY + volume(true) } else { 0 };
         let meshed = if wants(OutputFormat::Stl) || wants(OutputFormat::ThreeMf) { MESHES_MEMORY } else { 0 };
-        let writing = texels * TEXEL_BYTES + slab / 2 + drawn.max(meshed);
+        let writing = texels * TEXEL_BYTES + slab / 2 + self.fractions_memory(slab) + drawn.max(meshed);
         BASE_MEMORY + triangles * TRIANGLE_BYTES + laying.max(looking).max(writing)
+    }
+
+    /// Memory of the volume fractions in a slab of so many voxels, bytes: of one half, as with the voxels themselves,
+    /// for the rest is bricks of one composition; and of every worker a row and what it is compressed with.
+    fn fractions_memory(&self, slab: u64) -> u64 {
+        if self.job.output.volumes != VolumeValues::Fractions || !self.slicer().draws_by_lot() {
+            return 0;
+        }
+        let resins = self.materials.resins.len() as u64;
+        let row = u64::from(self.lattice.dims[0]) * resins * FRACTION_ROW_BYTES;
+        let workers = rayon::current_num_threads() as u64;
+        slab / 2 * resins * FRACTION_BYTES + workers * (row + COMPRESSOR_BYTES)
     }
 
     /// Refuses a job that needs more memory than the machine has.
