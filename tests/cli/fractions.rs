@@ -162,10 +162,31 @@ fn fractions_that_nothing_holds_are_refused() {
     bench.run(["verify", "out"]).exits(0);
 }
 
-#[test]
-fn damaged_fractions_are_found_even_where_the_manifest_agrees() {
+/// Writes a file anew, as the manifest has it too, and expects `verify` to say so and no more of it.
+fn finds(bench: &Bench, path: &str, bytes: &[u8], words: &str) {
     use sha2::{Digest, Sha256};
 
+    fs::write(bench.path(format!("out/{path}")), bytes).unwrap();
+    let mut manifest = bench.manifest("out");
+    let entry = manifest["files"].as_array_mut().unwrap().iter_mut().find(|file| file["path"] == path).unwrap();
+    entry["bytes"] = bytes.len().into();
+    entry["sha256"] = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect::<String>().into();
+    fs::write(bench.path("out/manifest.json"), manifest.to_string()).unwrap();
+    let ran = bench.run(["verify", "out"]);
+    if words.is_empty() {
+        ran.exits(0);
+        return;
+    }
+    let ran = ran.exits(1);
+    assert!(ran.stdout.contains(path) && ran.stdout.contains(words), "expected {words}\n{}", ran.stdout);
+}
+
+fn put(data: &mut [u8], at: usize, number: f32) {
+    data[4 * at..4 * at + 4].copy_from_slice(&number.to_le_bytes());
+}
+
+#[test]
+fn damaged_fractions_of_a_nrrd_are_found_even_where_the_manifest_agrees() {
     let bench = bench(LAYERS, "[\"nrrd\"]");
     bench.slice("out");
     let path = "exports/job-fractions.nrrd";
@@ -173,21 +194,14 @@ fn damaged_fractions_are_found_even_where_the_manifest_agrees() {
     let finds = |data: &[u8], words: &str| {
         let mut gzip = flate2::write::GzEncoder::new(header.as_bytes().to_vec(), flate2::Compression::fast());
         std::io::Write::write_all(&mut gzip, data).unwrap();
-        let bytes = gzip.finish().unwrap();
-        fs::write(bench.path(format!("out/{path}")), &bytes).unwrap();
-        let mut manifest = bench.manifest("out");
-        let entry = manifest["files"].as_array_mut().unwrap().iter_mut().find(|file| file["path"] == path).unwrap();
-        entry["bytes"] = bytes.len().into();
-        entry["sha256"] = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect::<String>().into();
-        fs::write(bench.path("out/manifest.json"), manifest.to_string()).unwrap();
-        let ran = bench.run(["verify", "out"]).exits(1);
-        assert!(ran.stdout.contains(path) && ran.stdout.contains(words), "{}", ran.stdout);
+        finds(&bench, path, &gzip.finish().unwrap(), words);
     };
     let with = |at: usize, number: f32| {
         let mut data = sound.clone();
-        data[4 * at..4 * at + 4].copy_from_slice(&number.to_le_bytes());
+        put(&mut data, at, number);
         data
     };
+    finds(&sound, "");
     finds(&with(0, 0.5), "fractions of a voxel that sum to 0.6, expected 1 or 0");
     finds(&with(0, f32::NAN), "found the fraction NaN");
     finds(&with(1, -0.5), "found the fraction -0.5");
@@ -195,4 +209,67 @@ fn damaged_fractions_are_found_even_where_the_manifest_agrees() {
     let mut empty = sound.clone();
     empty[..12].fill(0);
     finds(&empty, "found fractions that fill 7999 voxels, the manifest has 8000");
+    // White and black in each other's place.
+    let swapped: Vec<u8> =
+        sound.chunks(12).flat_map(|voxel| [&voxel[4..8], &voxel[..4], &voxel[8..]].concat()).collect();
+    finds(&swapped, "found fractions of white that fill");
+}
+
+/// A VTI with other arrays in place of its own.
+fn with_arrays(file: &[u8], arrays: &[Vec<u8>]) -> Vec<u8> {
+    let start = file.windows(15).position(|at| at == b"encoding=\"raw\">").unwrap();
+    let start = start + file[start..].iter().position(|byte| *byte == b'_').unwrap() + 1;
+    let (mut data, mut offsets) = (Vec::new(), Vec::new());
+    for array in arrays {
+        offsets.push(data.len());
+        let slice = array.len() / DIMS[2];
+        let blocks = array.chunks(slice).map(|slice| {
+            let mut zlib = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+            std::io::Write::write_all(&mut zlib, slice).unwrap();
+            zlib.finish().unwrap()
+        });
+        let blocks: Vec<Vec<u8>> = blocks.collect();
+        let numbers = [DIMS[2], slice, 0].into_iter().chain(blocks.iter().map(Vec::len));
+        data.extend(numbers.flat_map(|number| (number as u64).to_le_bytes()));
+        data.extend(blocks.concat());
+    }
+    // All offsets but the first's, 0, are twenty digits.
+    let header = String::from_utf8(file[..start].to_vec()).unwrap();
+    let mut parts = header.split("offset=\"");
+    let mut header = format!("{}offset=\"{}", parts.next().unwrap(), parts.next().unwrap());
+    for (offset, rest) in offsets[1..].iter().zip(parts) {
+        header += &format!("offset=\"{offset:020}{}", &rest[20..]);
+    }
+    [header.as_bytes(), &data, b"\n</AppendedData>\n</VTKFile>\n"].concat()
+}
+
+#[test]
+fn damaged_fractions_of_a_vti_are_found_even_where_the_manifest_agrees() {
+    let bench = bench(LAYERS, "[\"vti\"]");
+    bench.slice("out");
+    let path = "exports/job.vti";
+    let file = fs::read(bench.path(format!("out/{path}"))).unwrap();
+    let sound = read_vti(&bench, &format!("out/{path}"));
+    let damaged = |change: &dyn Fn(&mut Vec<Vec<u8>>)| {
+        let mut arrays = sound.clone();
+        change(&mut arrays);
+        with_arrays(&file, &arrays)
+    };
+    let finds = |change: &dyn Fn(&mut Vec<Vec<u8>>), words: &str| finds(&bench, path, &damaged(change), words);
+    finds(&|_| {}, "");
+    finds(&|arrays| put(&mut arrays[1], 0, 0.5), "fractions of a voxel that sum to 0.6, expected 1");
+    finds(&|arrays| put(&mut arrays[2], 7, f32::INFINITY), "found the fraction inf");
+    // As much of each resin as before, in other voxels.
+    finds(
+        &|arrays| {
+            put(&mut arrays[1], 0, 0.8);
+            put(&mut arrays[1], 1, 1.0);
+        },
+        "fractions of a voxel that sum to 0.9, expected 1",
+    );
+    finds(&|arrays| arrays.swap(1, 2), "found fractions of white that fill");
+    finds(&|arrays| arrays.swap(1, 3), "voxels of support where its fraction is 0");
+    finds(&|arrays| arrays[3].truncate(4 * (VOXELS - DIMS[2])), "found another header");
+    // Full where nothing is, and a hole elsewhere.
+    finds(&|arrays| arrays[0][0] = 0, "fractions of a voxel that sum to 1, expected 0");
 }

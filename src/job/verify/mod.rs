@@ -10,12 +10,13 @@
 //! | `layers`    | the images: names, numbering, voxels per resin |
 //! | `image`     | one image, row by row |
 //! | `solids`    | the material meshes |
-//! | `exports`   | files that hold a whole job: `gcvf`, `bitmaps`, `volumes` |
+//! | `exports`   | files that hold a whole job: `gcvf`, `bitmaps`, `volumes`, of these `vti` and `fractions` |
 //! | `stackings` | `stackings.json` |
 
 mod bitmaps;
 mod exports;
 mod files;
+mod fractions;
 mod gcvf;
 mod image;
 mod layers;
@@ -26,6 +27,7 @@ mod stackings;
 #[cfg(test)]
 mod tests;
 mod volumes;
+mod vti;
 
 use std::{
     fs, io,
