@@ -9,7 +9,7 @@
 
 use rayon::prelude::*;
 
-use super::{BRICK, BRICK_VOXELS, BlockShape, Lattice, MaterialId};
+use super::{BRICK, BRICK_VOXELS, Lattice, MaterialId, slab::Layout};
 
 /// All of a voxel's volume. Decimal, so that a mixture of 10% reads 0.1.
 pub const WHOLE: u16 = 10_000;
@@ -140,46 +140,41 @@ impl BrickFractions {
 /// The fractions in all voxels between two heights.
 #[derive(Debug)]
 pub struct FractionSlab {
-    lattice: Lattice,
-    shape: BlockShape,
-    blocks_per_row: usize,
-    index: u32,
+    layout: Layout,
     blocks: Vec<Vec<BrickFractions>>,
 }
 
 impl FractionSlab {
     /// An empty slab at the bottom of the lattice.
     pub fn new(lattice: Lattice) -> Self {
-        let shape = BlockShape::for_lattice(&lattice);
-        let [blocks_per_row, rows] = [0, 1].map(|axis| lattice.dims[axis].div_ceil(shape.voxels()[axis]) as usize);
-        let blocks = vec![vec![BrickFractions::Empty; shape.bricks()]; blocks_per_row * rows];
-        Self { lattice, shape, blocks_per_row, index: 0, blocks }
+        let layout = Layout::new(lattice);
+        let blocks = vec![vec![BrickFractions::Empty; layout.shape.bricks()]; layout.blocks()];
+        Self { layout, blocks }
     }
 
     /// Empties the slab and moves it to position `index` in build direction.
     pub fn reset(&mut self, index: u32) {
-        self.index = index;
+        self.layout.index = index;
         self.blocks.par_iter_mut().for_each(|block| block.fill(BrickFractions::Empty));
     }
 
     /// The bricks of every block, with the index of its first voxel, for filling in parallel.
     pub fn blocks_mut(&mut self) -> impl IndexedParallelIterator<Item = ([u32; 3], &mut [BrickFractions])> {
-        let (shape, per_row, k) = (self.shape.voxels(), self.blocks_per_row, self.index * self.shape.voxels()[2]);
-        let first = move |n: usize| [(n % per_row) as u32 * shape[0], (n / per_row) as u32 * shape[1], k];
-        self.blocks.par_iter_mut().enumerate().map(move |(n, block)| (first(n), &mut block[..]))
+        let first_voxel = self.layout.first_voxels();
+        self.blocks.par_iter_mut().enumerate().map(move |(n, block)| (first_voxel(n), &mut block[..]))
     }
 
     /// The brick at `at`, counted in bricks from the lattice's corner, which must be one of the slab's.
     pub fn brick(&self, at: [u32; 3]) -> &BrickFractions {
-        let shape = self.shape.0;
-        let at = [at[0] as usize, at[1] as usize, at[2] as usize - self.index as usize * shape[2]];
-        let block = &self.blocks[at[0] / shape[0] + self.blocks_per_row * (at[1] / shape[1])];
-        &block[self.shape.brick_index(std::array::from_fn(|axis| at[axis] % shape[axis]))]
+        let Layout { shape, index, .. } = self.layout;
+        let [x, y, z] = at.map(|at| at as usize);
+        let (block, brick) = self.layout.place([x, y, z - index as usize * shape.0[2]]);
+        &self.blocks[block][brick]
     }
 
     /// Copies a resin's fractions in row (j, k) into `row`, which is `dims[0]` long.
     pub fn read_row(&self, resin: MaterialId, j: u32, k: u32, row: &mut [u16]) {
-        debug_assert_eq!(row.len(), self.lattice.dims[0] as usize);
+        debug_assert_eq!(row.len(), self.layout.lattice.dims[0] as usize);
         let first = BRICK * (j as usize % BRICK + BRICK * (k as usize % BRICK));
         for (x, voxels) in (0..).zip(row.chunks_mut(BRICK)) {
             match self.brick([x, j / BRICK as u32, k / BRICK as u32]) {
@@ -265,7 +260,7 @@ mod tests {
         let fraction = |[i, j, k]: [u32; 3]| ((i * 7 + j * 3 + k * 5) % 9999 + 1) as u16;
         let mut slab = FractionSlab::new(lattice);
         slab.reset(1);
-        let shape = slab.shape;
+        let shape = slab.layout.shape;
         slab.blocks_mut().for_each(|(first, bricks)| {
             for (n, brick) in bricks.iter_mut().enumerate() {
                 let at = [n % shape.0[0], n / shape.0[0] % shape.0[1], n / (shape.0[0] * shape.0[1])];

@@ -134,25 +134,57 @@ impl Block {
     }
 }
 
+/// Where the blocks of a slab are, row after row.
+#[derive(Debug)]
+pub(super) struct Layout {
+    pub lattice: Lattice,
+    pub shape: BlockShape,
+    blocks_per_row: usize,
+    rows: usize,
+    /// The slab's position in build direction.
+    pub index: u32,
+}
+
+impl Layout {
+    /// At the bottom of the lattice.
+    pub fn new(lattice: Lattice) -> Self {
+        let shape = BlockShape::for_lattice(&lattice);
+        let [blocks_per_row, rows] = [0, 1].map(|axis| lattice.dims[axis].div_ceil(shape.voxels()[axis]) as usize);
+        Self { lattice, shape, blocks_per_row, rows, index: 0 }
+    }
+
+    /// Number of blocks.
+    pub fn blocks(&self) -> usize {
+        self.blocks_per_row * self.rows
+    }
+
+    /// The first voxel of a block, by the block's place.
+    pub fn first_voxels(&self) -> impl Fn(usize) -> [u32; 3] + Sync + Send + use<> {
+        let (shape, per_row, k) = (self.shape.voxels(), self.blocks_per_row, self.index * self.shape.voxels()[2]);
+        move |n| [(n % per_row) as u32 * shape[0], (n / per_row) as u32 * shape[1], k]
+    }
+
+    /// The block of the brick at `at`, counted from the corner of the slab, and the brick's place in it.
+    #[inline]
+    pub fn place(&self, at: [usize; 3]) -> (usize, usize) {
+        let shape = self.shape.0;
+        let block = at[0] / shape[0] + self.blocks_per_row * (at[1] / shape[1]);
+        (block, self.shape.brick_index(std::array::from_fn(|axis| at[axis] % shape[axis])))
+    }
+}
+
 /// All voxels between two heights.
 #[derive(Debug)]
 pub struct Slab {
-    lattice: Lattice,
-    shape: BlockShape,
-    blocks_per_row: usize,
-    index: u32,
+    layout: Layout,
     blocks: Vec<Block>,
 }
 
 impl Slab {
     /// An empty slab at the bottom of the lattice.
     pub fn new(lattice: Lattice) -> Self {
-        let shape = BlockShape::for_lattice(&lattice);
-        let voxels = shape.voxels();
-        let columns = |axis: usize| lattice.dims[axis].div_ceil(voxels[axis]) as usize;
-        let (blocks_per_row, rows) = (columns(0), columns(1));
-        let mut slab =
-            Self { lattice, shape, blocks_per_row, index: 0, blocks: vec![Block::default(); blocks_per_row * rows] };
+        let layout = Layout::new(lattice);
+        let mut slab = Self { blocks: vec![Block::default(); layout.blocks()], layout };
         slab.reset(0);
         slab
     }
@@ -164,44 +196,40 @@ impl Slab {
 
     /// Empties the slab and moves it to position `index` in build direction; buffers are kept.
     pub fn reset(&mut self, index: u32) {
-        self.index = index;
+        self.layout.index = index;
         for block in &mut self.blocks {
-            block.clear(self.shape.bricks());
+            block.clear(self.layout.shape.bricks());
         }
     }
 
     /// The lattice the slab is part of.
     pub fn lattice(&self) -> &Lattice {
-        &self.lattice
+        &self.layout.lattice
     }
 
     /// Bricks per block.
     pub fn shape(&self) -> BlockShape {
-        self.shape
+        self.layout.shape
     }
 
     /// The slices of the lattice that this slab holds.
     pub fn slices(&self) -> std::ops::Range<u32> {
-        let height = self.shape.voxels()[2];
-        self.index * height..((self.index + 1) * height).min(self.lattice.dims[2])
+        let Layout { lattice, shape, index, .. } = &self.layout;
+        let height = shape.voxels()[2];
+        index * height..((index + 1) * height).min(lattice.dims[2])
     }
 
     /// The blocks with the index of their first voxel, for filling in parallel.
     pub fn blocks_mut(&mut self) -> impl rayon::iter::IndexedParallelIterator<Item = ([u32; 3], &mut Block)> {
         use rayon::prelude::*;
-        let (shape, per_row, k) = (self.shape.voxels(), self.blocks_per_row, self.index * self.shape.voxels()[2]);
-        self.blocks
-            .par_iter_mut()
-            .enumerate()
-            .map(move |(n, block)| ([(n % per_row) as u32 * shape[0], (n / per_row) as u32 * shape[1], k], block))
+        let first_voxel = self.layout.first_voxels();
+        self.blocks.par_iter_mut().enumerate().map(move |(n, block)| (first_voxel(n), block))
     }
 
     /// The material of one voxel, which must lie in [`Self::slices`].
     pub fn voxel(&self, [i, j, k]: [u32; 3]) -> MaterialId {
-        let shape = self.shape.voxels();
-        let block = (i / shape[0]) as usize + self.blocks_per_row * (j / shape[1]) as usize;
-        let [x, y, z] = [i % shape[0], j % shape[1], k - self.index * shape[2]].map(|v| v as usize);
-        match self.blocks[block].tile(self.shape.brick_index([x / BRICK, y / BRICK, z / BRICK])) {
+        let [x, y, z] = [i, j, k - self.slices().start].map(|v| v as usize);
+        match self.tile([x / BRICK, y / BRICK, z / BRICK]) {
             Tile::Uniform(id) => id,
             Tile::Dense(ids) => MaterialId(ids[x % BRICK + BRICK * (y % BRICK + BRICK * (z % BRICK))]),
         }
@@ -209,20 +237,20 @@ impl Slab {
 
     /// The content of the brick at `[x, y, z]`, counted from the corner of the slab.
     pub fn tile(&self, at: [usize; 3]) -> Tile<'_> {
-        let shape = self.shape.0;
-        let block = at[0] / shape[0] + self.blocks_per_row * (at[1] / shape[1]);
-        self.blocks[block].tile(self.shape.brick_index(std::array::from_fn(|axis| at[axis] % shape[axis])))
+        let (block, brick) = self.layout.place(at);
+        self.blocks[block].tile(brick)
     }
 
     /// Copies row (j, k) of material ids into `row`, which is `dims[0]` long.
     pub fn read_row(&self, j: u32, k: u32, row: &mut [u8]) {
-        let shape = self.shape.voxels();
-        let local = [j % shape[1], k - self.index * shape[2]].map(|v| v as usize);
+        let Layout { shape: blocks, blocks_per_row, index, .. } = self.layout;
+        let shape = blocks.voxels();
+        let local = [j % shape[1], k - index * shape[2]].map(|v| v as usize);
         let (brick_y, brick_z) = (local[0] / BRICK, local[1] / BRICK);
         let in_brick = BRICK * (local[0] % BRICK) + BRICK * BRICK * (local[1] % BRICK);
-        let first_block = (j / shape[1]) as usize * self.blocks_per_row;
+        let first_block = (j / shape[1]) as usize * blocks_per_row;
         for (part, block) in row.chunks_mut(shape[0] as usize).zip(&self.blocks[first_block..]) {
-            let first = self.shape.brick_index([0, brick_y, brick_z]);
+            let first = blocks.brick_index([0, brick_y, brick_z]);
             for (voxels, brick) in part.chunks_mut(BRICK).zip(first..) {
                 match block.tile(brick) {
                     Tile::Uniform(id) => voxels.fill(id.0),

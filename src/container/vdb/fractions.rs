@@ -4,7 +4,7 @@
 use std::io;
 
 use super::{
-    Piece, active,
+    Piece, in_leaf_order, mask_of,
     tree::{Inactive, Leaf},
     values,
 };
@@ -23,11 +23,14 @@ pub(super) fn pieces(brick: &BrickFractions) -> io::Result<Vec<(usize, Piece)>> 
         }
         BrickFractions::Each(resins) => {
             let leaf = |fractions| -> io::Result<Piece> {
-                let (mask, found) = active(fractions);
-                let words = found.iter().map(|fraction| unit(*fraction).to_bits()).collect::<Vec<_>>();
+                let fractions = in_leaf_order(fractions);
+                let is_there = |fraction: u16| fraction != 0;
+                let mask = mask_of(&fractions, is_there);
+                let found = || fractions.iter().copied().filter(|fraction| is_there(*fraction));
                 // A leaf without values is one of ones.
-                let mixed = found.iter().any(|fraction| *fraction != WHOLE);
-                let values = mixed.then(|| values(&words)).transpose()?;
+                let is_whole = found().all(|fraction| fraction == WHOLE);
+                let words = || found().map(|fraction| unit(fraction).to_bits()).collect::<Vec<_>>();
+                let values = (!is_whole).then(|| values(&words())).transpose()?;
                 Ok(Piece::Leaf(Leaf { mask, values, inactive: Inactive::Background }))
             };
             resins.iter().map(|(resin, fractions)| Ok((usize::from(resin.0), leaf(&**fractions)?))).collect()

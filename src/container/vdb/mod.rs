@@ -114,24 +114,28 @@ fn turned(n: usize) -> usize {
     (x << 6) | (y << 3) | z
 }
 
-/// What of a brick is active, as a leaf has it, and its values there.
-fn active<T: Copy + Default + PartialEq>(brick: &[T; BRICK_VOXELS]) -> ([u64; 8], Vec<T>) {
+/// A brick's values in the order of a leaf.
+fn in_leaf_order<T: Copy + Default>(brick: &[T; BRICK_VOXELS]) -> [T; BRICK_VOXELS] {
     let mut leaf = [T::default(); BRICK_VOXELS];
     for (n, value) in brick.iter().enumerate() {
         leaf[turned(n)] = *value;
     }
-    let mut mask = [0; 8];
-    let is_active = |value: &T| *value != T::default();
-    for (n, _) in leaf.iter().enumerate().filter(|(_, value)| is_active(value)) {
-        mask[n / 64] |= 1 << (n % 64);
-    }
-    (mask, leaf.into_iter().filter(is_active).collect())
+    leaf
 }
 
-/// What a brick of several ids adds to the grid of ids.
+/// The voxels of a leaf that are such, a bit each.
+fn mask_of<T: Copy>(leaf: &[T; BRICK_VOXELS], is_such: impl Fn(T) -> bool) -> [u64; 8] {
+    let mut mask = [0; 8];
+    for (n, _) in leaf.iter().enumerate().filter(|(_, value)| is_such(**value)) {
+        mask[n / 64] |= 1 << (n % 64);
+    }
+    mask
+}
+
+/// What a brick of several ids, in the order of a leaf, adds to the grid of ids.
 fn id_leaf(ids: &[u8; BRICK_VOXELS]) -> io::Result<Piece> {
-    let (mask, ids) = active(ids);
-    let words: Vec<u32> = ids.into_iter().map(u32::from).collect();
+    let words: Vec<u32> = ids.iter().filter(|id| **id != 0).map(|id| u32::from(*id)).collect();
+    let mask = mask_of(ids, |id| id != 0);
     Ok(Piece::Leaf(Leaf { mask, values: Some(values(&words)?), inactive: Inactive::Background }))
 }
 
@@ -140,7 +144,7 @@ fn density_leaves(ids: &[u8; BRICK_VOXELS]) -> Vec<(usize, Piece)> {
     let mut present = [false; 256];
     ids.iter().for_each(|id| present[usize::from(*id)] = true);
     let leaf = |id: u8| {
-        let (mask, _) = active(&ids.map(|other| other == id));
+        let mask = mask_of(ids, |other| other == id);
         (usize::from(id), Piece::Leaf(Leaf { mask, values: None, inactive: Inactive::Background }))
     };
     (1..=u8::MAX).filter(|id| present[usize::from(*id)]).map(leaf).collect()
@@ -171,9 +175,10 @@ impl Container for Vdb {
                             }
                         }
                         None => {
-                            add(vec![(0, id_leaf(&ids)?)]);
+                            let leaf = in_leaf_order(&ids);
+                            add(vec![(0, id_leaf(&leaf)?)]);
                             if !fractions {
-                                add(density_leaves(&ids));
+                                add(density_leaves(&leaf));
                             }
                         }
                     }
