@@ -241,6 +241,15 @@ impl Slab {
         self.blocks[block].tile(brick)
     }
 
+    /// The bricks of a row along x, at (y, z) counted from the corner of the slab; the last may reach beyond the lattice
+    /// or lie there.
+    pub fn tiles(&self, [y, z]: [usize; 2]) -> impl Iterator<Item = Tile<'_>> {
+        let Layout { shape, blocks_per_row, .. } = self.layout;
+        let first = shape.brick_index([0, y % shape.0[1], z]);
+        let blocks = self.blocks[y / shape.0[1] * blocks_per_row..].iter().take(blocks_per_row);
+        blocks.flat_map(move |block| (first..first + shape.0[0]).map(|brick| block.tile(brick)))
+    }
+
     /// Copies row (j, k) of material ids into `row`, which is `dims[0]` long.
     pub fn read_row(&self, j: u32, k: u32, row: &mut [u8]) {
         let Layout { shape: blocks, blocks_per_row, index, .. } = self.layout;

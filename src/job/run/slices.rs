@@ -107,7 +107,7 @@ impl Prepared {
         if self.job.wants(OutputFormat::Png) || image.is_some() {
             encode_rgba(slab, k, &self.palette, rows, &mut counts, file).map_err(encoding)?;
         } else {
-            count_voxels(slab, k, rows, &mut counts);
+            count_voxels(slab, k, &mut counts);
         }
         if let Some(image) = image {
             image.extend_from_slice(file);
