@@ -16,12 +16,11 @@
 use std::{collections::VecDeque, io};
 
 use glam::DVec3;
-use half::f16;
+use half::{f16, slice::HalfFloatSliceExt};
 
 use super::{
-    compressed,
+    compressed, in_leaf_order, mask_of,
     tree::{Inactive, Leaf, Tree},
-    turned,
 };
 use crate::{
     parallel,
@@ -117,6 +116,11 @@ impl Band {
             squares: std::array::from_fn(|axis| (0..=reach[axis]).map(|n| square(axis, n)).collect()),
         })
     }
+
+    /// The bits of a word within reach of a brick's own.
+    fn window(&self) -> u64 {
+        ((1 << (BRICK + 2 * self.reach[0])) - 1) << (BRICK * self.halo[0] - self.reach[0])
+    }
 }
 
 /// A layer of bricks.
@@ -148,17 +152,21 @@ enum Piece {
     Leaf(Leaf),
 }
 
-/// Squares of distances from the nearest voxel of one kind, x by x.
+/// A number for each voxel of a row along x.
 type Row = [f32; BRICK];
+
+/// Rows of a brick.
+const ROWS: usize = BRICK * BRICK;
 
 /// Buffers of one worker.
 #[derive(Default)]
 struct Scratch {
-    /// From the nearest outside and the nearest inside voxel of each row.
-    rows: [Vec<Row>; 2],
-    planes: Vec<Row>,
-    squares: [Vec<Row>; 2],
+    /// Bits of whole rows of the brick and of what lies within reach, a byte for each brick along x.
     words: Vec<u64>,
+    /// Squares of distances along x from the nearest voxel of one kind.
+    rows: Vec<Row>,
+    /// The same along x and y, from the nearest outside and from the nearest inside voxel.
+    planes: [Vec<Row>; 2],
 }
 
 impl Distances {
@@ -251,10 +259,7 @@ impl Distances {
                 match kinds(x + wide * y) {
                     OUTSIDE => {}
                     INSIDE => found.push((at, Piece::Inside)),
-                    _ => {
-                        self.measure(at, scratch);
-                        found.extend(self.piece(at, scratch)?.map(|piece| (at, piece)));
-                    }
+                    _ => found.extend(self.piece(at, scratch)?.map(|piece| (at, piece))),
                 }
             }
             Ok(found)
@@ -284,15 +289,33 @@ impl Distances {
         }
     }
 
-    /// Finds the squares of a brick's distances from both kinds, as far as they lie within the band.
-    fn measure(&self, at: [i32; 3], scratch: &mut Scratch) {
-        let Band { reach, halo, squares, .. } = &self.band;
+    /// What a brick adds; nothing where all of it is outside and further than the band.
+    fn piece(&self, at: [i32; 3], scratch: &mut Scratch) -> io::Result<Option<Piece>> {
+        self.gather(at, &mut scratch.words);
+        let window = self.band.window();
+        let (some, every) = scratch.words.iter().fold((0, window), |(some, every), word| (some | word, every & word));
+        if some & window == 0 {
+            return Ok(None);
+        }
+        if every == window {
+            return Ok(Some(Piece::Inside));
+        }
+        let own = self.cell(at);
+        let rows = self.measure(&std::array::from_fn(|row| own.row(row)), scratch);
+        let mut halves = [f16::ZERO; BRICK_VOXELS];
+        halves.convert_from_f32_slice(rows.as_flattened());
+        self.leaf(&in_leaf_order(&halves))
+    }
+
+    /// Gathers the bits of the rows within reach of a brick, along y and then z; its own voxels are those from 8 times
+    /// the halo on.
+    fn gather(&self, at: [i32; 3], words: &mut Vec<u64>) {
+        let Band { reach, halo, .. } = &self.band;
         let [hx, hy, hz] = halo.map(|halo| halo as i32);
         let [rows_y, rows_z] = [1, 2].map(|axis| BRICK + 2 * reach[axis]);
-        // Bits of whole rows, the brick's own from 8 hx on.
         let within_brick = |n: usize, axis: usize| (n + BRICK * halo[axis] - reach[axis]) % BRICK;
-        scratch.words.clear();
-        scratch.words.resize(rows_y * rows_z, 0);
+        words.clear();
+        words.resize(rows_y * rows_z, 0);
         for (dz, dy, dx) in
             (-hz..=hz).flat_map(|dz| (-hy..=hy).flat_map(move |dy| (-hx..=hx).map(move |dx| (dz, dy, dx))))
         {
@@ -309,56 +332,40 @@ impl Distances {
             for z in within(dz, 2) {
                 for y in within(dy, 1) {
                     let bits = cell.row(within_brick(y, 1) + BRICK * within_brick(z, 2));
-                    scratch.words[y + rows_y * z] |= u64::from(bits) << (BRICK as i32 * (dx + hx));
+                    words[y + rows_y * z] |= u64::from(bits) << (BRICK as i32 * (dx + hx));
                 }
             }
-        }
-        for rows in &mut scratch.rows {
-            rows.clear();
-            rows.resize(rows_y * rows_z, [0.0; BRICK]);
-        }
-        let bits = BRICK * (2 * halo[0] + 1);
-        let all = u64::MAX >> (64 - bits);
-        let [outside, inside] = &mut scratch.rows;
-        for ((word, to_outside), to_inside) in scratch.words.iter().zip(outside).zip(inside) {
-            nearest_bits(all & !word, BRICK * halo[0], &squares[0], to_outside);
-            nearest_bits(*word, BRICK * halo[0], &squares[0], to_inside);
-        }
-        for (rows, found) in scratch.rows.iter().zip(&mut scratch.squares) {
-            scratch.planes.clear();
-            scratch.planes.resize(BRICK * rows_z, [0.0; BRICK]);
-            found.clear();
-            found.resize(BRICK * BRICK, [0.0; BRICK]);
-            nearest_rows(rows, &squares[1], &squares[2], &mut scratch.planes, found);
         }
     }
 
-    /// What a brick adds, its distances found; nothing where all of it is outside and further than the band.
-    fn piece(&self, at: [i32; 3], scratch: &Scratch) -> io::Result<Option<Piece>> {
-        let own = self.cell(at);
-        let half_width = self.band.half_width;
-        let (mut mask, mut outside) = ([0_u64; 8], [0_u64; 8]);
-        let mut values = Vec::with_capacity(2 * BRICK_VOXELS);
-        for x in 0..BRICK {
-            for (y, z) in (0..BRICK).flat_map(|y| (0..BRICK).map(move |z| (y, z))) {
-                let row = y + BRICK * z;
-                let is_inside = own.row(row) >> x & 1 != 0;
-                let n = turned(x + BRICK * row);
-                let square = scratch.squares[usize::from(!is_inside)][row][x];
-                if !is_inside {
-                    outside[n / 64] |= 1 << (n % 64);
-                }
-                if square >= half_width * half_width {
-                    continue;
-                }
-                let distance = f16::from_f32(square.sqrt());
-                // 16 bits may round it up to what is not in the band.
-                if distance.to_f32() < half_width {
-                    mask[n / 64] |= 1 << (n % 64);
-                    values.extend(if is_inside { -distance } else { distance }.to_le_bytes());
-                }
-            }
+    /// Signed distances of a brick's voxels from the words around it, right as far as they lie within the band; `own`
+    /// are its own rows.
+    fn measure(&self, own: &[u8; ROWS], scratch: &mut Scratch) -> [Row; ROWS] {
+        let Band { halo, squares, .. } = &self.band;
+        let window = self.band.window();
+        let Scratch { words, rows, planes } = scratch;
+        // What is outside is measured from what is inside, and the other way round.
+        let is_asked = [own.iter().any(|row| *row != 0), own.iter().any(|row| *row != u8::MAX)];
+        for (kind, planes) in planes.iter_mut().enumerate().filter(|(kind, _)| is_asked[*kind]) {
+            let flip = if kind == 0 { u64::MAX } else { 0 };
+            rows.clear();
+            rows.extend(words.iter().map(|word| nearest_bits((word ^ flip) & window, BRICK * halo[0], &squares[0])));
+            planes.clear();
+            planes.resize(rows.len() / (BRICK + 2 * self.band.reach[1]) * BRICK, [0.0; BRICK]);
+            along_y(rows, &squares[1], planes);
         }
+        along_z(own, [&planes[0], &planes[1]], &squares[2])
+    }
+
+    /// The leaf of such distances; nothing or a tile where none is within the band.
+    fn leaf(&self, distances: &[f16; BRICK_VOXELS]) -> io::Result<Option<Piece>> {
+        // Of positive numbers, the bits are in the order of the numbers.
+        let half_width = f16::from_f32(self.band.half_width).to_bits();
+        let is_active = |distance: f16| distance.to_bits() & !SIGN < half_width;
+        let mask = mask_of(distances, is_active);
+        let outside = mask_of(distances, |distance| distance.to_bits() & SIGN == 0);
+        let mut values = Vec::with_capacity(BRICK_VOXELS);
+        values.extend(distances.iter().filter(|distance| is_active(**distance)).map(|distance| distance.to_le_bytes()));
         if values.is_empty() {
             // Voxels of the other kind next to one are in the band, so all are of one kind.
             return Ok((outside[0] == 0).then_some(Piece::Inside));
@@ -369,41 +376,55 @@ impl Distances {
             (false, true) => Inactive::Negative,
             (true, true) => Inactive::Either(Box::new(outside)),
         };
-        Ok(Some(Piece::Leaf(Leaf { mask, values: Some(compressed(&values)?), inactive })))
+        Ok(Some(Piece::Leaf(Leaf { mask, values: Some(compressed(values.as_flattened())?), inactive })))
     }
 }
+
+/// The bit of a number's sign in 16 bits.
+const SIGN: u16 = 1 << 15;
 
 /// Squares of the distances along x from the nearest set bit, from the bits `first` to `first` + 7; infinite beyond
 /// the reach.
-fn nearest_bits(word: u64, first: usize, squares: &[f32], row: &mut Row) {
+fn nearest_bits(word: u64, first: usize, squares: &[f32]) -> Row {
     if word == 0 {
-        return row.fill(f32::INFINITY);
+        return [f32::INFINITY; BRICK];
     }
     if (word >> first) & 0xff == 0xff {
-        return row.fill(0.0);
+        return [0.0; BRICK];
     }
-    for (x, square) in row.iter_mut().enumerate() {
+    std::array::from_fn(|x| {
         let bit = first + x;
         let above = (word >> bit).trailing_zeros();
         let below = (word << (63 - bit)).leading_zeros();
-        *square = squares.get(above.min(below) as usize).copied().unwrap_or(f32::INFINITY);
+        squares.get(above.min(below) as usize).copied().unwrap_or(f32::INFINITY)
+    })
+}
+
+/// Squares of distances along x and y from those along x.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
+fn along_y(rows: &[Row], squares: &[f32], planes: &mut [Row]) {
+    let rows_y = BRICK + 2 * (squares.len() - 1);
+    for (rows, plane) in rows.chunks_exact(rows_y).zip(planes.chunks_exact_mut(BRICK)) {
+        for (y, nearest) in plane.iter_mut().enumerate() {
+            *nearest = least(rows[y..].iter().take(rows_y - BRICK + 1), squares);
+        }
     }
 }
 
-/// Squares of distances from the nearest voxel of a kind, from those along x: along y into `planes`, along z into
-/// `found`.
+/// Signed distances from the squares of those along x and y from both kinds; of a kind that no voxel of the brick asks
+/// for there need be none.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
-fn nearest_rows(rows: &[Row], along_y: &[f32], along_z: &[f32], planes: &mut [Row], found: &mut [Row]) {
-    let rows_y = BRICK + 2 * (along_y.len() - 1);
-    for (rows, plane) in rows.chunks_exact(rows_y).zip(planes.chunks_exact_mut(BRICK)) {
-        for (y, nearest) in plane.iter_mut().enumerate() {
-            *nearest = least(rows[y..].iter().take(rows_y - BRICK + 1), along_y);
-        }
-    }
-    let rows_z = 2 * (along_z.len() - 1) + 1;
-    for (n, nearest) in found.iter_mut().enumerate() {
-        *nearest = least(planes[n..].iter().step_by(BRICK).take(rows_z), along_z);
-    }
+fn along_z(own: &[u8; ROWS], planes: [&[Row]; 2], squares: &[f32]) -> [Row; ROWS] {
+    let rows_z = 2 * (squares.len() - 1) + 1;
+    std::array::from_fn(|n| {
+        let from = |kind: usize| least(planes[kind][n..].iter().step_by(BRICK).take(rows_z), squares);
+        let to_outside = if own[n] == 0 { [0.0; BRICK] } else { from(0) };
+        let to_inside = if own[n] == u8::MAX { [0.0; BRICK] } else { from(1) };
+        std::array::from_fn(|x| match own[n] >> x & 1 {
+            0 => to_inside[x].sqrt(),
+            _ => -to_outside[x].sqrt(),
+        })
+    })
 }
 
 /// The least of rows with the squares of their distances from the middle one.

@@ -29,8 +29,8 @@ pub(super) fn pieces(brick: &BrickFractions) -> io::Result<Vec<(usize, Piece)>> 
                 let found = || fractions.iter().copied().filter(|fraction| is_there(*fraction));
                 // A leaf without values is one of ones.
                 let is_whole = found().all(|fraction| fraction == WHOLE);
-                let words = || found().map(|fraction| unit(fraction).to_bits()).collect::<Vec<_>>();
-                let values = (!is_whole).then(|| values(&words())).transpose()?;
+                let words = found().map(|fraction| unit(fraction).to_bits());
+                let values = (!is_whole).then(|| values(words)).transpose()?;
                 Ok(Piece::Leaf(Leaf { mask, values, inactive: Inactive::Background }))
             };
             resins.iter().map(|(resin, fractions)| Ok((usize::from(resin.0), leaf(&**fractions)?))).collect()

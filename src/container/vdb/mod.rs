@@ -83,7 +83,7 @@ impl Vdb {
     /// # Errors
     /// None but those of compressing.
     pub fn new(file: File, content: Content) -> io::Result<Self> {
-        let ones = (0..=BRICK_VOXELS).map(|count| values(&vec![1.0_f32.to_bits(); count]));
+        let ones = (0..=BRICK_VOXELS).map(|count| values(std::iter::repeat_n(1.0_f32.to_bits(), count)));
         Ok(Self {
             out: BufWriter::with_capacity(1 << 20, file),
             ids: Tree::default(),
@@ -96,8 +96,10 @@ impl Vdb {
 }
 
 /// Words as OpenVDB compresses them: their compressed length and the bytes, or the length negated and the words.
-fn values(words: &[u32]) -> io::Result<Vec<u8>> {
-    compressed(&words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>())
+fn values(words: impl Iterator<Item = u32>) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::with_capacity(BRICK_VOXELS);
+    bytes.extend(words.map(u32::to_le_bytes));
+    compressed(bytes.as_flattened())
 }
 
 /// The same of bytes.
@@ -108,35 +110,25 @@ fn compressed(plain: &[u8]) -> io::Result<Vec<u8>> {
     Ok([&length.to_le_bytes(), bytes].concat())
 }
 
-/// Index within a leaf, z fastest, of the voxel that is the n-th of a brick, x fastest.
-fn turned(n: usize) -> usize {
-    let [x, y, z] = [n % BRICK, n / BRICK % BRICK, n / (BRICK * BRICK)];
-    (x << 6) | (y << 3) | z
-}
-
-/// A brick's values in the order of a leaf.
-fn in_leaf_order<T: Copy + Default>(brick: &[T; BRICK_VOXELS]) -> [T; BRICK_VOXELS] {
-    let mut leaf = [T::default(); BRICK_VOXELS];
-    for (n, value) in brick.iter().enumerate() {
-        leaf[turned(n)] = *value;
-    }
-    leaf
+/// A brick's values, x fastest, in the order of a leaf, z fastest.
+fn in_leaf_order<T: Copy>(brick: &[T; BRICK_VOXELS]) -> [T; BRICK_VOXELS] {
+    std::array::from_fn(|n| {
+        let [x, y, z] = [n / (BRICK * BRICK), n / BRICK % BRICK, n % BRICK];
+        brick[x + BRICK * (y + BRICK * z)]
+    })
 }
 
 /// The voxels of a leaf that are such, a bit each.
 fn mask_of<T: Copy>(leaf: &[T; BRICK_VOXELS], is_such: impl Fn(T) -> bool) -> [u64; 8] {
-    let mut mask = [0; 8];
-    for (n, _) in leaf.iter().enumerate().filter(|(_, value)| is_such(**value)) {
-        mask[n / 64] |= 1 << (n % 64);
-    }
-    mask
+    let word = |values: &[T; 64]| values.iter().rev().fold(0, |bits, value| bits << 1 | u64::from(is_such(*value)));
+    std::array::from_fn(|n| word(&leaf.as_chunks().0[n]))
 }
 
 /// What a brick of several ids, in the order of a leaf, adds to the grid of ids.
 fn id_leaf(ids: &[u8; BRICK_VOXELS]) -> io::Result<Piece> {
-    let words: Vec<u32> = ids.iter().filter(|id| **id != 0).map(|id| u32::from(*id)).collect();
     let mask = mask_of(ids, |id| id != 0);
-    Ok(Piece::Leaf(Leaf { mask, values: Some(values(&words)?), inactive: Inactive::Background }))
+    let words = ids.iter().filter(|id| **id != 0).map(|id| u32::from(*id));
+    Ok(Piece::Leaf(Leaf { mask, values: Some(values(words)?), inactive: Inactive::Background }))
 }
 
 /// What it adds to that of every resin in it.

@@ -278,7 +278,7 @@ fn write_node(
     write_mask(out, &child_mask)?;
     write_mask(out, &tile_mask)?;
     out.write_all(&[ALL_BACKGROUND])?;
-    out.write_all(&values(&words)?)
+    out.write_all(&values(words.into_iter())?)
 }
 
 fn write_mask(out: &mut dyn Write, mask: &[u64]) -> io::Result<()> {
