@@ -192,6 +192,11 @@ impl Distances {
         &self.tree
     }
 
+    /// The tree, to be sorted.
+    pub(super) fn tree_mut(&mut self) -> &mut Tree {
+        &mut self.tree
+    }
+
     /// Takes in the next layer of bricks, x fastest.
     pub(super) fn take(&mut self, cells: Vec<Cell>) -> io::Result<()> {
         let around = self.around(&cells);

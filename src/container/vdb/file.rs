@@ -7,8 +7,11 @@ use std::{
 
 use sha2::{Digest, Sha256};
 
-use super::{Content, tree::Tree};
-use crate::{output::GENERATOR, watch::Watch, words::hex};
+use super::{
+    Content,
+    tree::{Active, Tree},
+};
+use crate::{output::GENERATOR, parallel, watch::Watch, words::hex};
 
 /// " BDV", and four bytes of 0.
 const MAGIC: i64 = 0x5644_4220;
@@ -52,18 +55,19 @@ pub(super) fn write_file(
     }
     // Grids can be found by their offsets.
     out.write_all(&[1])?;
-    out.write_all(identity(content, grids).as_bytes())?;
+    let active = parallel::map_all(grids, |grid| grid.tree.active());
+    out.write_all(identity(content, grids, &active).as_bytes())?;
     write_metadata(out, &[("creator".to_owned(), Value::Text(GENERATOR.to_owned()))])?;
     out.write_all(&(grids.len() as u32).to_le_bytes())?;
-    for grid in grids {
-        write_grid(out, content, grid, ones, watch)?;
+    for (grid, active) in grids.iter().zip(active) {
+        write_grid(out, content, grid, active, ones, watch)?;
     }
     Ok(())
 }
 
 /// A UUID that is the same for the same content: the name, the lattice and the number of active voxels.
-fn identity(content: &Content, grids: &[Grid<'_>]) -> String {
-    let counts: Vec<_> = grids.iter().map(|grid| (&grid.name, grid.tree.active().0)).collect();
+fn identity(content: &Content, grids: &[Grid<'_>], active: &[Active]) -> String {
+    let counts: Vec<_> = grids.iter().zip(active).map(|(grid, (count, _))| (&grid.name, *count)).collect();
     let text = hex(&Sha256::digest(format!("{} {:?} {counts:?}", content.name, content.lattice)));
     format!("{}-{}-4{}-8{}-{}", &text[..8], &text[8..12], &text[13..16], &text[17..20], &text[20..32])
 }
@@ -72,6 +76,7 @@ fn write_grid(
     out: &mut BufWriter<File>,
     content: &Content,
     grid: &Grid<'_>,
+    (count, [low, high]): Active,
     ones: &[Vec<u8>],
     watch: &dyn Watch,
 ) -> io::Result<()> {
@@ -82,7 +87,6 @@ fn write_grid(
     out.write_all(&[0; 24])?;
     let grid_at = out.stream_position()?;
     out.write_all(&COMPRESSION.to_le_bytes())?;
-    let (count, [low, high]) = grid.tree.active();
     let mut metadata = vec![("file_voxel_count".to_owned(), Value::Long(count as i64))];
     if count > 0 {
         metadata.push(("file_bbox_min".to_owned(), Value::Index(low)));

@@ -203,6 +203,12 @@ impl Container for Vdb {
     }
 
     fn finish(mut self: Box<Self>, counts: &Counts, watch: &dyn Watch) -> Result<(), ContainerError> {
+        if let Some(distances) = &mut self.distances {
+            distances.finish()?;
+        }
+        let trees = self.densities.iter_mut().chain([&mut self.ids]);
+        let mut trees: Vec<&mut Tree> = trees.chain(self.distances.as_mut().map(Distances::tree_mut)).collect();
+        parallel::rows(&mut trees, 1, |_, trees| trees.iter_mut().for_each(|tree| tree.sort()));
         let text = |value: &str| Value::Text(value.to_owned());
         let name = self.content.free_name(IDS);
         let mut names = vec![("class".to_owned(), text("unknown")), ("name".to_owned(), text(&name))];
@@ -221,8 +227,7 @@ impl Container for Vdb {
                 grids.push(Grid { name: resin.name.clone(), kind: "Tree_float_5_4_3", metadata, tree });
             }
         }
-        if let Some(distances) = &mut self.distances {
-            distances.finish()?;
+        if let Some(distances) = &self.distances {
             grids.push(distance_grid(&self.content, distances));
         }
         grids.push(ids);

@@ -74,19 +74,24 @@ impl Leaf {
 const WHOLE: [[u32; 3]; 2] = [[0; 3], [BRICK as u32 - 1; 3]];
 
 /// 16³ bricks.
+///
+/// Those that are not nothing, by their index, in its order once the tree is sorted.
 #[derive(Debug, Clone, Default)]
 struct Node {
-    tiles: BTreeMap<u16, i32>,
-    leaves: BTreeMap<u16, Leaf>,
+    tiles: Vec<(u16, i32)>,
+    leaves: Vec<(u16, Leaf)>,
 }
 
-/// A tree.
+/// A tree. Bricks are added in any order, each once; it is sorted before it is written.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tree {
     nodes: BTreeMap<[i32; 3], Node>,
     /// The background of a signed tree.
     length: Option<f32>,
 }
+
+/// How many voxels are active, and least and greatest index of them.
+pub(super) type Active = (u64, [[i32; 3]; 2]);
 
 /// Index of a child among 2^log along each axis, z fastest.
 fn index(at: [i32; 3], log: u32) -> usize {
@@ -97,20 +102,16 @@ fn index(at: [i32; 3], log: u32) -> usize {
 impl Node {
     /// The value of all bricks, where they are tiles of one.
     fn uniform(&self) -> Option<i32> {
-        let mut values = self.tiles.values();
-        let first = *values.next()?;
-        (self.tiles.len() == LEAVES && values.all(|value| *value == first)).then_some(first)
+        let (_, first) = *self.tiles.first()?;
+        (self.tiles.len() == LEAVES && self.tiles.iter().all(|(_, value)| *value == first)).then_some(first)
     }
 
     fn write_topology(&self, out: &mut dyn Write, signed: bool) -> io::Result<()> {
-        let leaves = self.leaves.keys().map(|n| usize::from(*n));
-        write_node(out, LEAVES, leaves, &mut self.tiles.iter().map(tile), signed)?;
-        self.leaves.values().try_for_each(|leaf| write_mask(out, &leaf.mask))
+        let leaves = self.leaves.iter().map(|(n, _)| usize::from(*n));
+        let mut tiles = self.tiles.iter().map(|(n, value)| (usize::from(*n), *value));
+        write_node(out, LEAVES, leaves, &mut tiles, signed)?;
+        self.leaves.iter().try_for_each(|(_, leaf)| write_mask(out, &leaf.mask))
     }
-}
-
-fn tile((n, value): (&u16, &i32)) -> (usize, i32) {
-    (usize::from(*n), *value)
 }
 
 impl Tree {
@@ -135,19 +136,27 @@ impl Tree {
     /// Gives all voxels of a brick one value, and makes them active but in a signed tree.
     pub(super) fn set_tile(&mut self, brick: [i32; 3], value: i32) {
         let (node, n) = self.node(brick);
-        node.tiles.insert(n, value);
+        node.tiles.push((n, value));
     }
 
     pub(super) fn set_leaf(&mut self, brick: [i32; 3], leaf: Leaf) {
         let (node, n) = self.node(brick);
-        node.leaves.insert(n, leaf);
+        node.leaves.push((n, leaf));
     }
 
-    /// Active voxels, and least and greatest index of them.
-    pub(super) fn active(&self) -> (u64, [[i32; 3]; 2]) {
+    /// Brings bricks into the order that they are written in.
+    pub(super) fn sort(&mut self) {
+        for node in self.nodes.values_mut() {
+            node.tiles.sort_unstable_by_key(|tile| tile.0);
+            node.leaves.sort_unstable_by_key(|leaf| leaf.0);
+        }
+    }
+
+    /// Its active voxels.
+    pub(super) fn active(&self) -> Active {
         let (mut count, mut low, mut high) = (0, [i32::MAX; 3], [i32::MIN; 3]);
         for (origin, node) in &self.nodes {
-            let tiles = node.tiles.keys().filter(|_| !self.is_signed()).map(|n| (n, 512, WHOLE));
+            let tiles = node.tiles.iter().filter(|_| !self.is_signed()).map(|(n, _)| (n, 512, WHOLE));
             let leaves = node.leaves.iter().filter_map(|(n, leaf)| Some((n, leaf.count(), leaf.extent()?)));
             for (n, voxels, extent) in tiles.chain(leaves) {
                 count += u64::from(voxels);
@@ -171,10 +180,10 @@ impl Tree {
         let is_set = |mask: &[u64; 8], n: usize| mask[n / 64] >> (n % 64) & 1 != 0;
         let Some(node) = self.nodes.get(&brick.map(|index| index >> NODE)) else { return (length, false) };
         let within = index(brick, NODE) as u16;
-        if let Some(tile) = node.tiles.get(&within) {
+        if let Some((_, tile)) = node.tiles.iter().find(|(n, _)| *n == within) {
             return (f32::from_bits(*tile as u32), false);
         }
-        let Some(leaf) = node.leaves.get(&within) else { return (length, false) };
+        let Some((_, leaf)) = node.leaves.iter().find(|(n, _)| *n == within) else { return (length, false) };
         if is_set(&leaf.mask, n) {
             let packed = leaf.values.as_deref().unwrap_or_default();
             let mut plain = Vec::new();
@@ -231,7 +240,7 @@ impl Tree {
         for nodes in self.uppers().values() {
             for node in nodes.values() {
                 watch.go_on().map_err(io::Error::other)?;
-                for leaf in node.leaves.values() {
+                for (_, leaf) in &node.leaves {
                     write_mask(out, &leaf.mask)?;
                     match &leaf.inactive {
                         Inactive::Background => out.write_all(&[ALL_BACKGROUND])?,
