@@ -114,13 +114,17 @@ impl Slicer {
                         &*body
                     }
                 };
-                slab.blocks_mut().for_each_init(FillScratch::default, |scratch, (first, block)| {
-                    object.fill_block(first, field, block, scratch);
-                });
-                if let Some(fractions) = &mut fractions {
-                    fractions.blocks_mut().for_each_init(FillScratch::default, |scratch, (first, bricks)| {
-                        object.fill_fractions(first, field, bricks, scratch);
-                    });
+                let blocks = slab.blocks_mut();
+                match &mut fractions {
+                    None => blocks.for_each_init(FillScratch::default, |scratch, (first, block)| {
+                        object.fill_block(first, field, block, None, scratch);
+                    }),
+                    Some(fractions) => blocks.zip(fractions.blocks_mut()).for_each_init(
+                        FillScratch::default,
+                        |scratch, ((first, block), (_, fractions))| {
+                            object.fill_block(first, field, block, Some(fractions), scratch);
+                        },
+                    ),
                 }
             }
             sink(&slab, fractions.as_ref())?;

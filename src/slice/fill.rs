@@ -1,4 +1,5 @@
-//! One object into one block of voxels: the leaves of the descent that are voxels.
+//! One object into one block of voxels: the leaves of the descent that are voxels, and their fractions where those are
+//! asked for.
 
 use std::{borrow::Cow, sync::Arc};
 
@@ -8,16 +9,17 @@ use super::{
     depth::{DistanceKind, Measure, MeasureScratch, SlabField},
     descent::{Bricks, DEPTH_MARGIN, Descent, DescentScratch, EMPTY, FULL, Leaves, Mask, is_set},
     dither::Dither,
+    fractions::{FractionBlock, Measured},
     joined::{Joined, Whose},
 };
 use crate::{
     appearance::{BrickQuery, Filling, LayerField, SurfaceShare},
     mesh::Solid,
     sdf::{
-        BlockBox, BrickOffsets, BrickSurface, DepthRange, Face, InsideRows, SliceRuns, Surface, closest_point,
+        BlockBox, BrickOffsets, BrickSurface, DepthRange, Face, InsideRows, Part, SliceRuns, Surface, closest_point,
         nearest_in_parts,
     },
-    voxel::{BRICK, BRICK_VOXELS, Block, BlockShape, Lattice, MaterialId, ThresholdMask, Tile},
+    voxel::{BRICK, BRICK_VOXELS, Block, BlockShape, BrickFractions, Lattice, MaterialId, ThresholdMask, Tile},
 };
 
 /// An object on the lattice: where it is, how deep, and what its layers are.
@@ -53,8 +55,10 @@ pub(super) struct LeafScratch {
     pub(super) surface: BrickSurface,
     /// What can be nearest in one part of a brick.
     part: Vec<u32>,
+    /// Parts of the brick that are certain to have one filling.
+    certain: Vec<(Part, Filling)>,
     /// Of the brick's candidates, as far as asked for.
-    pub(super) faces: Vec<Option<Face>>,
+    faces: Vec<Option<Face>>,
 }
 
 /// Where a block is: its first voxel, and what is known of its slab.
@@ -84,6 +88,7 @@ struct VoxelLeaves<'a> {
     field: &'a ObjectField,
     site: Site<'a>,
     block: &'a mut Block,
+    fractions: Option<FractionBlock<'a>>,
     scratch: &'a mut LeafScratch,
 }
 
@@ -187,6 +192,17 @@ impl ObjectField {
         self.joined.as_ref().map_or(Whose::Own, |joined| joined.whose(faces))
     }
 
+    /// Takes the voxels of a brick that are nearest to a face of another object from its mask.
+    fn leave_own(&self, candidates: &[u32], surface: &BrickSurface, mask: &mut Mask) {
+        let Some(joined) = &self.joined else { return };
+        for voxel in 0..BRICK_VOXELS {
+            let face = is_set(mask, voxel).then(|| candidates[surface.candidate[voxel] as usize]);
+            if face.is_some_and(|face| !joined.own.contains(&face)) {
+                mask[voxel / 8] &= !(1 << (voxel % 8));
+            }
+        }
+    }
+
     /// Faces around it by its own numbers; others' are given as some of its own.
     fn as_own<'a>(&self, faces: &'a [u32]) -> Cow<'a, [u32]> {
         match &self.joined {
@@ -266,11 +282,19 @@ impl ObjectField {
         self.inside.fill(first, slices);
     }
 
-    /// Writes this object's voxels into the block whose first voxel is `first`; `slab` has been prepared for this
-    /// object. Voxels that another object has taken stay.
-    pub fn fill_block(&self, first: [u32; 3], slab: &SlabField, block: &mut Block, scratch: &mut FillScratch) {
+    /// Writes this object's voxels into the block whose first voxel is `first`, and their fractions where there are
+    /// bricks for them; `slab` has been prepared for this object. Voxels that another object has taken stay.
+    pub fn fill_block(
+        &self,
+        first: [u32; 3],
+        slab: &SlabField,
+        block: &mut Block,
+        fractions: Option<&mut [BrickFractions]>,
+        scratch: &mut FillScratch,
+    ) {
         let FillScratch { descent, leaf } = scratch;
-        let mut leaves = VoxelLeaves { field: self, site: Site { first, slab }, block, scratch: leaf };
+        let (site, fractions) = (Site { first, slab }, fractions.map(FractionBlock::new));
+        let mut leaves = VoxelLeaves { field: self, site, block, fractions, scratch: leaf };
         self.descent(first).lay(&slab.runs, &mut leaves, descent);
     }
 
@@ -310,8 +334,8 @@ impl ObjectField {
         self.mask.as_ref().map_or(&ALIKE, |mask| mask.brick(brick))
     }
 
-    /// Finds the nearest triangle of the masked voxels. Parts that are certain to be one material get their ids and
-    /// leave the mask; if that is all of them and one id, it is returned.
+    /// Finds the nearest triangle of the masked voxels. Parts that are certain to have one filling get their ids and
+    /// leave the mask; if that is all of them and one filling, it is returned.
     fn nearest(
         &self,
         candidates: &[u32],
@@ -323,6 +347,7 @@ impl ObjectField {
     ) -> Option<Filling> {
         let inside = *mask;
         let (mut only, mut alike) = (None, true);
+        scratch.certain.clear();
         nearest_in_parts(
             self.around().triangles(),
             candidates,
@@ -345,6 +370,7 @@ impl ObjectField {
                 alike &= filling.is_some() && (only.is_none() || only == filling);
                 only = filling;
                 let Some(filling) = filling else { return false };
+                scratch.certain.push((part, filling));
                 for byte in part.bytes() {
                     mask[byte] = 0;
                     let row = byte * 8..byte * 8 + 8;
@@ -376,6 +402,9 @@ impl Leaves for VoxelLeaves<'_> {
             if *mask == EMPTY {
                 continue;
             }
+            if let Some(fractions) = &mut self.fractions {
+                fractions.fill(self.field, brick, mask, filling);
+            }
             let free = self.block.tile(brick) == Tile::Uniform(MaterialId::BACKGROUND) && *mask == FULL;
             match filling {
                 Filling::Pure(id) if free => self.block.set_uniform(brick, id),
@@ -404,40 +433,47 @@ impl Leaves for VoxelLeaves<'_> {
             if let Some(filling) = settled {
                 return self.fill_uniform(Bricks::one(at), filling, masks);
             }
-            if let Some(dither) = &field.dither {
-                dither.apply(self.site.brick(at), candidates, &mut self.scratch.surface);
-            }
         }
         let (site, scratch) = (self.site, &mut *self.scratch);
         field.measure_brick(site, at, centre, masks, scratch);
         let by_grid = matches!(field.measure, Measure::Grid { .. });
-        let candidates = if by_grid { &scratch.measure.triangles } else { candidates };
-        if let Some(joined) = &field.joined {
-            for voxel in 0..BRICK_VOXELS {
-                let face = is_set(&mask, voxel).then(|| candidates[scratch.surface.candidate[voxel] as usize]);
-                if face.is_some_and(|face| !joined.own.contains(&face)) {
-                    mask[voxel / 8] &= !(1 << (voxel % 8));
-                }
-            }
-        }
+        let LeafScratch { measure, surface, certain, faces, .. } = scratch;
+        let candidates = if by_grid { &measure.triangles } else { candidates };
+        field.leave_own(candidates, surface, &mut mask);
         let position = |voxel: usize| field.lattice.centre(site.voxel(at, voxel));
-        let exact = |voxel: usize| field.exact_depth(position(voxel), candidates, scratch.surface.distance[voxel]);
-        let mut faces = std::mem::take(&mut scratch.faces);
+        let exact = |voxel: usize, measured: f32| field.exact_depth(position(voxel), candidates, measured);
         faces.clear();
         faces.resize(candidates.len(), None);
-        let uv = |candidate: u32, voxel: usize| {
+        let mut uv = |candidate: u32, voxel: usize| {
             if by_grid {
-                return scratch.measure.uvs[voxel];
+                return measure.uvs[voxel];
             }
             let (triangle, face) = (candidates[candidate as usize], &mut faces[candidate as usize]);
             field.uv_in_brick(triangle, face, centre, voxel, || position(voxel))
         };
+        // Before thresholds move depths: shares are of all thresholds.
+        if let Some(fractions) = &mut self.fractions {
+            for (part, filling) in certain {
+                fractions.fill(field, brick, &part_of(&masks[brick], *part), *filling);
+            }
+            let measured = Measured { surface, faces: candidates, mask: &mask };
+            fractions.weigh(field, brick, &measured, |voxel| exact(voxel, surface.distance[voxel]), &mut uv);
+        }
+        if let Some(dither) = &field.dither {
+            dither.apply(site.brick(at), candidates, surface);
+        }
         let own = field.as_own(candidates);
-        let query = BrickQuery { surface: &scratch.surface, candidates: &own, mask: &mask, ranks };
-        field.layers.fill_brick(query, exact, uv, &mut ids);
+        let query = BrickQuery { surface, candidates: &own, mask: &mask, ranks };
+        field.layers.fill_brick(query, |voxel| exact(voxel, surface.distance[voxel]), uv, &mut ids);
         merge(self.block.dense_mut(brick), &masks[brick], |voxel| ids[voxel]);
-        scratch.faces = faces;
     }
+}
+
+/// The voxels of a mask that lie in a part.
+fn part_of(mask: &Mask, part: Part) -> Mask {
+    let mut within = EMPTY;
+    part.bytes().for_each(|byte| within[byte] = mask[byte]);
+    within
 }
 
 /// Writes the masked voxels that are still background.

@@ -8,7 +8,7 @@
 //! | `dither` | boundaries between layers that fall between voxels |
 //! | `descent` | one object into one block: by halves, to uniform boxes and single bricks |
 //! | `fill`   | the leaves of that descent that are voxels |
-//! | `fractions` | leaves that are volume fractions, where voxels are drawn by lot |
+//! | `fractions` | volume fractions beside them, where voxels are drawn by lot |
 //! | `joined` | objects that touch or overlap are one body |
 //! | `engine` | slab after slab, blocks in parallel |
 //! | `meshes` | material meshes from the same field |
