@@ -60,8 +60,8 @@ impl<'a> FractionBlock<'a> {
         }
     }
 
-    /// Gives the measured voxels of a brick, as far as they are free, their shares; `exact` tells a depth that lies on a
-    /// boundary, `uv` the texture coordinates under a candidate.
+    /// Gives the measured voxels of a brick, as far as they are free, their shares; `exact` tells a depth that lies
+    /// on a boundary, `uv` the texture coordinates under a candidate.
     pub fn weigh(
         &mut self,
         field: &ObjectField,

@@ -241,8 +241,8 @@ impl Slab {
         self.blocks[block].tile(brick)
     }
 
-    /// The bricks of a row along x, at (y, z) counted from the corner of the slab; the last may reach beyond the lattice
-    /// or lie there.
+    /// The bricks of a row along x, at (y, z) counted from the slab's corner; the last may reach beyond the lattice or
+    /// lie there.
     pub fn tiles(&self, [y, z]: [usize; 2]) -> impl Iterator<Item = Tile<'_>> {
         let Layout { shape, blocks_per_row, .. } = self.layout;
         let first = shape.brick_index([0, y % shape.0[1], z]);
