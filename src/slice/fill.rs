@@ -138,9 +138,11 @@ impl ObjectField {
         self
     }
 
-    /// Lays the layers by another distance.
+    /// Lays the layers by another distance, their boundaries at whole voxels: what dithers them was made for the distance
+    /// before, so [`Self::with_dithered_boundaries`] comes after it.
     pub fn with_distance(mut self, kind: DistanceKind) -> Self {
         self.measure = Measure::new(kind, self.around(), &self.lattice);
+        self.dither = None;
         self
     }
 
@@ -154,9 +156,11 @@ impl ObjectField {
         self
     }
 
-    /// Makes it part of a body; by the exact distance at whole voxels, as a new field is.
+    /// Makes it part of a body; by the exact distance at whole voxels, as a new field is, for what other distances and
+    /// dithered boundaries know of faces is by their numbers [around](Self::around) it, which change here.
     pub(super) fn set_joined(&mut self, joined: Joined) {
         self.joined = Some(joined);
+        (self.measure, self.dither) = (Measure::Exact, None);
     }
 
     /// The objects that it is one body with, itself among them, by their places; `None` where it is alone.

@@ -10,7 +10,7 @@ use crate::{
     optics::{ResinId, Stack},
     sdf::{Cells, RELATIVE_ERROR, cell_centre, for_cells},
     search::ResinLimit,
-    slice::{DistanceKind, ObjectField, Slicer},
+    slice::{DistanceKind, ObjectField, Slicer, join},
     voxel::{Lattice, MaterialId},
 };
 
@@ -203,4 +203,41 @@ fn threads_do_not_change_bytes() {
         });
         assert!(one == two, "{kind:?}");
     }
+}
+
+#[test]
+fn dither_is_of_the_distance_and_the_faces_that_it_was_asked_for() {
+    let solid = ball();
+    let field = || ObjectField::new(&solid, lattice(), stack(&solid)).unwrap();
+    let ids = |fields: Vec<ObjectField>| {
+        let slicer = Slicer::new(lattice(), fields);
+        voxels(&slicer, 0..lattice().dims[2])
+    };
+    for kind in KINDS {
+        let before = field().with_dithered_boundaries().with_distance(kind);
+        let after = field().with_distance(kind).with_dithered_boundaries();
+        assert_eq!(
+            [before.is_drawn_by_lot(), after.is_drawn_by_lot()],
+            [false, kind == DistanceKind::Exact],
+            "{kind:?}"
+        );
+        assert!(ids(vec![before]) == ids(vec![field().with_distance(kind)]), "{kind:?}");
+    }
+    // Twice the same ball: the second one's faces come after all of the first one's.
+    let joined = |prepare: fn(ObjectField) -> ObjectField, then: fn(ObjectField) -> ObjectField| {
+        let mut fields = [field(), field()].map(prepare);
+        join(&mut fields, &[vec![0, 1]]);
+        Vec::from(fields.map(then))
+    };
+    let dithered = ObjectField::with_dithered_boundaries;
+    let averaged = |field: ObjectField| field.with_distance(DistanceKind::Lp { exponent: 8.0 });
+    let plain = ids(joined(|field| field, |field| field));
+    for prepare in [dithered, averaged] {
+        let before = joined(prepare, |field| field);
+        assert!(!before.iter().any(ObjectField::is_drawn_by_lot));
+        assert!(ids(before) == plain);
+    }
+    let after = joined(|field| field, dithered);
+    assert!(after.iter().all(ObjectField::is_drawn_by_lot));
+    assert!(ids(after) == ids(joined(dithered, dithered)));
 }
