@@ -1,7 +1,7 @@
 //! One object into one block of voxels: the leaves of the descent that are voxels, and their fractions where those are
 //! asked for.
 
-use std::{borrow::Cow, sync::Arc};
+use std::{borrow::Cow, iter, sync::Arc};
 
 use glam::{DVec3, Vec2};
 
@@ -400,14 +400,15 @@ impl Leaves for VoxelLeaves<'_> {
 
     fn fill_uniform(&mut self, bricks: Bricks, filling: Filling, masks: &[Mask]) {
         let mut ids = [0; BRICK_VOXELS];
+        if let Some(fractions) = &mut self.fractions {
+            let bricks = bricks.indices(self.field.shape).map(|brick| (brick, &masks[brick]));
+            fractions.fill(self.field, bricks, filling);
+        }
         for at in bricks.places() {
             let brick = self.field.shape.brick_index(at);
             let mask = &masks[brick];
             if *mask == EMPTY {
                 continue;
-            }
-            if let Some(fractions) = &mut self.fractions {
-                fractions.fill(self.field, brick, mask, filling);
             }
             let free = self.block.tile(brick) == Tile::Uniform(MaterialId::BACKGROUND) && *mask == FULL;
             match filling {
@@ -458,7 +459,7 @@ impl Leaves for VoxelLeaves<'_> {
         // Before thresholds move depths: shares are of all thresholds.
         if let Some(fractions) = &mut self.fractions {
             for (part, filling) in certain {
-                fractions.fill(field, brick, &part_of(&masks[brick], *part), *filling);
+                fractions.fill(field, iter::once((brick, &part_of(&masks[brick], *part))), *filling);
             }
             let measured = Measured { surface, faces: candidates, mask: &mask };
             fractions.weigh(field, brick, &measured, |voxel| exact(voxel, surface.distance[voxel]), &mut uv);

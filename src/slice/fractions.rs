@@ -40,22 +40,26 @@ impl<'a> FractionBlock<'a> {
         Self { bricks, weights: Weights::default(), parts: Vec::new() }
     }
 
-    /// Gives the masked voxels of a brick, as far as they are free, one filling.
-    pub fn fill(&mut self, field: &ObjectField, brick: usize, mask: &Mask, filling: Filling) {
-        if *mask == EMPTY {
-            return;
-        }
+    /// Gives the masked voxels of bricks, as far as they are free, one filling, which is weighed once for all of them.
+    pub fn fill<'m>(
+        &mut self,
+        field: &ObjectField,
+        bricks: impl Iterator<Item = (usize, &'m Mask)>,
+        filling: Filling,
+    ) {
         self.weights.clear();
         field.layers().weigh_filling(filling, &mut self.weights);
         self.weights.round(&mut self.parts);
-        let fractions = &mut self.bricks[brick];
-        if *mask == FULL && *fractions == BrickFractions::Empty {
-            *fractions = BrickFractions::Uniform(self.parts.clone());
-            return;
-        }
-        for voxel in (0..BRICK_VOXELS).filter(|&voxel| is_set(mask, voxel)) {
-            if fractions.is_free(voxel) {
-                fractions.set(voxel, &self.parts);
+        for (brick, mask) in bricks.filter(|(_, mask)| **mask != EMPTY) {
+            let fractions = &mut self.bricks[brick];
+            if *mask == FULL && *fractions == BrickFractions::Empty {
+                *fractions = BrickFractions::Uniform(self.parts.clone());
+                continue;
+            }
+            for voxel in (0..BRICK_VOXELS).filter(|&voxel| is_set(mask, voxel)) {
+                if fractions.is_free(voxel) {
+                    fractions.set(voxel, &self.parts);
+                }
             }
         }
     }
