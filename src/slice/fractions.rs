@@ -56,10 +56,15 @@ impl<'a> FractionBlock<'a> {
                 *fractions = BrickFractions::Uniform(self.parts.clone());
                 continue;
             }
+            let is_first = *fractions == BrickFractions::Empty;
             for voxel in (0..BRICK_VOXELS).filter(|&voxel| is_set(mask, voxel)) {
                 if fractions.is_free(voxel) {
                     fractions.set(voxel, &self.parts);
                 }
+            }
+            // What is filled for the first time and not whole has voxels without anything.
+            if !is_first {
+                fractions.settle();
             }
         }
     }

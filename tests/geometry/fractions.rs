@@ -131,3 +131,21 @@ fn bricks_of_one_mixture_are_tiles() {
     let tiles = fill_what_is_printed(&slicer, 0);
     assert!(tiles >= whole, "{tiles} tiles of {whole} bricks");
 }
+
+/// Two boxes side by side, each with a part of the bricks between them, and none joined to the other.
+#[test]
+fn bricks_of_one_mixture_in_two_objects_are_tiles() {
+    let lattice = Lattice::covering(HIGH, j750()).unwrap();
+    // In the middle of a brick: of its 8 voxels along x one object has 3 and the other 5.
+    let border = lattice.pitch.x * (lattice.dims[0] / 16 * 8 + 3) as f64;
+    let field = |low: f64, high: f64| {
+        let grey = vec![(MaterialId(1), 0.9), (MaterialId(2), 0.1)];
+        let layers = LayerField::Uniform(LayerStack::with_mixtures([(grey, 3.0)], MaterialId(3)));
+        let solid = solid_of(&box_triangles(DVec3::new(low, 0.0, 0.0), DVec3::new(high, HIGH.y, HIGH.z)));
+        ObjectField::new(&solid, lattice, layers).unwrap()
+    };
+    let slicer = Slicer::new(lattice, vec![field(0.0, border), field(border, HIGH.x)]);
+    let whole = lattice.dims.map(|dim| dim as usize / 8 - 1).iter().product::<usize>();
+    let tiles = fill_what_is_printed(&slicer, 0);
+    assert!(tiles >= whole, "{tiles} tiles of {whole} bricks");
+}
