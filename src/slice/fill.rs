@@ -338,8 +338,8 @@ impl ObjectField {
         self.mask.as_ref().map_or(&ALIKE, |mask| mask.brick(brick))
     }
 
-    /// Finds the nearest triangle of the masked voxels. Parts that are certain to have one filling get their ids and
-    /// leave the mask; if that is all of them and one filling, it is returned.
+    /// Finds the nearest triangle of the masked voxels. Parts that are certain to have one filling get their ids, leave
+    /// the mask and are added to `scratch.certain`; if that is all of them and one filling, it is returned.
     fn nearest(
         &self,
         candidates: &[u32],
@@ -351,7 +351,6 @@ impl ObjectField {
     ) -> Option<Filling> {
         let inside = *mask;
         let (mut only, mut alike) = (None, true);
-        scratch.certain.clear();
         nearest_in_parts(
             self.around().triangles(),
             candidates,
@@ -433,6 +432,7 @@ impl Leaves for VoxelLeaves<'_> {
         let mut mask = masks[brick];
         let mut ids = [0; BRICK_VOXELS];
         let ranks = field.ranks(self.site.brick(at));
+        self.scratch.certain.clear();
         if !matches!(field.measure, Measure::Grid { .. }) {
             let settled = field.nearest(candidates, centre, &mut mask, &mut ids, ranks, self.scratch);
             if let Some(filling) = settled {
