@@ -41,12 +41,7 @@ impl<'a> FractionBlock<'a> {
     }
 
     /// Gives the masked voxels of bricks, as far as they are free, one filling, which is weighed once for all of them.
-    pub fn fill<'m>(
-        &mut self,
-        field: &ObjectField,
-        bricks: impl Iterator<Item = (usize, &'m Mask)>,
-        filling: Filling,
-    ) {
+    pub fn fill<'m>(&mut self, field: &ObjectField, bricks: impl Iterator<Item = (usize, &'m Mask)>, filling: Filling) {
         self.weights.clear();
         field.layers().weigh_filling(filling, &mut self.weights);
         self.weights.round(&mut self.parts);

@@ -1,4 +1,4 @@
-//! Signed distances against brute force, and against a ball's; fractions in bricks; names of grids.
+//! Signed distances against brute force, and against a ball's; trees; fractions in bricks; names of grids.
 
 use glam::DVec3;
 
@@ -6,11 +6,12 @@ use super::{
     DISTANCE, IDS, Piece,
     distance::{Cell, Distances},
     fractions::pieces,
-    tree::Tree,
+    tree::{Inactive, Leaf, Tree},
 };
 use crate::{
     container::{Content, ContentResin},
     voxel::{BRICK, BRICK_VOXELS, BrickFractions, Lattice, MaterialId, WHOLE},
+    watch::Unwatched,
 };
 
 /// Whether voxels are inside, x fastest.
@@ -169,6 +170,43 @@ fn voxels_like_needles_have_no_distances() {
     for pitch in [[0.1, 0.1, 1.59], [0.1, 1.59, 1.59], [1.0; 3]] {
         assert!(Distances::new(&lattice(pitch)).is_some(), "{pitch:?}");
     }
+}
+
+/// Leaves and tiles of several nodes and two upper ones, by their numbers.
+#[test]
+fn a_tree_is_written_alike_whatever_order_its_bricks_came_in() {
+    let place = |n: u32| [n as i32 % 5 - 2, n as i32 / 5 % 7, n as i32 / 35 * 90];
+    let written = |order: &[u32]| {
+        let mut tree = Tree::default();
+        for &n in order {
+            match n % 3 {
+                0 => tree.set_tile(place(n), n as i32),
+                _ => {
+                    let mask = std::array::from_fn(|word| u64::from(n + 1) << word);
+                    let values = Some(vec![n as u8; 3]);
+                    tree.set_leaf(place(n), Leaf { mask, values, inactive: Inactive::Background });
+                }
+            }
+        }
+        tree.sort();
+        let (mut topology, mut values) = (Vec::new(), Vec::new());
+        tree.write_topology(&mut topology, &Unwatched).unwrap();
+        tree.write_values(&mut values, &vec![Vec::new(); BRICK_VOXELS + 1], &Unwatched).unwrap();
+        [topology, values]
+    };
+    let in_order: Vec<u32> = (0..210).collect();
+    let expected = written(&in_order);
+    // Steps that have no divisor in common with 210 come to all of them.
+    for step in [11, 67, 209] {
+        let shuffled: Vec<u32> = in_order.iter().map(|n| (n * step + 17) % 210).collect();
+        assert!(written(&shuffled) == expected, "{step}");
+    }
+    // The leaf of the least index along x, then y, then z in the first node of 16³.
+    let in_file = |n: &u32| (place(*n).map(|index| index >> 4), place(*n));
+    let least = in_order.into_iter().filter(|n| n % 3 != 0).min_by_key(in_file).unwrap();
+    let mask: Vec<u8> = (0..8).flat_map(|word| (u64::from(least + 1) << word).to_le_bytes()).collect();
+    assert_eq!(expected[1][..64], mask);
+    assert_eq!(expected[1][64..68], [0, least as u8, least as u8, least as u8]);
 }
 
 #[test]

@@ -100,6 +100,14 @@ fn index(at: [i32; 3], log: u32) -> usize {
 }
 
 impl Node {
+    /// Whether its bricks are in the order that they are written in, each there once.
+    fn is_sorted(&self) -> bool {
+        let is_tile = |n: u16| self.tiles.binary_search_by_key(&n, |tile| tile.0).is_ok();
+        self.tiles.is_sorted_by(|a, b| a.0 < b.0)
+            && self.leaves.is_sorted_by(|a, b| a.0 < b.0)
+            && !self.leaves.iter().any(|leaf| is_tile(leaf.0))
+    }
+
     /// The value of all bricks, where they are tiles of one.
     fn uniform(&self) -> Option<i32> {
         let (_, first) = *self.tiles.first()?;
@@ -150,6 +158,10 @@ impl Tree {
             node.tiles.sort_unstable_by_key(|tile| tile.0);
             node.leaves.sort_unstable_by_key(|leaf| leaf.0);
         }
+    }
+
+    fn is_sorted(&self) -> bool {
+        self.nodes.values().all(Node::is_sorted)
     }
 
     /// Its active voxels.
@@ -216,6 +228,7 @@ impl Tree {
 
     /// Writes masks and tiles.
     pub(super) fn write_topology(&self, out: &mut dyn Write, watch: &dyn Watch) -> io::Result<()> {
+        debug_assert!(self.is_sorted());
         let uppers = self.uppers();
         // One buffer of values a leaf; the background; no tiles of the root.
         for number in [1, self.length.map_or(0, f32::to_bits), 0, uppers.len() as u32] {
@@ -237,6 +250,7 @@ impl Tree {
 
     /// Writes the values of leaves; `ones` are those of a leaf without values of its own, by how many are active.
     pub(super) fn write_values(&self, out: &mut dyn Write, ones: &[Vec<u8>], watch: &dyn Watch) -> io::Result<()> {
+        debug_assert!(self.is_sorted());
         for nodes in self.uppers().values() {
             for node in nodes.values() {
                 watch.go_on().map_err(io::Error::other)?;
