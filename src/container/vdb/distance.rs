@@ -1,8 +1,8 @@
 //! Signed distances from the boundary of what is printed, in a narrow band around it.
 //!
 //! The boundary is made of faces: those between a voxel of the object and one of nothing. So distances are known from
-//! voxels alone, and a job and its folder have the same, but where support lies open; from the mesh's surface they are off by what its voxels are.
-//! The distance of a voxel's centre from it is that from the nearest voxel of the other kind, a box:
+//! voxels alone, and a job and its finished folder give the same distances, except where support lies open; from the
+//! mesh's surface they are off by what its voxels are. The distance of a voxel's centre from it is that from the nearest voxel of the other kind, a box:
 //!
 //! ```text
 //!   d² = min over voxels of the other kind, δ indices away, of Σ ((|δ_a| − ½)⁺ p_a)²     a: x, y, z; p: pitch
@@ -33,6 +33,8 @@ const HALF_WIDTH: f64 = 3.0;
 const LEAST_HALF_WIDTH: f64 = 1.5;
 /// The furthest that a voxel of the band may be from the boundary, in voxels: a row of three bricks to either side.
 const MAX_REACH: usize = 24;
+// A word holds a row of a brick and of all bricks within reach to either side.
+const _: () = assert!(BRICK * (1 + 2 * MAX_REACH.div_ceil(BRICK)) < u64::BITS as usize);
 
 /// What of a brick is inside.
 #[derive(Debug, Clone, PartialEq)]
@@ -416,8 +418,8 @@ fn along_y(rows: &[Row], squares: &[f32], planes: &mut [Row]) {
     }
 }
 
-/// Signed distances from the squares of those along x and y from both kinds; of a kind that no voxel of the brick asks
-/// for there need be none.
+/// Signed distances from the squares of those along x and y from both kinds; `planes[kind]` may be stale where no voxel
+/// of the brick is of the other kind.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2", "x86_64+sse4.1"))]
 fn along_z(own: &[u8; ROWS], planes: [&[Row]; 2], squares: &[f32]) -> [Row; ROWS] {
     let rows_z = 2 * (squares.len() - 1) + 1;

@@ -59,7 +59,7 @@ enum Piece {
 
 /// What a row of bricks along x adds, layer by layer.
 #[derive(Default)]
-struct Row {
+struct BrickRow {
     /// Where, to which grid, what.
     pieces: Vec<([i32; 3], usize, Piece)>,
     cells: Vec<Cell>,
@@ -146,9 +146,9 @@ impl Container for Vdb {
     fn take(&mut self, voxels: &dyn Voxels, _: &[SliceImage], watch: &dyn Watch) -> Result<(), ContainerError> {
         let [across, rows, layers] = voxels.bricks();
         let fractions = self.content.fractions;
-        let row = |n: usize| -> io::Result<Row> {
+        let row = |n: usize| -> io::Result<BrickRow> {
             let mut ids = [0; BRICK_VOXELS];
-            let mut row = Row::default();
+            let mut row = BrickRow::default();
             for z in layers.clone() {
                 for x in across.clone() {
                     let brick = [x, rows.start + n as u32, z];
