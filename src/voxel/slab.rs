@@ -241,8 +241,7 @@ impl Slab {
         self.blocks[block].tile(brick)
     }
 
-    /// The bricks of a row along x, at (y, z) counted from the slab's corner; the last may reach beyond the lattice or
-    /// lie there.
+    /// The bricks of a row along x, at (y, z) counted from the slab's corner; the last ones may lie beyond the lattice.
     pub fn tiles(&self, [y, z]: [usize; 2]) -> impl Iterator<Item = Tile<'_>> {
         let Layout { shape, blocks_per_row, .. } = self.layout;
         let first = shape.brick_index([0, y % shape.0[1], z]);
@@ -252,21 +251,15 @@ impl Slab {
 
     /// Copies row (j, k) of material ids into `row`, which is `dims[0]` long.
     pub fn read_row(&self, j: u32, k: u32, row: &mut [u8]) {
-        let Layout { shape: blocks, blocks_per_row, index, .. } = self.layout;
-        let shape = blocks.voxels();
-        let local = [j % shape[1], k - index * shape[2]].map(|v| v as usize);
-        let (brick_y, brick_z) = (local[0] / BRICK, local[1] / BRICK);
-        let in_brick = BRICK * (local[0] % BRICK) + BRICK * BRICK * (local[1] % BRICK);
-        let first_block = (j / shape[1]) as usize * blocks_per_row;
-        for (part, block) in row.chunks_mut(shape[0] as usize).zip(&self.blocks[first_block..]) {
-            let first = blocks.brick_index([0, brick_y, brick_z]);
-            for (voxels, brick) in part.chunks_mut(BRICK).zip(first..) {
-                match block.tile(brick) {
-                    Tile::Uniform(id) => voxels.fill(id.0),
-                    Tile::Dense(ids) => voxels.copy_from_slice(&ids[in_brick..in_brick + voxels.len()]),
-                }
-            }
-        }
+        let [y, z] = [j, k - self.slices().start].map(|v| v as usize);
+        let first = BRICK * (y % BRICK + BRICK * (z % BRICK));
+        let mut parts = row.chunks_mut(BRICK);
+        // Not zipped, for then blocks and bricks would not be two plain loops.
+        self.tiles([y / BRICK, z / BRICK]).for_each(|tile| match (parts.next(), tile) {
+            (None, _) => {}
+            (Some(voxels), Tile::Uniform(id)) => voxels.fill(id.0),
+            (Some(voxels), Tile::Dense(ids)) => voxels.copy_from_slice(&ids[first..first + voxels.len()]),
+        });
     }
 }
 
