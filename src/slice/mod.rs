@@ -30,4 +30,4 @@ pub use engine::Slicer;
 pub use fill::ObjectField;
 pub use joined::join;
 pub(crate) use png::encoder;
-pub use png::{Palette, RowBuffers, count_voxels, encode_mask, encode_rgba};
+pub use png::{Palette, RowBuffers, encode_mask, encode_rgba};

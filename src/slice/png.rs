@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use png::{BitDepth, ColorType, Compression, Filter, PixelDimensions, Unit};
 
-use crate::voxel::{BRICK, Lattice, Slab, Tile};
+use crate::voxel::{Lattice, Slab};
 
 /// Colours by material id.
 pub type Palette = [[u8; 4]; 256];
@@ -50,31 +50,6 @@ pub fn encode_rgba(
     stream.finish()?;
     writer.finish()?;
     Ok(())
-}
-
-/// Adds to `counts` how often every id occurs in slice `k` of `slab`, as [`encode_rgba`] does; brick by brick, for most
-/// are of one.
-pub fn count_voxels(slab: &Slab, k: u32, counts: &mut [u64; 256]) {
-    let [width, height, _] = slab.lattice().dims.map(|dim| dim as usize);
-    let z = (k - slab.slices().start) as usize;
-    for y in 0..height.div_ceil(BRICK) {
-        let rows = BRICK.min(height - y * BRICK);
-        for (x, tile) in (0..width).step_by(BRICK).zip(slab.tiles([y, z / BRICK])) {
-            // Bricks may reach beyond the lattice.
-            let across = BRICK.min(width - x);
-            match tile {
-                Tile::Uniform(id) => counts[usize::from(id.0)] += (across * rows) as u64,
-                Tile::Dense(ids) => {
-                    for row in ids.as_chunks::<BRICK>().0[z % BRICK * BRICK..].iter().take(rows) {
-                        match *row == [row[0]; BRICK] {
-                            true => counts[usize::from(row[0])] += across as u64,
-                            false => row[..across].iter().for_each(|id| counts[usize::from(*id)] += 1),
-                        }
-                    }
-                }
-            }
-        }
-    }
 }
 
 /// Encodes the voxels of slice `k` that are of material `id` as a 1-bit PNG, white where they are.
@@ -139,36 +114,4 @@ fn run_length(ids: &[u8], id: u8) -> usize {
     let (vectors, _) = ids.as_chunks::<16>();
     let length = 16 * vectors.iter().take_while(|vector| **vector == [id; 16]).count();
     length + ids[length..].iter().take_while(|other| **other == id).count()
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::DVec3;
-    use rayon::iter::ParallelIterator;
-
-    use super::*;
-    use crate::voxel::MaterialId;
-
-    #[test]
-    fn voxels_are_counted_as_rows_have_them() {
-        let lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(0.1), dims: [29, 19, 70] };
-        let mut slab = Slab::new(lattice);
-        let bricks = slab.shape().bricks();
-        slab.blocks_mut().for_each(|(_, block)| {
-            for brick in (0..bricks).step_by(3) {
-                block.set_uniform(brick, MaterialId(brick as u8));
-                (0..).zip(block.dense_mut(bricks - 1 - brick)).for_each(|(n, id)| *id = (n % 7) as u8);
-            }
-        });
-        let mut row = [0; 29];
-        for k in slab.slices() {
-            let (mut counts, mut expected) = ([0; 256], [0; 256]);
-            count_voxels(&slab, k, &mut counts);
-            for j in 0..19 {
-                slab.read_row(j, k, &mut row);
-                row.iter().for_each(|id| expected[usize::from(*id)] += 1);
-            }
-            assert_eq!(counts, expected, "{k}");
-        }
-    }
 }

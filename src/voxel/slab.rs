@@ -261,6 +261,30 @@ impl Slab {
             (Some(voxels), Tile::Dense(ids)) => voxels.copy_from_slice(&ids[first..first + voxels.len()]),
         });
     }
+
+    /// Adds to `counts` how often every id occurs in slice `k`; brick by brick, for most are of one.
+    pub fn count_voxels(&self, k: u32, counts: &mut [u64; 256]) {
+        let [width, height, _] = self.lattice().dims.map(|dim| dim as usize);
+        let z = (k - self.slices().start) as usize;
+        for y in 0..height.div_ceil(BRICK) {
+            let rows = BRICK.min(height - y * BRICK);
+            for (x, tile) in (0..width).step_by(BRICK).zip(self.tiles([y, z / BRICK])) {
+                // Bricks may reach beyond the lattice.
+                let across = BRICK.min(width - x);
+                match tile {
+                    Tile::Uniform(id) => counts[usize::from(id.0)] += (across * rows) as u64,
+                    Tile::Dense(ids) => {
+                        for row in ids.as_chunks::<BRICK>().0[z % BRICK * BRICK..].iter().take(rows) {
+                            match *row == [row[0]; BRICK] {
+                                true => counts[usize::from(row[0])] += across as u64,
+                                false => row[..across].iter().for_each(|id| counts[usize::from(*id)] += 1),
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -312,6 +336,33 @@ mod tests {
                 assert!(row.iter().enumerate().all(|(i, &v)| v == id([i as u32, j, k])));
                 assert!((0..203).all(|i| slab.voxel([i, j, k]).0 == id([i, j, k])));
             }
+        }
+    }
+
+    /// Several blocks along a row, the last ones beyond the lattice, in a slab that is not the first.
+    #[test]
+    fn voxels_are_counted_as_rows_have_them() {
+        let lattice = lattice(DVec3::splat(0.1), [203, 77, 130]);
+        let mut slab = Slab::new(lattice);
+        slab.reset(1);
+        let bricks = slab.shape().bricks();
+        assert!(lattice.dims[0] > 2 * slab.shape().voxels()[0] && slab.slices().start > 0);
+        slab.blocks_mut().for_each(|([i, j, _], block)| {
+            let shift = (i / 8 + j) as usize;
+            for brick in (0..bricks).step_by(3) {
+                block.set_uniform(brick, MaterialId((brick + shift) as u8));
+                (shift..).zip(block.dense_mut(bricks - 1 - brick)).for_each(|(n, id)| *id = (n / 5 % 7) as u8);
+            }
+        });
+        let mut row = [0; 203];
+        for k in slab.slices() {
+            let (mut counts, mut expected) = ([0; 256], [0; 256]);
+            slab.count_voxels(k, &mut counts);
+            for j in 0..77 {
+                slab.read_row(j, k, &mut row);
+                row.iter().for_each(|id| expected[usize::from(*id)] += 1);
+            }
+            assert_eq!(counts, expected, "{k}");
         }
     }
 }

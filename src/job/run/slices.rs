@@ -7,7 +7,7 @@ use crate::{
     job::{Prepared, RunError, file::OutputFormat},
     output::{OutputError, OutputFolder, SliceCounts},
     parallel,
-    slice::{RowBuffers, count_voxels, encode_mask, encode_rgba},
+    slice::{RowBuffers, encode_mask, encode_rgba},
     voxel::{MaterialId, Slab},
     watch::Watch,
 };
@@ -107,7 +107,7 @@ impl Prepared {
         if self.job.wants(OutputFormat::Png) || image.is_some() {
             encode_rgba(slab, k, &self.palette, rows, &mut counts, file).map_err(encoding)?;
         } else {
-            count_voxels(slab, k, &mut counts);
+            slab.count_voxels(k, &mut counts);
         }
         if let Some(image) = image {
             image.extend_from_slice(file);
