@@ -11,7 +11,8 @@ use glam::{DVec3, IVec3, Vec2};
 use super::{
     descent::{DEPTH_MARGIN, EMPTY, Mask, is_set},
     dither::Dither,
-    fill::{LeafScratch, ObjectField, Site},
+    field::ObjectField,
+    fill::{LeafScratch, Site},
     joined::runs_of,
 };
 use crate::{

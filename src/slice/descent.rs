@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::{
     depth::MeasureScratch,
-    fill::ObjectField,
+    field::ObjectField,
     joined::{Joined, Whose},
 };
 use crate::{

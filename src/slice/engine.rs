@@ -4,10 +4,7 @@ use std::{collections::HashMap, ops::Range};
 
 use rayon::prelude::*;
 
-use super::{
-    depth::SlabField,
-    fill::{FillScratch, ObjectField},
-};
+use super::{depth::SlabField, field::ObjectField, fill::FillScratch};
 use crate::voxel::{BlockShape, FractionSlab, Lattice, Slab};
 
 /// Computes a lattice of material ids from objects, slab by slab.

@@ -12,7 +12,7 @@ use glam::Vec2;
 
 use super::{
     descent::{EMPTY, FULL, Mask, is_set},
-    fill::ObjectField,
+    field::ObjectField,
 };
 use crate::{
     appearance::Filling,

@@ -16,7 +16,7 @@
 
 use std::{ops::Range, sync::Arc};
 
-use super::fill::ObjectField;
+use super::field::ObjectField;
 use crate::sdf::{SliceRuns, Surface};
 
 /// The body that an object is part of.

@@ -4,6 +4,7 @@
 //!
 //! | file | what it does |
 //! | --- | --- |
+//! | `field`  | an object on the lattice: its surface, its layers, what it is joined to |
 //! | `depth`  | the distances that layers can be laid by |
 //! | `dither` | boundaries between layers that fall between voxels |
 //! | `descent` | one object into one block: by halves, to uniform boxes and single bricks |
@@ -17,6 +18,7 @@ mod depth;
 mod descent;
 mod dither;
 mod engine;
+mod field;
 mod fill;
 mod fractions;
 mod joined;
@@ -27,7 +29,7 @@ mod tests;
 
 pub use depth::{DistanceKind, SlabField};
 pub use engine::Slicer;
-pub use fill::ObjectField;
+pub use field::ObjectField;
 pub use joined::join;
 pub(crate) use png::encoder;
 pub use png::{Palette, RowBuffers, encode_mask, encode_rgba};
