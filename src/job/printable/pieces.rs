@@ -84,8 +84,6 @@ const CRUMB_MM3: f64 = 1.0;
 pub(super) const MOST_BOXES: usize = 4096;
 /// Loose pieces that are kept.
 pub(super) const MOST_LOOSE: usize = 256;
-/// Slabs between two looks at the watch.
-const SLABS_AT_ONCE: usize = 8;
 
 /// What is known of a set of runs.
 #[derive(Debug, Clone, Copy)]
@@ -182,7 +180,8 @@ impl Prepared {
         let mut growing = Growing::new(lattice.dims[1]);
         let mut beside = Beside::new(&self.objects, &self.touching, lattice);
         let mut inside = 0;
-        for slabs in slabs.chunks(SLABS_AT_ONCE) {
+        // A slab a thread: runs of more are more than all that slicing holds.
+        for slabs in slabs.chunks(rayon::current_num_threads()) {
             watch.go_on()?;
             let fill = |&first: &u32| -> Vec<Vec<SliceRuns>> {
                 let slices = height.min(lattice.dims[2] - first) as usize;
