@@ -150,7 +150,7 @@ impl Prepared {
         let mapped = self.job.objects.iter().any(|object| object.gamut_map);
         let gamut = if mapped { channels * GAMUT_CHANNEL_BYTES } else { 0 };
         let laying = laying + points * POINT_BYTES + gamut;
-        let looking = texels * TEXEL_BYTES + volume(self.job.rounds() > 0);
+        let looking = texels * TEXEL_BYTES + volume(self.job.rounds() > 0 && !self.plans.is_empty());
         let drawing = wants(OutputFormat::Preview);
         let drawn = if drawing { PICTURES_MEMORY + volume(true) } else { 0 };
         let meshed = if wants(OutputFormat::Stl) || wants(OutputFormat::ThreeMf) { MESHES_MEMORY } else { 0 };
