@@ -1,5 +1,5 @@
-//! An object on the lattice, and what any way of laying it asks: whose a face is, where on a texture a point is, how deep
-//! a voxel lies.
+//! An object on the lattice, and what any way of laying it asks: whose a face is, where on a texture a point is, how
+//! deep a voxel lies.
 
 use std::{borrow::Cow, sync::Arc};
 
@@ -86,8 +86,8 @@ impl ObjectField {
         self
     }
 
-    /// Lays the layers by another distance, their boundaries at whole voxels: what dithers them was made for the distance
-    /// before, so [`Self::with_dithered_boundaries`] comes after it.
+    /// Lays the layers by another distance, their boundaries at whole voxels: what dithers them was made for the
+    /// distance before, so [`Self::with_dithered_boundaries`] comes after it.
     pub fn with_distance(mut self, kind: DistanceKind) -> Self {
         self.measure = Measure::new(kind, self.around(), &self.lattice);
         self.dither = None;

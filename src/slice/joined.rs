@@ -57,8 +57,8 @@ impl Joined {
     }
 }
 
-/// Makes one body of the objects of every group; groups have no object in common. Those that are joined lay their layers
-/// by the exact distance, boundaries at whole voxels: other distances and dither are asked for after it.
+/// Makes one body of the objects of every group; groups have no object in common. Those that are joined lay their
+/// layers by the exact distance, boundaries at whole voxels: other distances and dither are asked for after it.
 pub fn join(fields: &mut [ObjectField], groups: &[Vec<usize>]) {
     for group in groups.iter().filter(|group| group.len() > 1) {
         let members: Arc<[usize]> = group.clone().into();

@@ -2,7 +2,8 @@
 //!
 //! The boundary is made of faces: those between a voxel of the object and one of nothing. So distances are known from
 //! voxels alone, and a job and its finished folder give the same distances, except where support lies open; from the
-//! mesh's surface they are off by what its voxels are. The distance of a voxel's centre from it is that from the nearest voxel of the other kind, a box:
+//! mesh's surface they are off by what its voxels are. The distance of a voxel's centre from it is that from the
+//! nearest voxel of the other kind, a box:
 //!
 //! ```text
 //!   d² = min over voxels of the other kind, δ indices away, of Σ ((|δ_a| − ½)⁺ p_a)²     a: x, y, z; p: pitch
