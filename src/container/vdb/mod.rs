@@ -34,7 +34,7 @@ use self::{
 use super::{Container, ContainerError, Content, Counts, SliceImage, Voxels, deflate::zlib_of_few};
 use crate::{
     parallel,
-    voxel::{BRICK, BRICK_VOXELS, MaterialId},
+    voxel::{BRICK, BRICK_VOXELS, Lattice, MaterialId},
     watch::Watch,
 };
 
@@ -49,6 +49,11 @@ const DISTANCE_IS: &str = "signed distance in mm from the boundary of the printe
 
 /// What the metadata of a resin's grid says where it holds fractions.
 const FRACTION_IS: &str = "volume fraction of the resin, 0 to 1";
+
+/// Half of the width of the band around the surface that distances are known in, mm; `None` for lattices without any.
+pub(crate) fn half_width_mm(lattice: &Lattice) -> Option<f64> {
+    Distances::new(lattice).map(|distances| f64::from(distances.half_width()))
+}
 
 /// What one brick adds to a grid.
 enum Piece {

@@ -152,7 +152,9 @@ impl Prepared {
         let laying = laying + points * POINT_BYTES + gamut;
         let looking = texels * TEXEL_BYTES + volume(self.job.rounds() > 0 && !self.plans.is_empty());
         let drawing = wants(OutputFormat::Preview);
-        let drawn = if drawing { PICTURES_MEMORY + volume(true) } else { 0 };
+        // Trees are dropped before pictures are drawn and material meshes made.
+        let trees = self.trees_memory();
+        let drawn = if drawing { PICTURES_MEMORY.max(trees) + volume(true) } else { trees };
         let meshed = if wants(OutputFormat::Stl) || wants(OutputFormat::ThreeMf) { MESHES_MEMORY } else { 0 };
         let writing = texels * TEXEL_BYTES + slab / 2 + self.fractions_memory(slab) + drawn.max(meshed);
         BASE_MEMORY + triangles * TRIANGLE_BYTES + laying.max(looking).max(writing)

@@ -12,6 +12,7 @@ mod meshes;
 mod redraw;
 mod report;
 mod slices;
+mod trees;
 
 use std::{
     collections::BTreeMap,
