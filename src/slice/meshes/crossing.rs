@@ -51,7 +51,7 @@ pub struct Crossing {
 /// The tangent plane of a level set of the distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tangent {
-    /// Points to where depth is less; 0 where it is not known.
+    /// Points to where depth is less; 0 where it is not known, or where several planes meet.
     pub normal: Vec3,
     /// Which level set.
     pub level: Level,
@@ -72,7 +72,7 @@ impl Tangent {
     /// Of a surface that is no level set of an exact distance.
     pub const UNKNOWN: Self = Self { normal: Vec3::ZERO, level: Level { object: NO_OBJECT, boundary: 0 }, triangle: 0 };
 
-    /// Whether it is known.
+    /// Whether its level set is known.
     pub fn is_known(&self) -> bool {
         self.level.object != NO_OBJECT
     }

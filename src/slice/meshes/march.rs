@@ -60,8 +60,8 @@ pub struct Marched {
 #[derive(Default)]
 struct BrickTriangles {
     inner: Vec<Vec3>,
-    /// Those of `inner` that are on edges and corners of the surface.
-    peaks: Vec<u32>,
+    /// Those of `inner` that are on edges and corners of the surface, and what surface that is.
+    peaks: Vec<(u32, Tangent)>,
     triangles: Vec<Facet>,
 }
 
@@ -88,9 +88,9 @@ impl<F: Fn(usize) -> Corner> CellOutput for CellTriangles<'_, F> {
         for (corner, &point) in contour.iter_mut().zip(points) {
             *corner = (self.corner)(usize::from(point));
         }
-        let position = peak(&contour[..points.len()], self.march)?;
-        self.brick.peaks.push(self.brick.inner.len() as u32);
-        Some(self.vertex(position))
+        let Corner { position, tangent } = peak(&contour[..points.len()], self.march)?;
+        self.brick.peaks.push((self.brick.inner.len() as u32, tangent));
+        Some(self.vertex(position.as_vec3()))
     }
 }
 
@@ -217,7 +217,10 @@ impl March<'_> {
             let Marched { interfaces: Interfaces { positions, facets }, tangents, peaks } = marched;
             positions.extend(brick.inner.iter().map(|position| position.to_array()));
             tangents.resize(positions.len(), Tangent::UNKNOWN);
-            peaks.extend(brick.peaks.iter().map(|peak| first + peak));
+            for (peak, tangent) in brick.peaks {
+                tangents[(first + peak) as usize] = tangent;
+                peaks.push(first + peak);
+            }
             let number = |corner| if corner & INNER != 0 { first + (corner & !INNER) } else { corner };
             facets.extend(brick.triangles.iter().map(|&facet| Facet { corners: facet.corners.map(number), ..facet }));
         }

@@ -12,6 +12,7 @@
 //! | `taper`    | layers thinner than the pitch, rounded |
 //! | `crossing` | where a boundary crosses an edge |
 //! | `vertices` | the vertices one brick owns |
+//! | `exact` | how places lie to exact boundaries |
 //! | `cell`     | marching cubes for many materials, one cell |
 //! | `peaks`    | edges and corners of the surface within cells |
 //! | `march`    | layer after layer of bricks |
@@ -28,6 +29,7 @@
 
 mod cell;
 mod crossing;
+mod exact;
 mod interfaces;
 mod march;
 mod nodes;
@@ -48,6 +50,7 @@ pub use stl::write_stl;
 pub use threemf::write_3mf;
 
 use self::{
+    exact::Exact,
     interfaces::Facet,
     march::{March, Marched},
     nodes::{NO_OBJECT, NodeGrid},
@@ -230,9 +233,10 @@ impl MaterialMesher {
         let Marched { mut interfaces, tangents, peaks } =
             March { grid: &grid, objects: &objects, bounds }.run(watch)?;
         join_peaks(&mut interfaces, &tangents, &peaks);
-        drop((tangents, peaks));
+        drop(peaks);
         if self.error_mm > 0.0 {
-            interfaces = simplify(interfaces, self.error_mm, self.pitch_mm, watch)?;
+            let exact = Exact { objects: &objects, tangents };
+            interfaces = simplify(interfaces, exact, self.error_mm, self.pitch_mm, watch)?;
         }
         for &Facet { corners: [a, b, c], behind, front } in &interfaces.facets {
             if let Some(part) = part_of[usize::from(behind)] {

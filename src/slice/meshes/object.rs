@@ -77,6 +77,8 @@ pub struct AboveLevel {
     pub normal: DVec3,
     /// The triangle nearest to the position.
     pub triangle: u32,
+    /// The place on the level set next to the position, mm.
+    pub onto: DVec3,
 }
 
 /// Buffers of one worker.
@@ -155,7 +157,13 @@ impl<'a> NodeObject<'a> {
             off,
             normal,
             triangle: found.triangle,
+            onto: if depth > 0.0 { p - above * normal } else { found.point },
         })
+    }
+
+    /// Whether a triangle is its own, not that of another object of its body.
+    pub fn owns(&self, triangle: u32) -> bool {
+        self.field.own(triangle).is_some()
     }
 
     /// The objects that it is one body with, itself among them; `None` where it is alone.

@@ -59,7 +59,7 @@ impl Default for Corner {
 }
 
 /// The vertex to fill a loop around, if an edge or a corner of the surface passes it.
-pub fn peak(contour: &[Corner], march: &March<'_>) -> Option<Vec3> {
+pub fn peak(contour: &[Corner], march: &March<'_>) -> Option<Corner> {
     let pitch = march.grid.lattice.pitch.x;
     let level = contour[0].tangent.level;
     if !contour.iter().all(|corner| corner.tangent.is_known() && corner.tangent.level == level) {
@@ -92,9 +92,10 @@ pub fn peak(contour: &[Corner], march: &March<'_>) -> Option<Vec3> {
         point -= found.above * found.normal;
         found = object.above_level(level.boundary, point, &[found.triangle])?;
     }
-    let point = point.clamp(march.bounds.0, march.bounds.1).as_vec3();
-    let near = found.off <= ON_LEVEL * pitch && point.as_dvec3().distance(mean) < REACH * pitch;
-    (near && faces_as_its_planes(contour, point.as_dvec3())).then_some(point)
+    let position = point.clamp(march.bounds.0, march.bounds.1);
+    let near = found.off <= ON_LEVEL * pitch && position.distance(mean) < REACH * pitch;
+    let tangent = Tangent { normal: Vec3::ZERO, level, triangle: found.triangle };
+    (near && faces_as_its_planes(contour, position)).then_some(Corner { position, tangent })
 }
 
 /// Whether every triangle of the fan around `point` has area and faces to the side that the tangent planes at its ends

@@ -1,14 +1,17 @@
-//! Distance to the fine triangles.
+//! Distance to the fine triangles, and to what they stand for.
 
 use glam::DVec3;
 
-use super::super::interfaces::{Facet, Interfaces};
+use super::super::{
+    exact::Exact,
+    interfaces::{Facet, Interfaces},
+};
 use super::groups::Groups;
 use crate::sdf::closest_point;
 
 /// The triangles that simplification starts from.
 #[derive(Debug)]
-pub struct Fine {
+pub struct Fine<'a> {
     /// Vertices, mm.
     pub positions: Vec<[f32; 3]>,
     /// Triangles.
@@ -17,17 +20,19 @@ pub struct Fine {
     pub bounds: [DVec3; 2],
     /// The triangles around every vertex.
     around: Groups,
+    /// The boundaries that they stand for.
+    pub exact: Exact<'a>,
 }
 
-impl Fine {
+impl<'a> Fine<'a> {
     /// Gathers the triangles around every vertex.
-    pub fn new(Interfaces { positions, facets }: Interfaces) -> Self {
+    pub fn new(Interfaces { positions, facets }: Interfaces, exact: Exact<'a>) -> Self {
         let corners = || (0..).zip(&facets).flat_map(|(n, facet): (u32, _)| facet.corners.map(|corner| (corner, n)));
         let around = Groups::new(positions.len(), corners);
         let all = positions.iter().map(|p| DVec3::from(p.map(f64::from)));
         let [low, high] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let bounds = all.fold([low, high], |[low, high], p| [low.min(p), high.max(p)]);
-        Self { positions, facets, bounds, around }
+        Self { positions, facets, bounds, around, exact }
     }
 
     /// A vertex, mm.

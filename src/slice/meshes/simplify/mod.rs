@@ -1,10 +1,10 @@
 //! Fewer and larger triangles, within a stated error.
 //!
-//! **In:** [`Interfaces`] as they were marched, the *fine* ones. **Out:** interfaces with fewer triangles that are no
-//! further from the fine ones than the error, nor these from them, wherever that was looked at: at every fine vertex,
-//! at every vertex that was moved and along the edges between triangles that are not flat to each other, about every
-//! half edge of a fine triangle. An edge that would break that is not collapsed, so what is too fine to be simplified
-//! stays fine.
+//! **In:** [`Interfaces`] as they were marched, the *fine* ones, and the boundaries that they stand for where these are
+//! known exactly. **Out:** interfaces with fewer triangles that are no further from the fine ones, or from the exact
+//! ones, than the error, nor these from them, wherever that was looked at: at every fine vertex, at every vertex that
+//! was moved and along the edges between triangles that are not flat to each other, about every half edge of a fine
+//! triangle. An edge that would break that is not collapsed, so what is too fine to be simplified stays fine.
 //!
 //! Edges are collapsed, the flattest first ([`quadric`]), and every triangle between two materials is there once: so
 //! neighbours go on sharing their boundary. A vertex inside of a boundary may go anywhere; one on a curve where three
@@ -19,7 +19,7 @@
 //! | `groups` | numbers by group: triangles around vertices, vertices near facets |
 //!
 //! Cubes are worked on in parallel, and all vertices with a triangle in another cube stay where they are. Then cubes
-//! are larger and lie elsewhere, and what could not move is looked at again. So the result does not depend on threads.
+//! are larger and lie elsewhere, and every edge is tried again: what was refused may do once its neighbours are gone. So the result does not depend on threads.
 //!
 //! Not guaranteed: that two boundaries nearer to each other than twice the error do not touch.
 
@@ -39,6 +39,7 @@ use self::{
 };
 use super::{
     MeshingError,
+    exact::Exact,
     interfaces::{Facet, Interfaces},
 };
 use crate::parallel;
@@ -64,27 +65,30 @@ enum Home {
 
 /// The mesh between rounds. A vertex keeps the number of a fine one.
 struct Whole<'a> {
-    fine: &'a Fine,
+    fine: &'a Fine<'a>,
     positions: Vec<[f32; 3]>,
     facets: Vec<Facet>,
     homes: Vec<Home>,
     /// How far the fine curve is from the edges at a vertex on it, mm.
     curve_errors: Vec<f32>,
-    /// Whether a vertex could not move in the round before.
-    stuck: Vec<bool>,
 }
 
-/// Fewer triangles within `error` mm of `interfaces`, which were marched at `pitch` mm.
-pub fn simplify(interfaces: Interfaces, error: f64, pitch: f64, watch: &dyn Watch) -> Result<Interfaces, MeshingError> {
+/// Fewer triangles within `error` mm of `interfaces`, which were marched at `pitch` mm, or of what is `exact`.
+pub fn simplify(
+    interfaces: Interfaces,
+    exact: Exact<'_>,
+    error: f64,
+    pitch: f64,
+    watch: &dyn Watch,
+) -> Result<Interfaces, MeshingError> {
     let vertices = interfaces.positions.len();
-    let fine = Fine::new(interfaces);
+    let fine = Fine::new(interfaces, exact);
     let mut whole = Whole {
         fine: &fine,
         positions: fine.positions.clone(),
         facets: fine.facets.clone(),
         homes: vec![Home::Itself; vertices],
         curve_errors: vec![0.0; vertices],
-        stuck: vec![true; vertices],
     };
     let mut cube = CUBE * pitch;
     for offset in OFFSETS {
@@ -122,7 +126,6 @@ impl Whole<'_> {
         )
         .into_iter()
         .collect::<Result<_, MeshingError>>()?;
-        self.stuck = owner.iter().map(|&owner| owner == Some(SEVERAL)).collect();
         self.facets.clear();
         for Changes { facets, moved, homes, curve_errors } in changes {
             let first = self.facets.len() as u32;

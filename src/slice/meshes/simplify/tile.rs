@@ -52,8 +52,6 @@ struct Vertex {
     class: Class,
     /// Whether it is the fine vertex of its number still.
     itself: bool,
-    /// Whether the edges at it are worth a try.
-    active: bool,
     /// Counts its changes.
     version: u32,
     quadric: Quadric,
@@ -72,7 +70,7 @@ struct Sample {
 
 /// The triangles of one cube.
 pub struct Tile<'a> {
-    fine: &'a Fine,
+    fine: &'a Fine<'a>,
     /// Quadrics are about this.
     origin: DVec3,
     /// Square of the error as it is measured.
@@ -175,7 +173,6 @@ impl<'a> Tile<'a> {
                         position,
                         class: if free(id) { Class::Free } else { Class::Fixed },
                         itself: whole.homes[id as usize] == Home::Itself,
-                        active: whole.stuck[id as usize],
                         version: 0,
                         quadric: Quadric::default(),
                         curve_error: f64::from(whole.curve_errors[id as usize]),
@@ -252,7 +249,7 @@ impl<'a> Tile<'a> {
             for [from, to] in [[a, b], [b, c], [c, a]] {
                 let ends = [from, to].map(|end| &self.vertices[end as usize]);
                 let once = from < to || ends.iter().all(|end| end.class != Class::Free);
-                if once && ends.iter().any(|end| end.active) {
+                if once {
                     self.push(from, to);
                 }
             }
@@ -381,15 +378,14 @@ impl<'a> Tile<'a> {
             last = self.next[last as usize];
         }
         self.next[last as usize] = std::mem::replace(&mut self.vertices[gone as usize].corner, NONE);
-        let (quadric, active) = {
+        let quadric = {
             let it = &mut self.vertices[gone as usize];
             it.version += 1;
-            (it.quadric, it.active)
+            it.quadric
         };
         let it = &mut self.vertices[stays as usize];
         it.version += 1;
         it.quadric.add(&quadric);
-        it.active |= active;
         it.itself &= it.position == place;
         it.position = place;
         for (&(id, ..), &near) in samples.iter().zip(nearest.iter()) {

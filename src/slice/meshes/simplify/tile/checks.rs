@@ -2,8 +2,8 @@
 //! or these from them.
 //!
 //! Distances are bounded from above: a fine vertex is held against the new triangles alone, a place on these against
-//! some fine triangles nearby. A fine edge across two new triangles may be further from them than its ends; its middle
-//! is looked at. In triangles that are nearly flat to each other what lies between is no further than what was looked
+//! some fine triangles nearby or the exact boundary. A fine edge across two new triangles may be further from them than
+//! its ends; its middle is looked at, or what is next to it on the exact boundary. In triangles that are nearly flat to each other what lies between is no further than what was looked
 //! at.
 
 use glam::DVec3;
@@ -28,6 +28,10 @@ const LARGE: f64 = 6.0;
 /// No fine edge is longer than so many pitches, but those to vertices on edges of the surface beyond the cell; none of
 /// these leads across a large triangle.
 const LONGEST: f64 = 2.0;
+
+/// The exact boundary stands in for the middle of a fine edge where it is no further from it than this share of the
+/// pitch.
+const STANDS_IN: f64 = 0.1;
 
 /// Unit vectors in the plane of a triangle, from the edge after each corner inwards.
 fn inwards(new: &New) -> [DVec3; 3] {
@@ -226,6 +230,9 @@ impl Tile<'_> {
                     now[near].is_near(middle, self.limit)
                         || is_near(&now, middle, sides)
                         || !is_near(&before, middle, sides)
+                        || self.fine.exact.above_level(middle, [id, end]).is_some_and(|level| {
+                            level.off <= STANDS_IN * self.pitch && is_near(&now, level.onto, sides)
+                        })
                 })
         };
         let itself = |vertex: u32| {
@@ -250,7 +257,11 @@ impl Tile<'_> {
         let near = |p: DVec3| {
             let nearest = anchors.iter().map(|&(id, anchor)| (anchor.distance_squared(p), id));
             let nearest = nearest.reduce(|best, other| if other.0 < best.0 { other } else { best });
-            nearest.is_some_and(|(_, id)| self.fine.is_near(p, id, self.limit))
+            nearest.is_some_and(|(distance, id)| {
+                self.fine.is_near(p, id, self.limit)
+                    || distance <= (LONGEST * self.pitch).powi(2)
+                        && self.fine.exact.above_level(p, [id; 2]).is_some_and(|level| level.off.powi(2) <= self.limit)
+            })
         };
         if place != self.position(stays) && !near(place) {
             return false;
