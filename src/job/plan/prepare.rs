@@ -19,14 +19,14 @@ use super::{
 use crate::{
     job::{
         Job, RunError,
-        file::{DepthFrom, Distance, MaterialSource, OutputFormat, StackingModel},
+        file::{DepthFrom, Distance, MaterialSource, ObjectJob, OutputFormat, StackingModel, TargetSpec},
         record::Rounds,
     },
     mesh::Solid,
     optics::{Grains, MaterialSet, ResinId},
     sdf::Surface,
     slice::{DistanceKind, ObjectField, Palette, Slicer, join},
-    voxel::{Lattice, MaterialId},
+    voxel::{Lattice, MaterialId, ThresholdMask},
     watch::Watch,
 };
 
@@ -79,6 +79,61 @@ pub struct InputFile {
     pub file: PathBuf,
 }
 
+/// What objects are laid by.
+struct Ground<'a> {
+    job: &'a Job,
+    materials: &'a MaterialSet,
+    bodies: &'a [Vec<usize>],
+    lattice: Lattice,
+    watch: &'a dyn Watch,
+}
+
+/// Objects with their layers, and what these can be corrected from.
+#[derive(Default)]
+struct Laid {
+    objects: Vec<PreparedObject>,
+    fields: Vec<ObjectField>,
+    plans: Vec<ObjectPlan>,
+}
+
+impl Ground<'_> {
+    /// Whether stackings are searched for among mixtures.
+    fn mixes(&self) -> bool {
+        let searched = |object: &ObjectJob| !matches!(object.target, TargetSpec::Stacking { .. });
+        self.job.allows_mixtures() && self.job.objects.iter().any(searched)
+    }
+
+    /// Finds the layers of all objects.
+    fn lay(&self, solids: Vec<(Solid, DMat4)>, warnings: &mut Vec<String>) -> Result<Laid, RunError> {
+        let &Self { job, materials, bodies, lattice, watch } = self;
+        let mut laid = Laid::default();
+        let faces: Vec<_> = bodies.iter().map(|body| faces_of(body, &solids)).collect();
+        for (index, ((mut solid, transform), object)) in solids.into_iter().zip(&job.objects).enumerate() {
+            let bounds = bounds(&solid);
+            if object.depth_from == DepthFrom::Top && !solid.measure_from_top() {
+                let found = "\"top\" of a mesh of which nothing looks up";
+                return Err(job
+                    .refuse(&format!("object[{index}].depth-from"), found, "a level or nearly level top")
+                    .into());
+            }
+            let is_patch = job.is_patch(index, &solid);
+            let has_uvs = complete_uvs(&mut solid, &object.target)?;
+            let body = bodies.iter().position(|body| body.contains(&index)).and_then(|body| faces[body].as_ref());
+            let context = TargetContext { job, materials, solid: &solid, body, has_uvs, object: index, watch };
+            let ObjectLayers { layers, report: stackings, asked, plan } =
+                object_layers(&context, &object.target, warnings)?;
+            watch.go_on()?;
+            let field = ObjectField::new(plan.as_ref().map_or(&solid, |plan| plan.solid()), lattice, layers)
+                .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
+            laid.fields.push(field);
+            let (mesh, health) = (object.mesh.shown(), solid.health);
+            laid.plans.extend(plan);
+            laid.objects.push(PreparedObject { mesh, transform, health, bounds, is_patch, stackings, asked });
+        }
+        Ok(laid)
+    }
+}
+
 impl Prepared {
     /// Reads the inputs of `job`, searches the stackings, builds the fields: a job as it is before its print was looked
     /// at, see [`Prepared::new`].
@@ -117,33 +172,13 @@ impl Prepared {
         if distance == DistanceKind::Grid && (job.wants(OutputFormat::Stl) || job.wants(OutputFormat::ThreeMf)) {
             warnings.push("material meshes use the exact distance: the grid's has steps".to_owned());
         }
-        let mut objects = Vec::new();
-        let mut fields = Vec::new();
-        let mut plans = Vec::new();
-        let faces: Vec<_> = bodies.iter().map(|body| faces_of(body, &solids)).collect();
-        for (index, ((mut solid, transform), object)) in solids.into_iter().zip(&job.objects).enumerate() {
-            let bounds = bounds(&solid);
-            if object.depth_from == DepthFrom::Top && !solid.measure_from_top() {
-                let found = "\"top\" of a mesh of which nothing looks up";
-                return Err(job
-                    .refuse(&format!("object[{index}].depth-from"), found, "a level or nearly level top")
-                    .into());
-            }
-            let is_patch = job.is_patch(index, &solid);
-            let has_uvs = complete_uvs(&mut solid, &object.target)?;
-            let body = bodies.iter().position(|body| body.contains(&index)).and_then(|body| faces[body].as_ref());
-            let context =
-                TargetContext { job: &job, materials: &materials, solid: &solid, body, has_uvs, object: index, watch };
-            let ObjectLayers { layers, report: stackings, asked, plan } =
-                object_layers(&context, &object.target, &mut warnings)?;
-            watch.go_on()?;
-            let field = ObjectField::new(plan.as_ref().map_or(&solid, |plan| plan.solid()), lattice, layers)
-                .ok_or_else(|| job.refuse(&format!("object[{index}].mesh"), "no triangles", "a solid"))?;
-            fields.push(field);
-            let (mesh, health) = (object.mesh.shown(), solid.health);
-            plans.extend(plan);
-            objects.push(PreparedObject { mesh, transform, health, bounds, is_patch, stackings, asked });
-        }
+        let ground = Ground { job: &job, materials: &materials, bodies: &bodies, lattice, watch };
+        // Making the mask of thresholds and reading textures take as long, and neither runs in parallel.
+        let (laid, _mask) = rayon::join(
+            || ground.lay(solids, &mut warnings),
+            || ground.mixes().then(|| ThresholdMask::shared(lattice.pitch)),
+        );
+        let Laid { objects, mut fields, plans } = laid?;
         join(&mut fields, &bodies);
         let measured = |(index, field): (usize, ObjectField)| {
             let field = field.with_distance(distance);

@@ -22,6 +22,7 @@ use crate::{
     },
     numeric::rounding::{four_digits, rounded},
     optics::{Mixture, OpticsError, ResinId, Stack},
+    parallel,
     search::{Found, Matcher, RefineOptions, SearchTarget, far_glow, far_miss},
 };
 
@@ -57,19 +58,18 @@ pub(super) fn object_layers(
     let found = mapped.as_mut().and_then(|mapped| mapped.found.take());
     let targets = mapped.as_ref().map_or(&wanted.targets, |mapped| &mapped.targets);
     let matches = found.map_or_else(|| context.search(core, targets), Ok)?;
-    let mut entries = Vec::with_capacity(matches.len());
-    let mut glows = Vec::with_capacity(matches.len());
-    for (index, found) in matches.iter().enumerate() {
-        let asked = &wanted.targets[index];
-        glows.push((wanted.shares[index], asked.far_radius(found.reflection(), &context.materials.grid)));
+    let told = parallel::map(matches.len(), |index| {
+        let (found, asked) = (&matches[index], &wanted.targets[index]);
+        let glow = (wanted.shares[index], asked.far_radius(found.reflection(), &context.materials.grid));
         let mut entry = context.matched_entry(found, &targets[index], wanted.shares[index], wanted.rms[index]);
         if let Some(Mapped { map, .. }) = &mapped {
-            entry.target_albedo = Some(wanted.targets[index].channels.iter().map(|channel| channel[0]).collect());
-            let asked = context.job.stacking.objective.of(found.reflection(), &wanted.targets[index]);
-            entry.gamut_map = Some(GamutMapEntry::new(&map.moves[index], asked));
+            entry.target_albedo = Some(asked.channels.iter().map(|channel| channel[0]).collect());
+            let objective = context.job.stacking.objective.of(found.reflection(), asked);
+            entry.gamut_map = Some(GamutMapEntry::new(&map.moves[index], objective));
         }
-        entries.push(entry);
-    }
+        (glow, entry)
+    });
+    let (glows, mut entries): (Vec<_>, Vec<_>) = told.into_iter().unzip();
     let is_mapped = context.job.objects[context.object].gamut_map;
     let misses = out_of_reach(&entries, is_mapped).into_iter().chain(other_glow(&glows, is_mapped));
     warnings.extend(misses.map(|words| format!("object {}: {words}", context.object + 1)));
