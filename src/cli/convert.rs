@@ -1,4 +1,4 @@
-//! `lumislice convert`: a finished job in another format.
+//! `lumislice convert`: a finished job in other formats.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ use super::{
     warn_of,
 };
 
-/// Write a finished job in another format too, from its slices.
+/// Write a finished job in other formats too, from its slices.
 ///
 /// The new files lie beside the others in OUT and in its manifest; those of an earlier conversion are replaced. Slices
 /// hold printed voxels: volumes of fractions, and meshes, are made by slicing the job again.
@@ -27,10 +27,13 @@ pub struct ConvertArgs {
     /// Folder of a finished job, with its slices.
     #[arg(value_name = "OUT")]
     folder: PathBuf,
-    /// The format: gcvf for GrabCAD Print, bmp for Objet printers, vti for ParaView, nrrd for napari and 3D
-    /// Slicer, vdb for Blender and Houdini.
-    #[arg(long, value_name = "FORMAT", value_parser = PossibleValuesParser::new(values()))]
-    to: String,
+    /// The format, or several with commas between: gcvf for GrabCAD Print, bmp for Objet printers, vti for ParaView,
+    /// nrrd for napari and 3D Slicer, vdb for Blender and Houdini.
+    #[arg(
+        long, value_name = "FORMAT", required = true, value_delimiter = ',',
+        value_parser = PossibleValuesParser::new(values())
+    )]
+    to: Vec<String>,
 }
 
 /// Names of all formats, but shown only those that slices become: the others are answered with what makes them.
@@ -66,23 +69,38 @@ fn elsewhere(format: OutputFormat, folder: &Path) -> String {
     format!("--to: found {name}, {why}; expected {cure}")
 }
 
+/// The format of a name, one that slices become.
+fn format(name: &str, folder: &Path) -> Result<OutputFormat> {
+    let format = OutputFormat::ALL.iter().find(|known| known.0 == name).map(|known| known.1);
+    let format = format.ok_or_else(|| refusal!("--to: found {name}, expected one of {}", names().join(", ")))?;
+    if !format.holds_whole_jobs() {
+        refuse!("{}", elsewhere(format, folder));
+    }
+    Ok(format)
+}
+
 /// Runs the command.
 pub fn run(args: &ConvertArgs) -> Result<Answer> {
-    let format = OutputFormat::ALL.iter().find(|(name, _)| *name == args.to).map(|(_, format)| *format);
-    let format = format.ok_or_else(|| refusal!("--to: found {}, expected one of {}", args.to, names().join(", ")))?;
-    if !format.holds_whole_jobs() {
-        refuse!("{}", elsewhere(format, &args.folder));
-    }
+    let formats: Vec<_> = args.to.iter().map(|name| format(name, &args.folder)).collect::<Result<_>>()?;
     if args.folder.is_file() {
         refuse!("{}: found a file, expected the folder of a finished job", args.folder.display());
     }
     let bars = Bars::new(false);
-    let converted = convert(&args.folder, format, &bars);
+    let converted: std::result::Result<Vec<_>, _> =
+        formats.into_iter().map(|format| convert(&args.folder, format, &bars)).collect();
     bars.finish();
     let converted = converted?;
-    warn_of(&converted.warnings, false);
+    let warnings = converted.iter().flat_map(|converted| &converted.warnings).cloned().collect::<Vec<_>>();
+    warn_of(&warnings, false);
     // Bitmaps are thousands.
-    let told: Vec<_> = converted.files.iter().filter(|path| !path.ends_with(".bmp")).collect();
+    let files = converted.iter().flat_map(|converted| &converted.files).filter(|path| !path.ends_with(".bmp"));
+    let mut told: Vec<&String> = Vec::new();
+    for path in files {
+        // Several containers have one mapping.txt.
+        if !told.contains(&path) {
+            told.push(path);
+        }
+    }
     document(false, &json!({ "output": args.folder.to_string_lossy(), "files": told }))?;
     print(&told.iter().map(|path| format!("{}\n", args.folder.join(path).display())).collect::<String>())?;
     Ok(Answer::Yes)

@@ -51,9 +51,11 @@ fn a_job_and_its_folder_make_the_same_containers() {
     for format in ["gcvf", "bmp", "vti", "nrrd", "vdb"] {
         let ran = bench.run(["convert", "folder", "--to", format]).exits(0);
         assert!(!ran.stderr.contains("support"), "{}", ran.stderr);
-        // Once more replaces the same.
-        bench.run(["convert", "folder", "--to", format]).exits(0);
     }
+    // Once more, all at a time, replaces the same.
+    let ran = bench.run(["convert", "folder", "--to", "gcvf,bmp,vti,nrrd,vdb"]).exits(0);
+    assert_eq!(ran.stdout.lines().count(), 6, "five files and mapping.txt, once: {}", ran.stdout);
+    bench.run(["convert", "folder", "--to", "vti,png"]).refuses(2, &["--to: found png"]);
     bench.run(["verify", "folder"]).exits(0);
     bench.run(["verify", "folder", "--job", "job.toml", "--deep"]).exits(0);
     let converted = bench.files("folder");
