@@ -76,7 +76,9 @@ fn parse_range(text: &str) -> Result<Range<u32>, String> {
 /// Runs the command.
 pub fn run(args: &SliceArgs) -> Result<Answer> {
     let (mut job, made_up) = match (is_mesh(&args.job), args.mesh.given()) {
-        (true, _) => job_for(&args.job, &args.mesh).map(|(job, text)| (job, Some(text)))?,
+        (true, _) => {
+            job_for(&args.job, &args.job.with_extension("toml"), &args.mesh).map(|(job, text)| (job, Some(text)))?
+        }
         (false, Some(flag)) => refuse!("{flag}: found beside {}, expected a mesh: a job says it", args.job.display()),
         (false, None) => (Job::load(&args.job).map_err(RunError::from)?, None),
     };

@@ -1,6 +1,10 @@
 //! From a mesh alone: `lumislice init`, and the job that `slice` makes up for a mesh.
 
-use std::{fs::OpenOptions, io::Write, path::PathBuf};
+use std::{
+    fs::OpenOptions,
+    io::Write,
+    path::{Path, PathBuf},
+};
 
 use clap::Args;
 use lumislice::{
@@ -143,17 +147,17 @@ pub fn default_folder(job: &Job) -> PathBuf {
 }
 
 /// Whether a file is a mesh by its name.
-pub fn is_mesh(path: &std::path::Path) -> bool {
+pub fn is_mesh(path: &Path) -> bool {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     extension.is_some_and(|extension| extensions().any(|known| known == extension))
 }
 
-/// The job that a mesh gets where none is written, and its text.
-pub fn job_for(mesh: &std::path::Path, args: &MeshArgs) -> Result<(Job, String)> {
-    let Start { toml, notes } = start(mesh, &args.options()?).map_err(RunError::from)?;
+/// The job that a mesh gets where none is written, and its text; `path` is where it is, or would be.
+pub fn job_for(mesh: &Path, path: &Path, args: &MeshArgs) -> Result<(Job, String)> {
+    let Start { toml, notes } = start(mesh, path, &args.options()?).map_err(RunError::from)?;
     notes.iter().for_each(|text| note(text));
-    let folder = mesh.parent().unwrap_or(std::path::Path::new(""));
-    let job = Job::from_toml(&toml, mesh.with_extension("toml"), folder).map_err(RunError::from)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let job = Job::from_toml(&toml, path, folder).map_err(RunError::from)?;
     Ok((job, toml))
 }
 
@@ -162,6 +166,9 @@ pub fn job_for(mesh: &std::path::Path, args: &MeshArgs) -> Result<(Job, String)>
 pub struct InitArgs {
     /// The mesh: GLB/glTF, OBJ, STL, PLY or 3MF.
     mesh: PathBuf,
+    /// Where the job is written; default beside the mesh, by its name. A folder holds it by that name too.
+    #[arg(short, long, value_name = "JOB.toml")]
+    output: Option<PathBuf>,
     #[command(flatten)]
     start: MeshArgs,
 }
@@ -172,11 +179,17 @@ pub fn init(args: &InitArgs) -> Result<Answer> {
         let extensions = extensions().collect::<Vec<_>>().join(", ");
         refuse!("{}: found a file of another kind, expected a mesh: {extensions}", args.mesh.display());
     }
-    let path = args.mesh.with_extension("toml");
+    let own = args.mesh.with_extension("toml");
+    let path = match &args.output {
+        None => own,
+        Some(folder) if folder.is_dir() => folder.join(own.file_name().unwrap_or_default()),
+        Some(file) if file.extension().is_some_and(|extension| extension == "toml") => file.clone(),
+        Some(file) => refuse!("--output: found {}, expected a name that ends in .toml, or a folder", file.display()),
+    };
     if path.exists() {
         refuse!("{}: found a file, expected none: init never overwrites", path.display());
     }
-    let (job, text) = job_for(&args.mesh, &args.start)?;
+    let (job, text) = job_for(&args.mesh, &path, &args.start)?;
     // A job that would be refused is no beginning.
     Prepared::check(&job, &Unwatched)?;
     let written = OpenOptions::new().write(true).create_new(true).open(&path);

@@ -1,6 +1,6 @@
 //! From a mesh alone: a job beside it, or none at all.
 
-use std::fs;
+use std::{fs, path::Path};
 
 use serde_json::Value;
 
@@ -45,6 +45,16 @@ fn init_writes_a_job_that_says_what_was_guessed() {
     assert_eq!(fs::read_to_string(bench.path("meshes/figure.toml")).unwrap(), text);
     bench.run(["init", "meshes/figure.toml"]).refuses(2, &["expected a mesh: glb"]);
     bench.run(["init", "missing.glb"]).refuses(2, &["missing.glb"]);
+    // Elsewhere the job names the mesh so that it is found from there.
+    fs::create_dir(bench.path("jobs")).unwrap();
+    for (output, written) in [("jobs/other.toml", "jobs/other.toml"), ("jobs", "jobs/figure.toml")] {
+        let ran = bench.run(["init", "meshes/figure.obj", "-o", output]).exits(0);
+        assert_eq!(Path::new(ran.stdout.trim()), Path::new(written));
+        bench.run(["slice", written, "--dry-run"]).exits(0);
+    }
+    let words = ["--output: found figure.json", "ends in .toml, or a folder"];
+    bench.run(["init", "meshes/figure.obj", "-o", "figure.json"]).refuses(2, &words);
+    bench.run(["init", "meshes/figure.obj", "-o", "nowhere/figure.toml"]).exits(3);
 }
 
 #[test]

@@ -1,10 +1,13 @@
 //! What an object is to look like: where its colours come from, and what a job says of them.
 
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use super::{
     Albedo, MeanFreePath, StartOptions, line,
-    resins::{Resins, any_colours},
+    resins::{Resins, any_colours, beside},
 };
 use crate::{
     appearance::MeasuredMedium,
@@ -31,7 +34,7 @@ pub(super) enum Source {
     Preset(String),
     One(Albedo),
     Mesh { tells_path: bool },
-    Image { name: String, has_uvs: bool },
+    Image { path: PathBuf, has_uvs: bool },
     Nothing,
 }
 
@@ -79,9 +82,10 @@ impl Looks {
         match image_beside(path) {
             Some(name) => {
                 notes.push(format!("colour: {name}, which lies beside the mesh"));
-                let (is_colourful, colours) = image_colours(&path.with_file_name(&name));
+                let path = path.with_file_name(&name);
+                let (is_colourful, colours) = image_colours(&path);
                 let is_bright = !is_colourful && colours.iter().flatten().any(|albedo| *albedo > GREYS);
-                Self { source: Source::Image { name, has_uvs: !mesh.uvs.is_empty() }, is_colourful, is_bright, colours }
+                Self { source: Source::Image { path, has_uvs: !mesh.uvs.is_empty() }, is_colourful, is_bright, colours }
             }
             None => {
                 notes.push("colour: none was found; marble in its place".to_owned());
@@ -90,7 +94,7 @@ impl Looks {
         }
     }
 
-    pub fn target(&self, text: &mut String, options: &StartOptions, resins: &Resins) {
+    pub fn target(&self, text: &mut String, options: &StartOptions, resins: &Resins, job: &Path) {
         let path = options.mean_free_path_mm;
         let travels = || (path.unwrap_or(MEAN_FREE_PATH).toml(), "how far light travels between two events");
         let given = |text: &mut String| {
@@ -124,9 +128,9 @@ impl Looks {
                     _ => line(text, &code, why),
                 }
             }
-            Source::Image { name, has_uvs } => {
+            Source::Image { path: image, has_uvs } => {
                 line(text, "kind = \"texture\"", "");
-                line(text, &format!("albedo = {}", toml_string(name)), "found beside the mesh");
+                line(text, &format!("albedo = {}", toml_string(&beside(image, job))), "found beside the mesh");
                 if !has_uvs {
                     line(text, "projection = \"triplanar\"", "the mesh has no texture coordinates");
                 }

@@ -101,7 +101,7 @@ impl MeanFreePath {
 /// A job to begin with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
-    /// Its text, TOML with comments; paths are relative to the mesh's folder.
+    /// Its text, TOML with comments; paths are those of the folder it goes to, or absolute.
     pub toml: String,
     /// What was found and guessed, a sentence each.
     pub notes: Vec<String>,
@@ -112,11 +112,11 @@ const PRINTER: &str = "j750-27um";
 /// Height of what has no sensible size of its own, mm.
 const HEIGHT_MM: f64 = 40.0;
 
-/// Looks at a mesh and writes a job for it.
+/// Looks at a mesh and writes a job for it that goes to the file `job`.
 ///
 /// # Errors
 /// The mesh cannot be read.
-pub fn start(mesh: &Path, options: &StartOptions) -> Result<Start, MeshError> {
+pub fn start(mesh: &Path, job: &Path, options: &StartOptions) -> Result<Start, MeshError> {
     let loaded = load(mesh, &LoadOptions::default())?;
     let extension = mesh.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let mut notes = Vec::new();
@@ -131,7 +131,7 @@ pub fn start(mesh: &Path, options: &StartOptions) -> Result<Start, MeshError> {
     }
     notes.extend(loaded.warnings.iter().cloned());
     let name = mesh.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let stem = mesh.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let stem = job.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
     let mut text = format!(
         "# {}\n#\n#   lumislice slice {stem}.toml --dry-run    size, voxels, grams of resin, what will not print\n\
          #   lumislice slice {stem}.toml --quick      how it will look, coarsely\n\
@@ -141,7 +141,7 @@ pub fn start(mesh: &Path, options: &StartOptions) -> Result<Start, MeshError> {
         stem = escaped(&stem),
     );
     line(&mut text, "[[object]]", "");
-    line(&mut text, &format!("mesh = {}", toml_string(&name)), "");
+    line(&mut text, &format!("mesh = {}", toml_string(&beside(mesh, job))), "");
     if let Some(unit) = size.unit {
         line(&mut text, &format!("unit = \"{}\"", unit.name()), "guessed: the file does not say");
     }
@@ -155,9 +155,9 @@ pub fn start(mesh: &Path, options: &StartOptions) -> Result<Start, MeshError> {
     let printer = options.printer.as_deref().unwrap_or(PRINTER);
     line(&mut text, &format!("preset = \"{printer}\""), &size.fits(printer));
     line(&mut text, "\n[materials]", "");
-    materials(&mut text, &resins, mesh);
+    materials(&mut text, &resins, job);
     line(&mut text, "\n[target]", "");
-    looks.target(&mut text, options, &resins);
+    looks.target(&mut text, options, &resins, job);
     line(&mut text, "\n[output]", "");
     let asked = options.formats.iter().filter(|format| **format != OutputFormat::Preview);
     let mut names: Vec<_> = asked.map(|format| format.name()).collect();
@@ -188,7 +188,7 @@ fn line(text: &mut String, code: &str, comment: &str) {
 }
 
 /// The resins, what fills the inside, and a limit for each that is left out.
-fn materials(text: &mut String, resins: &Resins, mesh: &Path) {
+fn materials(text: &mut String, resins: &Resins, job: &Path) {
     match (&resins.set, &resins.file) {
         (Some(set), _) => {
             let about = format!("{}; or file = \"resins.toml\", your own measurements", resins.about);
@@ -196,7 +196,7 @@ fn materials(text: &mut String, resins: &Resins, mesh: &Path) {
             line(text, &format!("set = {}", toml_string(set)), about);
         }
         (None, file) => {
-            let named = file.as_deref().map(|file| beside(file, mesh)).unwrap_or_default();
+            let named = file.as_deref().map(|file| beside(file, job)).unwrap_or_default();
             line(text, &format!("file = {}", toml_string(&named)), "");
         }
     }
@@ -241,7 +241,7 @@ mod tests {
     }
 
     fn job(mesh: &Path, options: &StartOptions) -> (Job, String) {
-        let toml = start(mesh, options).unwrap().toml;
+        let toml = start(mesh, &mesh.with_extension("toml"), options).unwrap().toml;
         (Job::from_toml(&toml, mesh.with_extension("toml"), mesh.parent().unwrap()).unwrap(), toml)
     }
 
@@ -317,7 +317,7 @@ mod tests {
                 look: Some(look.to_owned()),
                 ..StartOptions::default()
             };
-            let Start { toml, notes } = start(&mesh, &options).unwrap();
+            let Start { toml, notes } = start(&mesh, &mesh.with_extension("toml"), &options).unwrap();
             let said: Vec<_> = notes.into_iter().filter(|note| note.starts_with("resins: ")).collect();
             (toml, said)
         };

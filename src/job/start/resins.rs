@@ -196,9 +196,9 @@ pub(super) fn any_colours() -> Vec<[f32; 3]> {
     (0..8).map(corner).chain([[0.25; 3], [0.7; 3]]).collect()
 }
 
-/// The path of a material file as a job in the folder of `mesh` names it.
-pub(super) fn beside(file: &Path, mesh: &Path) -> String {
-    let beside = file.parent() == mesh.parent();
+/// The path of a file as the job `job` names it: its name where it lies beside the job, else absolute.
+pub(super) fn beside(file: &Path, job: &Path) -> String {
+    let beside = file.parent() == job.parent();
     let named = if beside { file.file_name().map(PathBuf::from) } else { std::path::absolute(file).ok() };
     named.unwrap_or_else(|| file.to_owned()).to_string_lossy().into_owned()
 }
