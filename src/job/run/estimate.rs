@@ -60,8 +60,9 @@ pub struct Estimate {
 const SAMPLES: f64 = 4e6;
 /// Least memory of a process with its code and buffers, bytes.
 const BASE_MEMORY: u64 = 24 << 20;
-/// Bytes per texel while layers are laid by place: whatever the light, and for each channel of it.
-const LAID_TEXEL_BYTES: u64 = 106;
+/// Bytes per texel while layers are laid by place: whatever the light, and for each channel of it. By the peaks of the
+/// sample rabbits, 548 to 609 and 566 to 618 MiB from run to run, 2026-12-01: more on a busy machine.
+const LAID_TEXEL_BYTES: u64 = 128;
 const LAID_CHANNEL_BYTES: u64 = 3;
 /// Bytes per point of the surface that rounds look at.
 const POINT_BYTES: u64 = 3000;
